@@ -1,0 +1,1 @@
+"""Trade studies of plenoptic cameras against stereo rigs: depth, depth of field, diffraction, calibration."""

@@ -1,0 +1,1 @@
+"""The cameras as frozen types of SI floats."""

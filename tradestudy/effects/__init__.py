@@ -1,0 +1,1 @@
+"""Physical effects as slots: one model is chosen for each."""

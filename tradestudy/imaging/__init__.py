@@ -1,0 +1,1 @@
+"""Scenes with depth to raw images, and back."""

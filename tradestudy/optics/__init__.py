@@ -1,0 +1,1 @@
+"""The physics as functions on arrays; it knows no camera."""

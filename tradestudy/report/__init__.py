@@ -1,0 +1,1 @@
+"""Results and figures to HTML and PDF."""

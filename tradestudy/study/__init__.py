@@ -1,0 +1,1 @@
+"""From a study file to results: schema, reader, quantities, runner."""

@@ -1,0 +1,1 @@
+"""Hard and published cases as data and functions."""
