@@ -1,0 +1,435 @@
+"""From which f-number on the Fresnel approximation may be trusted: closed forms.
+
+A lens turns the paths object → aperture → image into a difference whose quadratic part cancels. What the
+Fresnel approximation drops is, to lowest order, ``W(r) = (r⁴/8) (1/a³ + 1/b³)`` at the aperture radius r.
+Every criterion here bounds that path in its own way; all of them are necessary conditions on one point source
+on axis, and none replaces the measured difference of two point-spread functions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+
+from tradestudy.errors import OutOfRangeError
+
+Floats = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperEq27:
+    """Both readings of the printed criterion, and how far to trust them.
+
+    Attributes
+    ----------
+    fractional_part
+        Fractional part s of 4 (a + b)/λ, in [0, 1).
+    first_zero_f_number
+        f-number from the zero with numerator 2 s; infinite where s = 0.
+    second_zero_f_number
+        f-number from the zero with numerator 2 s + 2, "the bigger one" of the text.
+    condition_number
+        |d ln s / d ln λ| = 4 (a + b)/(λ s): a relative change of any length is magnified by it in s, by a
+        quarter of it in ``first_zero_f_number``, and by a quarter of it times s/(s + 1) in
+        ``second_zero_f_number``.
+    """
+
+    fractional_part: Floats
+    first_zero_f_number: Floats
+    second_zero_f_number: Floats
+    condition_number: Floats
+
+
+def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.ArrayLike) -> PaperEq27:
+    """Minimal f-number for Fresnel as printed: F = γ/(2 R), R⁴ = (8 (α + β) − 2 l)/(1/α³ + 1/β³).
+
+    Lengths are in units of the wavelength and l is an integer next to 4 (α + β). With s the fractional part
+    of 4 (α + β) the first two zeros have the numerators 2 s and 2 s + 2.
+
+    **Not to be trusted.** s repeats with every quarter wave of a + b, so that 0.01 nm of wavelength can move
+    the first zero from 5.4 to 16.6. In terms of the dropped path the two zeros are the bounded criterion at
+    s/4 and (s + 1)/4 waves (see `bounded_minimum_f_number`): the second one drifts and jumps between a
+    quarter and half a wave, the first one between nothing and a quarter. `paper_eq27_sweep` shows the whole
+    period.
+
+    Parameters
+    ----------
+    focal_length
+        Focal length f [m].
+    object_distance
+        Object distance a > f [m]; the image distance b = a f/(a − f) follows exactly.
+    wavelength
+        Wavelengths λ > 0 [m], any shape.
+
+    Returns
+    -------
+    PaperEq27
+        Arrays of the shape of ``wavelength``.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a ≤ f, or a length is not positive and finite.
+
+    Notes
+    -----
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 27 and 28. The fractional
+    part is taken in exact rational arithmetic of the decimal numbers written by the inputs, because 4 (a +
+    b)/λ is of order 10⁶ and a wrong last digit of b already changes s; see ``condition_number`` for what the
+    inputs themselves allow.
+    """
+    _require_positive("focal length", focal_length)
+    _require_positive("wavelength", wavelength)
+    _require_positive("object distance", object_distance)
+    if not object_distance > focal_length:
+        raise OutOfRangeError(
+            "object distance within the focal length",
+            value=f"{object_distance:g} m",
+            limit=f"> {focal_length:g} m",
+            remedy="the printed criterion supposes a real image",
+        )
+    wavelengths = np.asarray(wavelength, dtype=np.float64)
+    f, a = _decimal(focal_length), _decimal(object_distance)
+    b = a * f / (a - f)
+    quarters = [4 * (a + b) / _decimal(float(w)) for w in wavelengths.ravel()]
+    s = np.array([float(q - (q.numerator // q.denominator)) for q in quarters]).reshape(wavelengths.shape)
+    total = np.array([float(q) for q in quarters]).reshape(wavelengths.shape)
+    with np.errstate(divide="ignore"):  # s = 0: the first zero lies on the axis, its f-number is infinite
+        condition = total / s
+    first, second = (
+        bounded_minimum_f_number(
+            focal_length=focal_length,
+            object_distance=object_distance,
+            image_distance=float(b),
+            wavelength=wavelengths,
+            path_error_waves=waves,
+        )
+        for waves in (s / 4, (s + 1) / 4)
+    )
+    return PaperEq27(
+        fractional_part=s,
+        first_zero_f_number=first,
+        second_zero_f_number=second,
+        condition_number=condition,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperEq27Sweep:
+    """The printed criterion over one quarter-wave period of a + b.
+
+    Attributes
+    ----------
+    extra_path
+        Change of a + b [m], from zero up to (not including) λ/4 beyond the last jump.
+    first_zero_f_number, second_zero_f_number
+        As in `PaperEq27`, at each extra path.
+    """
+
+    extra_path: Floats
+    first_zero_f_number: Floats
+    second_zero_f_number: Floats
+
+
+def paper_eq27_sweep(
+    *, focal_length: float, object_distance: float, wavelength: float, points: int = 257
+) -> PaperEq27Sweep:
+    """Both zeros of the printed criterion while a + b grows by one quarter wave.
+
+    The first value belongs to s = 0 (a + b a whole number of quarter waves), so the sweep shows the full
+    excursion whatever the nominal fractional part is: the first zero falls from infinity to the second zero's
+    start, the second one by a factor 2^(1/4) = 1.19. A change of a + b by less than λ/4 leaves 1/a³ + 1/b³
+    alone to 10⁻⁵.
+
+    Parameters
+    ----------
+    focal_length, object_distance, wavelength
+        As in `paper_eq27` [m], scalars.
+    points
+        Number of samples, at least 2; equally spaced, the end of the period excluded.
+
+    Raises
+    ------
+    OutOfRangeError
+        As `paper_eq27`, or if ``points`` < 2.
+    """
+    if points < 2:
+        raise OutOfRangeError("too few points for a sweep", value=str(points), limit="≥ 2")
+    paper_eq27(focal_length=focal_length, object_distance=object_distance, wavelength=wavelength)
+    s = np.arange(points) / points
+    image_distance = object_distance * focal_length / (object_distance - focal_length)
+    first, second = (
+        bounded_minimum_f_number(
+            focal_length=focal_length,
+            object_distance=object_distance,
+            image_distance=image_distance,
+            wavelength=wavelength,
+            path_error_waves=waves,
+        )
+        for waves in (s / 4, (s + 1) / 4)
+    )
+    return PaperEq27Sweep(
+        extra_path=s * wavelength / 4, first_zero_f_number=first, second_zero_f_number=second
+    )
+
+
+def dropped_path(
+    *, aperture_radius: npt.ArrayLike, object_distance: npt.ArrayLike, image_distance: npt.ArrayLike
+) -> Floats:
+    """Path that Fresnel drops at the rim: W = Σ [ρ²/(d + √(d² + ρ²)) − ρ²/(2 d)] over both legs d = a, b.
+
+    Exact, not only its quartic term −(r⁴/8)(1/a³ + 1/b³); written without the cancellation of √(d² + ρ²) − d.
+
+    Parameters
+    ----------
+    aperture_radius
+        ρ ≥ 0 [m], broadcasts.
+    object_distance, image_distance
+        Legs a and b [m], broadcast; a < 0 is a virtual object, infinity is a plane wave.
+
+    Returns
+    -------
+    ndarray
+        W [m], ≤ 0 for real legs: the true path is shorter than the parabola.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a leg is zero or not a number, or the radius is negative.
+    """
+    rho = np.asarray(aperture_radius, dtype=np.float64)
+    if not np.all(rho >= 0):
+        raise OutOfRangeError("aperture radius", value=str(rho.min()), limit="≥ 0 m")
+    return _leg_excess(rho, object_distance) + _leg_excess(rho, image_distance)
+
+
+def bounded_minimum_f_number(
+    *,
+    focal_length: npt.ArrayLike,
+    object_distance: npt.ArrayLike,
+    image_distance: npt.ArrayLike,
+    wavelength: npt.ArrayLike,
+    path_error_waves: npt.ArrayLike,
+) -> Floats:
+    """Smallest f-number with at most ε waves of dropped path: F = (f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼.
+
+    Follows from |W| = (r⁴/8)|1/a³ + 1/b³| ≤ ε λ at the rim r = f/(2F). Unlike the printed criterion it is
+    monotone and smooth in every argument. Legs may be signed (a < 0: virtual object); where the two cancel
+    the answer is 0.
+
+    Parameters
+    ----------
+    focal_length
+        f > 0 [m].
+    object_distance, image_distance
+        a and b [m], non-zero; infinity is a plane wave.
+    wavelength
+        λ > 0 [m].
+    path_error_waves
+        ε ≥ 0; Rayleigh's quarter wave is 0.25; 0 gives infinity.
+
+    Returns
+    -------
+    ndarray
+        F_min, broadcast over all arguments.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a length is outside the ranges above.
+
+    Notes
+    -----
+    Validity: W's quartic term; the next is smaller by r²/(2 b²), 1 % at F = 3.8. Rayleigh's quarter-wave
+    rule: M. Born and E. Wolf, *Principles of Optics*, 7th ed., section 9.1.
+    """
+    _require_positive("focal length", focal_length)
+    _require_positive("wavelength", wavelength)
+    eps = np.asarray(path_error_waves, dtype=np.float64)
+    if not np.all(eps >= 0):
+        raise OutOfRangeError("path error", value=f"{np.min(eps):g} waves", limit="≥ 0 waves")
+    f = np.asarray(focal_length, dtype=np.float64)
+    curvature = np.abs(_inverse_cube(object_distance) + _inverse_cube(image_distance))
+    with np.errstate(divide="ignore"):  # ε = 0 asks for the exact path: no finite f-number gives it
+        return np.asarray(f / 2 * (curvature / (8 * np.asarray(wavelength) * eps)) ** 0.25)
+
+
+def goodman_minimum_distance(*, wavelength: npt.ArrayLike, largest_offset: npt.ArrayLike) -> Floats:
+    """Distance at which the dropped phase is one radian: z³ = (π/4λ) [(x − ξ)² + (y − η)²]²_max.
+
+    Goodman asks for z *much larger* than this, and calls it sufficient, not necessary.
+
+    Parameters
+    ----------
+    wavelength
+        λ > 0 [m].
+    largest_offset
+        Largest lateral distance between an aperture point and an observation point [m], ≥ 0.
+
+    Returns
+    -------
+    ndarray
+        z [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        If the wavelength is not positive or the offset is negative.
+
+    Notes
+    -----
+    J. W. Goodman, *Introduction to Fourier Optics*, 3rd ed. (Roberts, 2005), section 4.2.2, with his example:
+    1 cm and 0.5 µm give 25 cm.
+    """
+    _require_positive("wavelength", wavelength)
+    offset = np.asarray(largest_offset, dtype=np.float64)
+    if not np.all(offset >= 0):
+        raise OutOfRangeError("largest offset", value=f"{np.min(offset):g} m", limit="≥ 0 m")
+    return np.asarray(np.cbrt(np.pi / (4 * np.asarray(wavelength)) * offset**4))
+
+
+def goodman_minimum_f_number(
+    *,
+    focal_length: npt.ArrayLike,
+    object_distance: npt.ArrayLike,
+    image_distance: npt.ArrayLike,
+    wavelength: npt.ArrayLike,
+) -> Floats:
+    """Smallest f-number at which each leg alone drops at most 1 rad: F = (f/2) [π/(4 λ d³)]^¼, d the shorter.
+
+    Goodman's condition knows no lens, so it looks at the legs one by one; the shorter binds. One radian is
+    1/(2π) waves.
+
+    Parameters
+    ----------
+    focal_length, object_distance, image_distance, wavelength
+        As in `bounded_minimum_f_number` [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        As `bounded_minimum_f_number`.
+
+    Notes
+    -----
+    Goodman as in `goodman_minimum_distance`, with observation points on axis.
+    """
+    _require_positive("focal length", focal_length)
+    _require_positive("wavelength", wavelength)
+    steepest = np.maximum(np.abs(_inverse_cube(object_distance)), np.abs(_inverse_cube(image_distance)))
+    f = np.asarray(focal_length, dtype=np.float64)
+    return np.asarray(f / 2 * (np.pi * steepest / (4 * np.asarray(wavelength))) ** 0.25)
+
+
+def collimated_axis_intensity(
+    *, distance: npt.ArrayLike, aperture_radius: npt.ArrayLike, wavelength: npt.ArrayLike
+) -> tuple[Floats, Floats]:
+    """Axial intensity behind a circular hole in a plane wave: (Rayleigh–Sommerfeld I, Fresnel).
+
+    |1 − (z/ρ) e^{ik(ρ − z)}|² with ρ = √(z² + R²), against 4 sin²(π R²/(2 λ z)). The incident intensity is 1.
+
+    Parameters
+    ----------
+    distance
+        z > 0 [m].
+    aperture_radius
+        R > 0 [m].
+    wavelength
+        λ > 0 [m].
+
+    Returns
+    -------
+    tuple of ndarray
+        Exact and Fresnel intensity, broadcast.
+
+    Raises
+    ------
+    OutOfRangeError
+        If an argument is not positive and finite.
+
+    Notes
+    -----
+    H. Osterberg and L. W. Smith, "Closed solutions of Rayleigh's diffraction integral for axial points", J.
+    Opt. Soc. Am. 51, 1050–1054 (1961).
+    """
+    for name, value in (("distance", distance), ("aperture radius", aperture_radius)):
+        _require_positive(name, value)
+    _require_positive("wavelength", wavelength)
+    z, R, lam = (np.asarray(v, dtype=np.float64) for v in (distance, aperture_radius, wavelength))
+    rho = np.hypot(z, R)
+    phase = 2 * np.pi / lam * (R**2 / (rho + z))
+    exact = (1 - z / rho) ** 2 + 4 * (z / rho) * np.sin(phase / 2) ** 2
+    fresnel = 4 * np.sin(np.pi * R**2 / (2 * lam * z)) ** 2
+    return np.asarray(exact), np.asarray(fresnel)
+
+
+def collimated_minimum_distance(
+    *, aperture_radius: npt.ArrayLike, wavelength: npt.ArrayLike, intensity_error: npt.ArrayLike
+) -> Floats:
+    """Distance behind a plane-wave hole beyond which Fresnel's axial phase errs by at most δ of the peak.
+
+    z = R (π R/(8 λ δ))^⅓: the dropped path R⁴/(8 z³) turns the axial intensity 4 sin² by at most π R⁴/(8 λ
+    z³) of its peak.
+
+    Parameters
+    ----------
+    aperture_radius
+        R > 0 [m].
+    wavelength
+        λ > 0 [m].
+    intensity_error
+        δ in (0, 1): error of the axial intensity over its peak value 4.
+
+    Raises
+    ------
+    OutOfRangeError
+        If an argument is outside its range.
+
+    Notes
+    -----
+    The question is that of W. H. Southwell, "Validity of the Fresnel approximation in the near field", J.
+    Opt. Soc. Am. 71, 7–14 (1981): a uniformly lit circular aperture, exact against Fresnel. The law and its
+    constant are derived here from the closed forms of `collimated_axis_intensity`; no threshold is quoted
+    from that article. The amplitude factor z/ρ adds at most R²/(4 z²).
+    """
+    _require_positive("aperture radius", aperture_radius)
+    _require_positive("wavelength", wavelength)
+    delta = np.asarray(intensity_error, dtype=np.float64)
+    if not np.all((delta > 0) & (delta < 1)):
+        raise OutOfRangeError("intensity error", value=str(intensity_error), limit="in (0, 1)")
+    R = np.asarray(aperture_radius, dtype=np.float64)
+    return np.asarray(R * np.cbrt(np.pi * R / (8 * np.asarray(wavelength) * delta)))
+
+
+def _decimal(value: float) -> Fraction:
+    """Return the decimal number that prints as this float: 550e-9 means 550 nm, not a binary fraction."""
+    return Fraction(repr(float(value)))
+
+
+def _inverse_cube(leg: npt.ArrayLike) -> Floats:
+    """1/d³ of a signed leg; zero at infinity."""
+    d = np.asarray(leg, dtype=np.float64)
+    if np.any(np.isnan(d)) or np.any(d == 0):
+        raise OutOfRangeError("leg from lens to object or image", value=str(leg), limit="non-zero")
+    return np.asarray(d**-3.0)
+
+
+def _leg_excess(rho: Floats, leg: npt.ArrayLike) -> Floats:
+    """Exact minus quadratic path of one signed leg, in a form that does not cancel."""
+    d = np.asarray(leg, dtype=np.float64)
+    if np.any(np.isnan(d)) or np.any(d == 0):
+        raise OutOfRangeError("leg from lens to object or image", value=str(leg), limit="non-zero")
+    curvature = 1 / d
+    t = (rho * curvature) ** 2
+    root = np.sqrt(1 + t)
+    return np.asarray(-(rho**2) * curvature * t / (2 * (1 + root) ** 2))
+
+
+def _require_positive(name: str, value: npt.ArrayLike) -> None:
+    """Refuse what is not a positive finite number."""
+    array = np.asarray(value, dtype=np.float64)
+    if not np.all((array > 0) & np.isfinite(array)):
+        raise OutOfRangeError(name, value=f"{np.min(array):g}", limit="positive and finite")
