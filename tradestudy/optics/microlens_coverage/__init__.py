@@ -1,0 +1,30 @@
+"""How many microlenses see a point, and how long a baseline they offer: exact geometry on the lattice."""
+
+from tradestudy.optics.microlens_coverage.equivalent_baseline import (
+    EquivalentBaseline,
+    least_squares_baseline,
+    widest_pair_baseline,
+)
+from tradestudy.optics.microlens_coverage.lattice import Counting, Layout
+from tradestudy.optics.microlens_coverage.pupil_projection import (
+    covering_microlens_object_distance,
+    projected_radius_over_pitch,
+)
+from tradestudy.optics.microlens_coverage.seen_count import (
+    covering_radius_over_pitch,
+    mean_seen_count,
+    seen_count_probability,
+)
+
+__all__ = [
+    "Counting",
+    "EquivalentBaseline",
+    "Layout",
+    "covering_microlens_object_distance",
+    "covering_radius_over_pitch",
+    "least_squares_baseline",
+    "mean_seen_count",
+    "projected_radius_over_pitch",
+    "seen_count_probability",
+    "widest_pair_baseline",
+]

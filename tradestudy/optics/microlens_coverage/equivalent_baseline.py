@@ -1,0 +1,272 @@
+r"""The baseline that the microlenses seeing a point offer, averaged exactly over the positions of the point.
+
+All estimators of depth are put on one scale: a baseline B in the plane of the array gives the virtual depth
+the error
+
+    σ_v = √2 v² σ_u / B,    B and σ_u (error of one micro-image coordinate) in the same unit.
+
+An adjacent pair has B = p. Least squares over all lenses, with both coordinates of each, has σ_v = v² σ_u /
+√(Σ|x − x̄|²), so B = √(2 Σ|x − x̄|²); two lenses give their distance by either rule. Positions of the point
+differ in the lenses that see it, so B is effective in the mean square of the error: 1/B² is the mean of
+1/B(x)² over the positions with a pair.
+
+Along a ray from one lens at angle φ, the lens at g comes into the disc around the point at s_g(φ) = |g| / (2
+cos(φ − φ_g)), just when the point is s_g away from the lens at the origin: the set of lenses only grows along
+the ray. A sum over a cell of any function h of the set of lenses is therefore
+
+    ∫ h dA = ∫dφ Σ_j (h(with origin) − h(without)) ½ [min(r, s_{j+1})² − min(r, s_j)²],
+
+piecewise linear in r² on each ray. The angle is integrated over the symmetric wedge by Gauss–Legendre rules
+between the angles at which the order of the lenses near the origin changes; a second, coarser rule gives the
+error.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.microlens_coverage.lattice import Layout, as_radii, counted_on_lattice, lattice_of
+from tradestudy.optics.microlens_coverage.order_of_lenses import distance_to_bisector, order_changes
+
+PairCounting = Literal["all_lenses", "given_type"]
+
+# The table ends here; beyond, a disc holds more than 130 lenses and the law for many lenses takes over.
+_TABLE_RADIUS: Final = 6.0
+
+# Order changes farther out than this only move small steps of the integrand.
+_RESOLVED_RADIUS: Final = 3.0
+
+# Gauss–Legendre nodes per interval of angle: the value, and the one it is compared with for the error.
+_NODES, _COARSE_NODES = 4, 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class EquivalentBaseline:
+    """Baseline, over the pitch, of the pair of lenses that would have the same mean square error of depth."""
+
+    over_pitch: FloatArray
+    """B/p [1]; NaN where no position has a pair (radius over pitch of a type's lattice ≤ 1/2)."""
+    relative_error: FloatArray
+    """Estimated numerical error of ``over_pitch``, as a fraction of it [1]; NaN where that is."""
+
+
+def widest_pair_baseline(
+    radius_over_pitch: ArrayLike,
+    *,
+    layout: Layout = "hexagonal",
+    types: int = 1,
+    counting: PairCounting = "all_lenses",
+) -> EquivalentBaseline:
+    """Mean-square-effective length of the longest pair of lenses that see a point: σ_v = √2 v² σ_u / B.
+
+    Parameters
+    ----------
+    radius_over_pitch
+        Radius of the disc of light on the array over the pitch [1], any shape.
+    layout
+        ``hexagonal`` or ``square``.
+    types
+        1, or 3 on a hexagonal layout.
+    counting
+        ``all_lenses``: any two lenses make a pair. ``given_type``: both are of one type, named beforehand.
+
+    Returns ------- The baseline over the pitch, and its error. Averaged over the positions that do have a
+    pair; their share is `seen_count_probability` with ``at_least=2``. With matched f-numbers σ_v/(σ_u/p) is
+    1.5–1.6 |v| for |v| from 4 to 6, more below; B → 2 r for large discs (beyond six pitches of a type's
+    lattice extrapolated with a deficit ∝ r^(−8/5), the law of the nearest miss among lattice points in a thin
+    lens of area ∝ √r δ^(3/2), at half the deficit as error).
+
+    Raises
+    ------
+    OutOfRangeError
+        For a negative radius, an unknown layout, a number of types the layout cannot carry.
+    """
+    return _baseline(radius_over_pitch, layout, types, counting, "widest pair")
+
+
+def least_squares_baseline(
+    radius_over_pitch: ArrayLike,
+    *,
+    layout: Layout = "hexagonal",
+    types: int = 1,
+    counting: PairCounting = "all_lenses",
+) -> EquivalentBaseline:
+    """Baseline of the pair that is as good as all lenses together: B = √(2 Σ|x − x̄|²), both coordinates used.
+
+    Parameters and errors as in `widest_pair_baseline`. With matched f-numbers σ_v/(σ_u/p) = √2 v²/(B/p) falls
+    to 4 √(2A/π) = 2.97 for a hexagonal array (A the area of a cell over p²), independent of v; B → r² √(π/A).
+    Beyond six pitches of a type's lattice the deficit from that law is extrapolated ∝ r⁻² and half of it is
+    the error. Supposes that all lenses counted are sharp.
+    """
+    return _baseline(radius_over_pitch, layout, types, counting, "least squares")
+
+
+def _baseline(
+    radius_over_pitch: ArrayLike, layout: Layout, types: int, counting: PairCounting, estimator: str
+) -> EquivalentBaseline:
+    """Look up the table of one lattice and put its pitch back."""
+    radius = as_radii(radius_over_pitch)
+    counted, spacing = counted_on_lattice(layout, types, counting)
+    if counted != "all_lenses":
+        raise OutOfRangeError(
+            "way of counting microlenses for a baseline",
+            value=repr(counting),
+            limit="all_lenses | given_type",
+            remedy="name the type, or count all lenses",
+        )
+    value, error = _table(layout, estimator).at(radius / spacing)
+    return EquivalentBaseline(over_pitch=value * spacing, relative_error=error)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Estimator:
+    """What an estimator makes of a set of lenses."""
+
+    gain: Callable[[FloatArray], FloatArray]
+    """1/B² with the lens at the origin less 1/B² without, for sets that grow along each ray."""
+    limit: Callable[[FloatArray, float], FloatArray]
+    """B of a large disc, from its radius and the area of a cell."""
+    deficit_exponent: float
+    """How the relative distance from the limit falls with the radius."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Table:
+    """B² and its relative error over squared radius, up to the table's end, and the law beyond."""
+
+    squared_radius: FloatArray
+    sum_of_inverse_squares: FloatArray
+    share: FloatArray
+    error_radius: FloatArray
+    error: FloatArray
+    estimator: _Estimator
+    cell_area: float
+
+    def at(self, radius: FloatArray) -> tuple[FloatArray, FloatArray]:
+        near = self.within(np.minimum(radius, _TABLE_RADIUS))
+        limit = self.estimator.limit(np.maximum(radius, _TABLE_RADIUS), self.cell_area)
+        at_end = self.estimator.limit(np.asarray(_TABLE_RADIUS), self.cell_area)
+        deficit_at_end = 1 - self.within(np.asarray(_TABLE_RADIUS)) / at_end
+        growth = np.maximum(radius, _TABLE_RADIUS) / _TABLE_RADIUS
+        deficit = deficit_at_end * growth**-self.estimator.deficit_exponent
+        error = np.interp(radius, self.error_radius, self.error)
+        beyond = radius > _TABLE_RADIUS
+        value = np.where(beyond, limit * (1 - deficit), near)
+        return value, np.where(np.isnan(value), np.nan, np.where(beyond, np.abs(deficit) / 2 + error, error))
+
+    def within(self, radius: FloatArray) -> FloatArray:
+        share = np.interp(radius**2, self.squared_radius, self.share)
+        inverse = np.interp(radius**2, self.squared_radius, self.sum_of_inverse_squares)
+        ratio = np.divide(share, inverse, out=np.full(share.shape, np.nan), where=radius > 0.5)
+        return np.asarray(np.sqrt(ratio))
+
+
+@lru_cache(maxsize=8)
+def _table(layout: Layout, estimator: str) -> _Table:
+    """Tabulate one estimator on one lattice, with the error from a coarser rule of angles."""
+    chosen = _ESTIMATORS[estimator]
+    fine, coarse = (_sums(layout, chosen, nodes) for nodes in (_NODES, _COARSE_NODES))
+    radius = np.linspace(0.5, _TABLE_RADIUS, 200)[1:]
+    ratios = [
+        np.interp(radius**2, q, share) / np.interp(radius**2, q, total) for q, total, share in (fine, coarse)
+    ]
+    error = np.maximum.accumulate(np.abs(np.sqrt(ratios[1] / ratios[0]) - 1))
+    return _Table(
+        squared_radius=fine[0],
+        sum_of_inverse_squares=fine[1],
+        share=fine[2],
+        error_radius=radius,
+        error=np.maximum(error, 1e-12),  # rounding
+        estimator=chosen,
+        cell_area=lattice_of(layout).cell_area,
+    )
+
+
+def _sums(layout: Layout, estimator: _Estimator, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Squared radii; over them the mean of 1/B² (0 without a pair) and the share of positions with a pair."""
+    positions, squared_reach, weight = _rays(layout, nodes)
+    gain = estimator.gain(positions)
+    has_pair = np.zeros_like(
+        gain
+    )  # the second lens of a position makes the pair: it is lost again as the third comes
+    has_pair[:, 0] = 1.0
+    return _integrate(squared_reach, weight, gain, has_pair)
+
+
+def _integrate(
+    squared_reach: FloatArray, weight: FloatArray, gain: FloatArray, has_pair: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Sum the stretches of all rays: piecewise linear in r² with a kink at every arrival of a lens."""
+    order = np.argsort(squared_reach, axis=None)
+    arrival = squared_reach.ravel()[order]
+
+    def accumulated(step: FloatArray) -> FloatArray:
+        kink = (np.diff(step, prepend=0.0, axis=-1) * weight[:, np.newaxis]).ravel()[order]
+        return np.concatenate(([0.0], np.cumsum(np.cumsum(kink)[:-1] * np.diff(arrival))))
+
+    return arrival, accumulated(gain), accumulated(has_pair)
+
+
+def _rays(layout: Layout, nodes: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lenses (rays, lenses, 2) as they come into the disc, their squared arrival, the weight of rays."""
+    lattice = lattice_of(layout)
+    positions, _ = lattice.neighbours(2 * _TABLE_RADIUS + 2)
+    breaks = order_changes(lattice, positions, within=_RESOLVED_RADIUS)
+    node, share = np.polynomial.legendre.leggauss(nodes)
+    half = 0.5 * np.diff(breaks)[:, np.newaxis]
+    direction = (breaks[:-1, np.newaxis] + half * (1 + node)).ravel()
+    arrival = distance_to_bisector(positions, direction)
+    order = np.argsort(arrival, axis=-1)
+    arrival = np.take_along_axis(arrival, order, axis=-1)
+    count = int(np.max(np.sum(arrival <= _TABLE_RADIUS, axis=-1))) + 1
+    weight = (half * share).ravel() * lattice.sectors / (2 * lattice.cell_area)
+    return positions[order[:, :count]], arrival[:, :count] ** 2, weight
+
+
+def _widest_pair_gain(positions: FloatArray) -> FloatArray:
+    """1/B² of the longest pair with the lens at the origin less that without it (0 without a pair)."""
+    with_origin = np.maximum.accumulate(np.sum(positions**2, axis=-1), axis=-1)
+    newest = np.empty_like(with_origin)
+    for ray, (x, y) in enumerate(
+        np.moveaxis(positions, -1, 1)
+    ):  # one ray at a time keeps the pairs in the cache
+        squared = (x[:, np.newaxis] - x) ** 2 + (y[:, np.newaxis] - y) ** 2
+        newest[ray] = np.max(np.tril(squared), axis=-1)
+    without = np.maximum.accumulate(newest, axis=-1)
+    return 1 / np.maximum(with_origin, without) - _inverse(without)
+
+
+def _least_squares_gain(positions: FloatArray) -> FloatArray:
+    """1/(2 Σ|x − x̄|²) with the lens at the origin less that without it (0 without a pair)."""
+    count = np.arange(1, positions.shape[1] + 1)
+    about_origin = np.cumsum(np.sum(positions**2, axis=-1), axis=-1)
+    squared_sum = np.sum(np.cumsum(positions, axis=1) ** 2, axis=-1)
+    with_origin = about_origin - squared_sum / (count + 1)
+    without = np.where(count > 1, about_origin - squared_sum / count, 0.0)
+    return np.asarray(0.5 * (1 / with_origin - _inverse(without)))
+
+
+def _inverse(value: FloatArray) -> FloatArray:
+    """1/x, and 0 at 0: a set without a pair adds nothing to the sum."""
+    return np.divide(1.0, value, out=np.zeros_like(value), where=value > 0)
+
+
+_ESTIMATORS: Final = {
+    "widest pair": _Estimator(
+        gain=_widest_pair_gain, limit=lambda radius, _: 2 * radius, deficit_exponent=8 / 5
+    ),
+    "least squares": _Estimator(
+        gain=_least_squares_gain,
+        limit=lambda radius, cell_area: radius**2 * math.sqrt(math.pi / cell_area),
+        deficit_exponent=2.0,
+    ),
+}

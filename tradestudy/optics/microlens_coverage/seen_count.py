@@ -1,0 +1,256 @@
+r"""The number of microlenses that see a point: its exact distribution over all positions of the point.
+
+A lens sees the point if the ray from the point through the lens centre comes from the pupil, so if the centre
+lies in the disc that the pupil throws through the image point onto the array. Over positions, the share of
+points with at least k lenses in a disc of radius r is the share whose k-th nearest lens is within r. The
+points that have the lens at the origin as k-th nearest form the k-th Brillouin zone of the lattice; it has
+the area of one cell. Along the ray at angle φ the lens at g comes closer than the origin at s_g(φ) = |g| / (2
+cos(φ − φ_g)), so the zone is the stretch between the (k−1)-th and the k-th smallest s_g, and
+
+    P(n ≥ k) = 1/cell ∮ ½ [min(r, s_k(φ))² − min(r, s_{k−1}(φ))²] dφ,
+
+which has a closed form between the angles at which the order of the s_g changes.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.microlens_coverage.lattice import (
+    SAME_TYPE_PITCH,
+    Counting,
+    Integers,
+    Lattice,
+    Layout,
+    as_radii,
+    counted_on_lattice,
+    lattice_of,
+    require_types,
+)
+from tradestudy.optics.microlens_coverage.order_of_lenses import distance_to_bisector, order_changes
+
+LARGEST_COUNT: Final = 32
+
+# The covering radius is known to this relative rounding; inside it, a radius counts as having reached it.
+_ROUNDING: Final = 1e-14
+
+# In a row of lens indices: the lens at the origin, and no lens since the zone is empty there.
+_ORIGIN: Final = -1
+_NO_LENS: Final = -2
+
+
+def seen_count_probability(
+    radius_over_pitch: ArrayLike,
+    *,
+    at_least: int,
+    layout: Layout = "hexagonal",
+    types: int = 1,
+    counting: Counting = "all_lenses",
+) -> FloatArray:
+    """Probability, over all positions of a point, that at least so many microlenses see it.
+
+    Parameters
+    ----------
+    radius_over_pitch
+        Radius of the disc that the pupil throws onto the array through the image point, over the pitch [1],
+        any shape. With matched f-numbers it is |v|/2 · z/b.
+    at_least
+        Number of lenses asked for, 1 to 32.
+    layout
+        ``hexagonal`` or ``square``.
+    types
+        1, or 3 on a hexagonal layout (each type then sits on a hexagonal lattice of √3 pitches).
+    counting
+        ``all_lenses``: whatever their type. ``given_type``: lenses of one type named beforehand.
+        ``some_type``: there is a type that reaches the number. ``every_type``: each of them does. All four
+        agree for one type.
+
+    Returns
+    -------
+    Probability [1], the shape of ``radius_over_pitch``.
+
+    Notes ----- Closed form, exact up to rounding (below 1e-13 absolute). It is exactly 0 below the smallest
+    radius that can hold so many lenses and exactly 1 from `covering_radius_over_pitch` on. A lens counts when
+    its centre is in the disc; light that touches only its rim does not count, so at r → 0 the probability of
+    one lens vanishes too.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a negative radius, an unknown layout, a number of types the layout cannot carry, or a number below
+        one.
+    UnaffordableError
+        For a number above 32.
+    """
+    radius = as_radii(radius_over_pitch)
+    _require_number(at_least)
+    counted, spacing = counted_on_lattice(layout, types, counting)
+    return _shell(layout, counted, at_least).probability(radius / spacing)
+
+
+def covering_radius_over_pitch(
+    *, at_least: int, layout: Layout = "hexagonal", types: int = 1, counting: Counting = "all_lenses"
+) -> float:
+    """Smallest radius over pitch from which every point is seen by at least so many lenses.
+
+    On a hexagonal array, for a pair: 1 for any lenses (|v| = 2 with matched f-numbers), 2/√3 for some type of
+    three, √3 for each type. Parameters, exactness and errors as in `seen_count_probability`.
+    """
+    _require_number(at_least)
+    counted, spacing = counted_on_lattice(layout, types, counting)
+    return _shell(layout, counted, at_least).covering_radius * spacing
+
+
+def mean_seen_count(
+    radius_over_pitch: ArrayLike, *, layout: Layout = "hexagonal", types: int = 1
+) -> FloatArray:
+    """Mean number of microlenses of one type that see a point: area of the disc over that of the type's cell.
+
+    On a hexagonal array of one type with matched f-numbers it is 0.907 v² for b ≈ z. Exact at every radius,
+    since every lens is in the disc for a share of positions equal to the area of the disc over the area of
+    the cell.
+    """
+    require_types(layout, types)
+    radius = as_radii(radius_over_pitch)
+    return np.asarray(math.pi * radius**2 / (lattice_of(layout).cell_area * types))
+
+
+def _require_number(at_least: int) -> None:
+    """Refuse numbers of lenses that mean nothing or cost too much."""
+    if at_least < 1:
+        raise OutOfRangeError(
+            "number of microlenses asked for", value=str(at_least), limit="≥ 1", remedy="ask for one or more"
+        )
+    if at_least > LARGEST_COUNT:
+        raise UnaffordableError(
+            "number of microlenses asked for",
+            value=str(at_least),
+            limit=f"≤ {LARGEST_COUNT} (the table grows as its cube)",
+            remedy="compare with mean_seen_count instead",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Edge:
+    """One boundary of a zone: on each interval of angle, the bisector of the origin and one lens."""
+
+    lens_distance: FloatArray
+    lens_angle: FloatArray
+    begin: FloatArray
+    end: FloatArray
+
+    def area(self, radius: FloatArray) -> FloatArray:
+        """∫ ½ min(r, s(φ))² dφ summed over the intervals, for a column of radii."""
+        ratio = np.divide(
+            self.lens_distance,
+            2 * radius,
+            out=np.ones(np.broadcast_shapes(radius.shape, self.lens_distance.shape)),
+            where=self.lens_distance < 2 * radius,
+        )
+        half_angle = np.arccos(ratio)
+        first = np.clip(self.lens_angle - half_angle, self.begin, self.end) - self.lens_angle
+        last = np.clip(self.lens_angle + half_angle, self.begin, self.end) - self.lens_angle
+        inside = (self.lens_distance / 2) ** 2 * (np.tan(last) - np.tan(first))
+        outside = radius**2 * ((self.end - self.begin) - (last - first))
+        return np.asarray(0.5 * np.sum(inside + outside, axis=-1))
+
+    def largest(self) -> float:
+        """Largest distance of the boundary from the origin."""
+        slant = np.cos(np.stack((self.begin, self.end)) - self.lens_angle)
+        return float(np.max(self.lens_distance / (2 * slant)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Shell:
+    """The points for which the lens at the origin completes the count: between two edges, in one wedge."""
+
+    inner: _Edge | None
+    outer: _Edge
+    weight: float
+
+    @property
+    def covering_radius(self) -> float:
+        return self.outer.largest()
+
+    def probability(self, radius: FloatArray) -> FloatArray:
+        column = np.minimum(radius, self.covering_radius)[..., np.newaxis]
+        area = self.outer.area(column)
+        if self.inner is not None:
+            area = area - self.inner.area(column)
+        covered = radius >= self.covering_radius * (1 - _ROUNDING)
+        return np.where(covered, 1.0, np.clip(area * self.weight, 0.0, 1.0))
+
+
+@lru_cache(maxsize=64)
+def _shell(layout: Layout, counting: Counting, at_least: int) -> _Shell:
+    """Find, for every stretch of angle with a fixed order of the bisectors, which of them bound the zone."""
+    lattice = lattice_of(layout)
+    reach = _reach(lattice, counting, at_least)
+    positions, colours = lattice.neighbours(2 * reach)
+    breaks = order_changes(lattice, positions, within=reach)
+    angle = np.arctan2(positions[:, 1], positions[:, 0])
+    distance = np.hypot(positions[:, 0], positions[:, 1])
+    middle = 0.5 * (breaks[1:] + breaks[:-1])
+    reached = distance_to_bisector(positions, middle)
+    inner, outer = _bounds(reached, colours, counting, at_least)
+    rows = np.arange(len(middle))
+    depth = np.where(inner == _ORIGIN, 0.0, reached[rows, inner])
+    inner, outer = (np.where(reached[rows, outer] > depth, lens, _NO_LENS) for lens in (inner, outer))
+    changes = (np.diff(inner, prepend=_NO_LENS - 1) != 0) | (np.diff(outer, prepend=_NO_LENS - 1) != 0)
+    first = np.flatnonzero(changes)
+    begin, end = breaks[first], breaks[np.append(first[1:], len(middle))]
+    kept = outer[first] != _NO_LENS
+    begin, end, inner, outer = begin[kept], end[kept], inner[first][kept], outer[first][kept]
+
+    def edge(lens: Integers) -> _Edge:
+        return _Edge(lens_distance=distance[lens], lens_angle=angle[lens], begin=begin, end=end)
+
+    starts_at_origin = bool(np.all(inner == _ORIGIN))
+    return _Shell(
+        inner=None if starts_at_origin else edge(inner),
+        outer=edge(outer),
+        weight=lattice.sectors / lattice.cell_area,
+    )
+
+
+def _reach(lattice: Lattice, counting: Counting, at_least: int) -> float:
+    """Bound the radius that every point needs: a disc holds all cells a circumradius inside its rim."""
+    spacing = 1.0 if counting == "all_lenses" else SAME_TYPE_PITCH
+    return spacing * (lattice.cell_circumradius + math.sqrt(at_least * lattice.cell_area / math.pi)) + 1e-9
+
+
+def _bounds(
+    reached: FloatArray, colours: Integers, counting: Counting, at_least: int
+) -> tuple[Integers, Integers]:
+    """Find the lenses whose bisectors bound the zone from inside (`_ORIGIN`: none does) and from outside."""
+    own = colours >= 0 if counting == "all_lenses" else colours == 0
+    before, after = _ranked(reached, own, at_least - 1), _ranked(reached, own, at_least)
+    if counting == "all_lenses":
+        return before, after
+    others = [_ranked(reached, colours == colour, at_least) for colour in (1, 2)]
+    if counting == "some_type":  # up to where another type has the number first
+        return before, _outermost(-reached, [after, *others])
+    return _outermost(reached, [before, *others]), after  # from where the other types have it too
+
+
+def _ranked(reached: FloatArray, among: NDArray[np.bool_], rank: int) -> Integers:
+    """Find the lens whose bisector is reached as the rank-th among some, per row; the origin for rank 0."""
+    if rank == 0:
+        return np.full(len(reached), _ORIGIN)
+    chosen = np.flatnonzero(among)
+    return chosen[np.argpartition(reached[:, chosen], rank - 1, axis=-1)[:, rank - 1]]
+
+
+def _outermost(depth: FloatArray, candidates: list[Integers]) -> Integers:
+    """Of several lenses per row, the one with the greatest depth; the origin only where there is no other."""
+    rows = np.arange(len(depth))
+    depths = np.stack([np.where(lens == _ORIGIN, -np.inf, depth[rows, lens]) for lens in candidates])
+    return np.asarray(np.stack(candidates)[np.argmax(depths, axis=0), rows])
