@@ -1,0 +1,143 @@
+"""What every camera that measures depth can tell, so that a study treats all of them alike."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from numpy.typing import ArrayLike
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+ErrorClass = Literal["per measurement", "per rig"]
+ErrorShape = Literal["normal", "uniform"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorSource:
+    """One declared error: how wide, of which shape.
+
+    Parameters
+    ----------
+    standard_deviation
+        In the unit of the parameter it disturbs (SI); a uniform error of half width h has h/√3.
+    shape
+        Normal or uniform.
+    """
+
+    standard_deviation: float
+    shape: ErrorShape = "normal"
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.standard_deviation < float("inf"):
+            raise OutOfRangeError(
+                "an error's standard deviation is finite and not negative",
+                value=f"{self.standard_deviation:g}",
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthErrorPart:
+    """One independent part of the depth error, to first order in inverse depth ``q = 1 / (a − origin)``.
+
+    Parameters
+    ----------
+    name
+        What is in error.
+    inverse_depth_error
+        Standard deviation of q [1/m] over the distances asked for.
+    shape
+        Shape of the distribution of q.
+    error_class
+        ``per measurement`` averages away over many pictures; ``per rig`` does not.
+    """
+
+    name: str
+    inverse_depth_error: FloatArray
+    shape: ErrorShape
+    error_class: ErrorClass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limit:
+    """One condition of the usable range over distances: the value, the bound it is held against, and whether it holds."""
+
+    value: FloatArray
+    bound: float
+    met: BoolArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class UsableCriteria:
+    """The bounds of the usable range that a study declares; None leaves a condition out.
+
+    Parameters
+    ----------
+    overlap
+        Least share of each stereo image that the other sees too.
+    availability
+        Least share of points for which the estimator's microlenses exist.
+    virtual_depth
+        Least \\|v\\|: 2 is the total covering plane.
+    blur_px
+        Largest blur on the sensor [px], of the sharpest microlens type or of the stereo lenses.
+    disparity_step_px
+        The disparity step [px] that must still separate the distance from infinity.
+    failed_fraction
+        Largest share of measurements that end beyond infinity.
+    relative_uncertainty
+        Largest depth uncertainty over distance.
+    """
+
+    overlap: float | None = None
+    availability: float | None = None
+    virtual_depth: float | None = None
+    blur_px: float | None = None
+    disparity_step_px: float | None = None
+    failed_fraction: float | None = None
+    relative_uncertainty: float | None = None
+
+
+class DepthCamera(Protocol):
+    """A camera that measures depth by triangulation, described along its optical axis."""
+
+    @property
+    def family(self) -> Literal["plenoptic", "stereo"]:
+        """Which of the two ideas it is."""
+        ...
+
+    @property
+    def depth_origin(self) -> float:
+        """Where inverse depth counts from [m]: the front focal point of a plenoptic camera, 0 for stereo."""
+        ...
+
+    @property
+    def disparity_error_px(self) -> float:
+        """Standard deviation of the disparity of one measurement [px]."""
+        ...
+
+    def disparity_px(self, distance: ArrayLike) -> FloatArray:
+        """The disparity that the estimator uses [px], signed."""
+        ...
+
+    def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Change of true depth [m] that moves the disparity by the declared step, towards and away from the camera."""
+        ...
+
+    def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
+        """The independent parts of the depth error, each to first order in inverse depth."""
+        ...
+
+    def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
+        """The exact depth [m] that is reported for a true distance under given errors; +infinity beyond the pole."""
+        ...
+
+    def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
+        """Baseline [m] of the stereo rig with the same focal length and disparity error that measures as well."""
+        ...
+
+    def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
+        """The geometric conditions of the usable range at the distances asked for."""
+        ...

@@ -1,0 +1,155 @@
+"""The parts that cameras are made of: lens, sensor, microlens array. Frozen, in SI floats, checked once."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from tradestudy.errors import OutOfRangeError
+
+Layout = Literal["hexagonal", "square"]
+
+
+def require_positive(name: str, value: float, unit: str = "m") -> None:
+    """Refuse a value that is not a finite number above zero."""
+    if not (math.isfinite(value) and value > 0.0):
+        raise OutOfRangeError(
+            f"{name} must be a finite number above zero",
+            value=f"{value:g} {unit}".strip(),
+            remedy="correct the value",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sensor:
+    """A pixel array.
+
+    Parameters
+    ----------
+    columns, rows
+        Number of pixels across and down.
+    pixel_pitch
+        Distance of neighbouring pixel centres [m], the same both ways.
+    """
+
+    columns: int
+    rows: int
+    pixel_pitch: float
+
+    def __post_init__(self) -> None:
+        require_positive("pixel pitch", self.pixel_pitch)
+        if self.columns < 1 or self.rows < 1:
+            raise OutOfRangeError(
+                "a sensor needs pixels", value=f"{self.columns} × {self.rows}", limit="at least 1 × 1"
+            )
+
+    @property
+    def width(self) -> float:
+        """Across [m]."""
+        return self.columns * self.pixel_pitch
+
+    @property
+    def height(self) -> float:
+        """Down [m]."""
+        return self.rows * self.pixel_pitch
+
+    @property
+    def diagonal(self) -> float:
+        """Corner to corner [m]."""
+        return math.hypot(self.width, self.height)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """A thin lens.
+
+    Parameters
+    ----------
+    focal_length
+        f [m].
+    f_number
+        N = f / A with A the pupil diameter.
+    """
+
+    focal_length: float
+    f_number: float
+
+    def __post_init__(self) -> None:
+        require_positive("focal length", self.focal_length)
+        require_positive("f-number", self.f_number, "")
+
+    @property
+    def pupil_diameter(self) -> float:
+        """A = f / N [m]."""
+        return self.focal_length / self.f_number
+
+    def field_of_view(self, extent: float) -> float:
+        """Full angle [rad] that an extent [m] in the focal plane covers: ``2 atan(extent / 2f)``, focused at infinity."""
+        return 2.0 * math.atan(extent / (2.0 * self.focal_length))
+
+
+def focal_length_of_field_of_view(field_of_view: float, extent: float) -> float:
+    """The focal length [m] that covers a full angle [rad] with an extent [m]: ``extent / (2 tan(FOV/2))``."""
+    return extent / (2.0 * math.tan(field_of_view / 2.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class MicrolensArray:
+    """Microlenses on a square or hexagonal lattice, of one or several types, at one gap before the sensor.
+
+    Parameters
+    ----------
+    layout
+        The lattice.
+    pitch
+        Distance of neighbouring centres p [m].
+    gap
+        Array to sensor b_L [m].
+    focal_lengths
+        One f_L [m] for each type; types alternate so that each sits on a coarser lattice of its own.
+    aperture_diameter
+        Clear diameter of one microlens [m]; at most the pitch.
+    """
+
+    layout: Layout
+    pitch: float
+    gap: float
+    focal_lengths: tuple[float, ...]
+    aperture_diameter: float
+
+    def __post_init__(self) -> None:
+        require_positive("microlens pitch", self.pitch)
+        require_positive("microlens gap", self.gap)
+        require_positive("microlens aperture diameter", self.aperture_diameter)
+        if not self.focal_lengths:
+            raise OutOfRangeError(
+                "a microlens array needs at least one type", remedy="give one focal length per type"
+            )
+        for focal_length in self.focal_lengths:
+            if not math.isfinite(focal_length) or focal_length == 0.0:
+                raise OutOfRangeError(
+                    "a microlens focal length is finite and not zero", value=f"{focal_length:g} m"
+                )
+        if self.aperture_diameter > self.pitch * (1.0 + 1e-12):
+            raise OutOfRangeError(
+                "microlenses overlap",
+                value=f"aperture {self.aperture_diameter * 1e6:g} um",
+                limit=f"at most the pitch, {self.pitch * 1e6:g} um",
+                remedy="reduce the aperture or the fill factor",
+            )
+        if len(self.focal_lengths) not in ((1, 3) if self.layout == "hexagonal" else (1,)):
+            raise OutOfRangeError(
+                f"{len(self.focal_lengths)} types do not tile a {self.layout} array evenly",
+                limit="1 or 3 types on a hexagonal array, 1 on a square one",
+            )
+
+    @property
+    def types(self) -> int:
+        """How many types there are."""
+        return len(self.focal_lengths)
+
+    @property
+    def focus_virtual_depths(self) -> tuple[float, ...]:
+        """The signed virtual depth in focus for each type: ``v₀ = f_L / (b_L − f_L)``, from 1/f_L = 1/a_L + 1/b_L."""
+        return tuple(math.inf if f == self.gap else f / (self.gap - f) for f in self.focal_lengths)

@@ -1,0 +1,270 @@
+"""A stereo rig of two equal cameras side by side, with parallel or converging axes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorSource, Limit, UsableCriteria
+from tradestudy.cameras.parts import Lens, Sensor, require_positive
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.thin_lens import blur_diameter
+from tradestudy.optics.triangulation import midpoint_depth, stereo_depth, stereo_disparity
+
+NO_ERROR = ErrorSource(standard_deviation=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StereoCalibration:
+    """Calibration errors of the rig, each one draw per rig: what the rig is, less what its calibration says.
+
+    Parameters
+    ----------
+    yaw, pitch, roll
+        Relative rotation of the two cameras about the vertical, the baseline and the optical axis [rad].
+    baseline
+        Of the distance of the two centres of projection [m].
+    focal_length
+        Of the common focal length [m].
+    principal_point
+        Difference of the two principal points along the baseline [m on the sensor].
+    """
+
+    yaw: ErrorSource = NO_ERROR
+    pitch: ErrorSource = NO_ERROR
+    roll: ErrorSource = NO_ERROR
+    baseline: ErrorSource = NO_ERROR
+    focal_length: ErrorSource = NO_ERROR
+    principal_point: ErrorSource = NO_ERROR
+
+
+@dataclass(frozen=True, kw_only=True)
+class StereoRig:
+    """Two cameras at the ends of a baseline.
+
+    Parameters
+    ----------
+    lens, sensor
+        Of each camera. The focal length is taken as the principal distance.
+    focus_distance
+        Where both lenses are focused [m]; infinity is allowed. None: the lenses refocus on every object.
+    baseline
+        Distance of the two centres of projection B [m].
+    convergence_angle
+        Between the optical axes [rad]; 0 is parallel, positive meets in front.
+    triangulation
+        ``disparity`` measures along the baseline in rectified pictures; ``midpoint`` takes the middle of the shortest
+        segment between the two lines of sight. They agree unless the rays are skew.
+    disparity_error_px
+        Standard deviation of one measured disparity [px].
+    discrimination_step_px
+        The disparity step [px] of the depth discrimination.
+    calibration
+        See `StereoCalibration`.
+
+    Raises
+    ------
+    OutOfRangeError
+        For lengths that are not positive, a focus distance inside the focal length, axes that converge by 180° or more.
+    """
+
+    lens: Lens
+    sensor: Sensor
+    focus_distance: float | None
+    baseline: float
+    convergence_angle: float
+    triangulation: Literal["disparity", "midpoint"]
+    disparity_error_px: float
+    discrimination_step_px: float
+    calibration: StereoCalibration = field(default_factory=StereoCalibration)
+
+    family: Literal["stereo"] = field(default="stereo", init=False)
+    depth_origin: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        require_positive("baseline", self.baseline)
+        require_positive("disparity error", self.disparity_error_px, "px")
+        require_positive("discrimination step", self.discrimination_step_px, "px")
+        if not abs(self.convergence_angle) < math.pi:
+            raise OutOfRangeError(
+                "convergence of the stereo axes",
+                value=f"{math.degrees(self.convergence_angle):g}°",
+                limit="below 180°",
+            )
+        if self.focus_distance is not None and not self.focus_distance > self.lens.focal_length:
+            raise OutOfRangeError(
+                "the lenses cannot focus that close",
+                value=f"{self.focus_distance * 1e3:g} mm",
+                limit=f"beyond the focal length, {self.lens.focal_length * 1e3:g} mm",
+                remedy="increase the focus distance",
+            )
+
+    @property
+    def field_of_view(self) -> float:
+        """Across, of one camera [rad]."""
+        return self.lens.field_of_view(self.sensor.width)
+
+    def disparity(self, distance: ArrayLike) -> FloatArray:
+        """The disparity on the sensor [m]; see `stereo_disparity`."""
+        return stereo_disparity(
+            distance, self.baseline, self.lens.focal_length, convergence_angle=self.convergence_angle
+        )
+
+    def disparity_px(self, distance: ArrayLike) -> FloatArray:
+        """The disparity [px]."""
+        return self.disparity(distance) / self.sensor.pixel_pitch
+
+    def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Change of depth [m] that moves the disparity by one step, nearer and farther (which may be infinite)."""
+        z = np.asarray(distance, dtype=np.float64)
+        d, step = self.disparity(z), self.discrimination_step_px * self.sensor.pixel_pitch
+        near, far = (
+            stereo_depth(
+                moved, self.baseline, self.lens.focal_length, convergence_angle=self.convergence_angle
+            )
+            for moved in (d + step, d - step)
+        )
+        return z - near, far - z
+
+    def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
+        """Parts of the error of 1/Z [1/m] to first order, on the line midway between the cameras.
+
+        With u = B/2Z, t = tan(θ/2) and x = d/2: ``∂(1/Z)/∂d = (1 + u²) / (f B (1 + x²/f²))``, ``∂/∂ψ = (1 + u²)/B`` for
+        yaw, ``∂/∂f = −(d/f) ∂/∂d`` and ``∂/∂B = −1/(Z B)``. Pitch and roll do not act to first order there.
+        """
+        f, B = self.lens.focal_length, self.baseline
+        inverse = 1.0 / np.asarray(distance, dtype=np.float64)
+        d = self.disparity(distance)
+        u2, x2 = (B * inverse / 2.0) ** 2, (d / (2.0 * f)) ** 2
+        per_disparity = (1.0 + u2) / (f * B * (1.0 + x2))
+        noise = ErrorSource(standard_deviation=self.disparity_error_px * self.sensor.pixel_pitch)
+        errors = self.calibration
+        slopes: dict[str, tuple[ErrorSource, FloatArray]] = {
+            "pixel_noise": (noise, per_disparity),
+            "yaw": (errors.yaw, (1.0 + u2) / B),
+            "pitch": (errors.pitch, np.zeros_like(inverse)),
+            "roll": (errors.roll, np.zeros_like(inverse)),
+            "baseline": (errors.baseline, inverse / B),
+            "focal_length": (errors.focal_length, per_disparity * np.abs(d) / f),
+            "principal_point": (errors.principal_point, per_disparity),
+        }
+        return tuple(
+            DepthErrorPart(
+                name=name,
+                inverse_depth_error=source.standard_deviation * slope,
+                shape=source.shape,
+                error_class="per measurement" if name == "pixel_noise" else "per rig",
+            )
+            for name, (source, slope) in slopes.items()
+            if source.standard_deviation > 0.0
+        )
+
+    def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
+        """The depth [m] that the declared triangulation reports when calibration and pixels are off by ``errors``.
+
+        Parameters
+        ----------
+        distance
+            True distance [m].
+        errors
+            Named as the parts: ``pixel_noise`` [m of disparity], ``yaw``, ``pitch``, ``roll`` [rad], ``baseline``,
+            ``focal_length``, ``principal_point`` [m]; what is missing is 0. They disturb the calibration with which a
+            fixed picture is read.
+
+        Returns
+        -------
+        FloatArray
+            Exact, not linearised; +infinity where the lines of sight diverge.
+        """
+        known = {"pixel_noise", "yaw", "pitch", "roll", "baseline", "focal_length", "principal_point"}
+        if unknown := set(errors) - known:
+            raise OutOfRangeError(
+                "a stereo rig has no such error", value=str(sorted(unknown)), limit=str(sorted(known))
+            )
+        e = {name: np.asarray(errors.get(name, 0.0), dtype=np.float64) for name in known}
+        f, B, t = (
+            self.lens.focal_length + e["focal_length"],
+            self.baseline + e["baseline"],
+            self.convergence_angle / 2.0,
+        )
+        x = self.disparity(distance) / 2.0
+        shift = e["pixel_noise"] + e["principal_point"]
+        left = _turned(x + shift / 2.0, f, yaw=-t)
+        right = _turned(-(x + shift / 2.0), f, yaw=t)
+        right = _rotate(right, yaw=e["yaw"], pitch=e["pitch"], roll=e["roll"])
+        if self.triangulation == "midpoint":
+            centre = np.stack(np.broadcast_arrays(B / 2.0, 0.0, 0.0), axis=-1)
+            return midpoint_depth(*np.broadcast_arrays(left, right), -centre, centre)
+        difference = left[..., 0] / left[..., 2] - right[..., 0] / right[..., 2]
+        in_front = difference > 0.0
+        return np.asarray(np.where(in_front, B / np.where(in_front, difference, 1.0), np.inf))
+
+    def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
+        """The baseline [m] of the parallel rig of this focal length that measures as well: B, or less if converging."""
+        inverse = 1.0 / np.asarray(distance, dtype=np.float64)
+        x2 = (self.disparity(distance) / (2.0 * self.lens.focal_length)) ** 2
+        return np.asarray(self.baseline * (1.0 + x2) / (1.0 + (self.baseline * inverse / 2.0) ** 2))
+
+    def overlap(self, distance: ArrayLike) -> FloatArray:
+        """Share of each picture's width at a distance that the other camera sees too; ``1 − B/W`` for parallel axes.
+
+        W = 2 Z tan(FOV/2). Zero where the views do not meet.
+        """
+        z = np.asarray(distance, dtype=np.float64)
+        half, t = self.field_of_view / 2.0, self.convergence_angle / 2.0
+        # Divided by Z, so that infinity needs no special case.
+        left_edge = -self.baseline / (2.0 * z) + math.tan(t - half)
+        right_edge = -self.baseline / (2.0 * z) + math.tan(t + half)
+        shared = 2.0 * np.minimum(right_edge, -left_edge)
+        return np.asarray(np.clip(shared / (right_edge - left_edge), 0.0, 1.0))
+
+    def blur_px(self, distance: ArrayLike) -> FloatArray:
+        """Diameter of the geometric blur circle [px]; 0 for lenses that refocus."""
+        z = np.asarray(distance, dtype=np.float64)
+        if self.focus_distance is None:
+            return np.zeros_like(z)
+        f, pupil = self.lens.focal_length, self.lens.pupil_diameter
+        return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
+
+    def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
+        """Overlap, focus and last disparity step, as far as the criteria ask for them."""
+        found: dict[str, Limit] = {}
+        if criteria.overlap is not None:
+            value = self.overlap(distance)
+            found["overlap"] = Limit(value=value, bound=criteria.overlap, met=value >= criteria.overlap)
+        if criteria.blur_px is not None:
+            value = self.blur_px(distance)
+            found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
+        if criteria.disparity_step_px is not None:
+            value = self.disparity_px(distance) - self.disparity_px(np.inf)
+            found["last_disparity_step"] = Limit(
+                value=value, bound=criteria.disparity_step_px, met=value > criteria.disparity_step_px
+            )
+        return found
+
+
+def _turned(x: ArrayLike, f: ArrayLike, *, yaw: float) -> FloatArray:
+    """Direction of the ray through image point x, in the frame of the rig, of a camera turned about the vertical.
+
+    The picture is mirrored by the lens; here it is upright, so that a point to the right has x > 0.
+    """
+    direction = np.stack(np.broadcast_arrays(np.asarray(x, dtype=np.float64), 0.0, f), axis=-1)
+    return _rotate(direction, yaw=np.float64(yaw), pitch=np.float64(0.0), roll=np.float64(0.0))
+
+
+def _rotate(direction: FloatArray, *, yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> FloatArray:
+    """Turn directions by roll about z, then pitch about x, then yaw about y; positive yaw turns z towards −x."""
+    x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
+    c, s = np.cos(roll), np.sin(roll)
+    x, y = c * x - s * y, s * x + c * y
+    c, s = np.cos(pitch), np.sin(pitch)
+    y, z = c * y - s * z, s * y + c * z
+    c, s = np.cos(yaw), np.sin(yaw)
+    x, z = c * x - s * z, s * x + c * z
+    return np.stack(np.broadcast_arrays(x, y, z), axis=-1)

@@ -1,0 +1,202 @@
+"""Depth from disparity, forwards and backwards: the focused plenoptic camera (eq. 8) and the stereo rig.
+
+Equation 8 belongs to "Diffraction model of a plenoptic camera for in-situ space exploration". Its image coordinates are
+local to each microlens; see `tradestudy.optics.microlens_projection`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.microlens_projection import virtual_depth
+
+
+def plenoptic_disparity(
+    object_distance: ArrayLike,
+    microlens_baseline: ArrayLike,
+    *,
+    mla_distance: ArrayLike,
+    microlens_gap: ArrayLike,
+    focal_length: ArrayLike,
+) -> FloatArray:
+    """The disparity of a point under two microlenses: ``Δσ = Δx b_L / a_L = Δx / v`` [m], signed like a_L.
+
+    Parameters
+    ----------
+    object_distance
+        a_M [m].
+    microlens_baseline
+        Δx = x_off,1 − x_off,2 [m], the distance of the two microlens centres.
+    mla_distance, microlens_gap, focal_length
+        z, b_L and f_M [m].
+
+    Returns
+    -------
+    FloatArray
+        Infinite where the main lens images onto the array.
+    """
+    v = virtual_depth(object_distance, mla_distance, microlens_gap, focal_length)
+    with np.errstate(divide="ignore"):  # a_L = 0 is a pole of the law
+        return np.asarray(np.asarray(microlens_baseline, dtype=np.float64) / v)
+
+
+def plenoptic_focus_shift(
+    disparity: ArrayLike,
+    microlens_baseline: ArrayLike,
+    *,
+    mla_distance: ArrayLike,
+    microlens_gap: ArrayLike,
+    focal_length: ArrayLike,
+) -> FloatArray:
+    """The focus shift behind a disparity: ``s = (z − f_M) − b_L Δx / Δσ`` [m], the denominator of eq. 8.
+
+    It is an inverse depth up to the factor f²: 0 at infinity, negative beyond. Arguments as in `plenoptic_depth`.
+    """
+    with np.errstate(divide="ignore"):  # zero disparity is a_L = ±infinity
+        v = np.asarray(microlens_baseline, dtype=np.float64) / np.asarray(disparity, dtype=np.float64)
+    f = np.asarray(focal_length, dtype=np.float64)
+    return np.asarray((np.asarray(mla_distance, dtype=np.float64) - f) - microlens_gap * v)
+
+
+def plenoptic_depth(
+    disparity: ArrayLike,
+    microlens_baseline: ArrayLike,
+    *,
+    mla_distance: ArrayLike,
+    microlens_gap: ArrayLike,
+    focal_length: ArrayLike,
+) -> FloatArray:
+    """Eq. 8: ``a_M = f + f² / s`` with ``s = (z − f) − b_L Δx / Δσ``.
+
+    Parameters
+    ----------
+    disparity
+        Δσ [m], difference of two local image coordinates, signed.
+    microlens_baseline
+        Δx [m], difference of the two microlens centres, same order.
+    mla_distance, microlens_gap, focal_length
+        z, b_L and f_M [m].
+
+    Returns
+    -------
+    FloatArray
+        a_M [m]; +infinity where s ≤ 0: a disparity that no point in front of the camera gives ranks beyond the farthest
+        point, so that quantiles of noisy depths stay right. The relative error is `plenoptic_depth_condition` × 2⁻⁵².
+    """
+    f = np.asarray(focal_length, dtype=np.float64)
+    s = plenoptic_focus_shift(
+        disparity, microlens_baseline, mla_distance=mla_distance, microlens_gap=microlens_gap, focal_length=f
+    )
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.where(s > 0.0, f + f * (f / np.where(s > 0.0, s, 1.0)), np.inf))
+
+
+def plenoptic_depth_condition(
+    object_distance: ArrayLike, *, mla_distance: ArrayLike, microlens_gap: ArrayLike, focal_length: ArrayLike
+) -> FloatArray:
+    """The condition number of eq. 8: the relative change of depth per relative change of its inputs, summed.
+
+    ``Σ |∂ ln a / ∂ ln p|`` over p = Δσ, Δx, b_L (each ``b_L |v| (f/s)² / a``), z and f. It grows as a/f for far points:
+    the digits that depth loses to rounding, whatever the program.
+
+    Parameters
+    ----------
+    object_distance, mla_distance, microlens_gap, focal_length
+        a_M, z, b_L and f_M [m].
+    """
+    a, f = np.asarray(object_distance, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
+    z = np.asarray(mla_distance, dtype=np.float64)
+    a_L = np.asarray(microlens_gap) * virtual_depth(a, z, microlens_gap, f)
+    slope = ((a - f) / f) ** 2  # |∂a/∂s|
+    return np.asarray((3.0 * np.abs(a_L) * slope + z * slope + f * (a / f) ** 2) / np.abs(a))
+
+
+def stereo_disparity(
+    object_distance: ArrayLike,
+    baseline: ArrayLike,
+    focal_length: ArrayLike,
+    *,
+    convergence_angle: ArrayLike = 0.0,
+) -> FloatArray:
+    """The disparity of a point between the two axes: ``d = 2 f tan(atan(B / 2Z) − θ/2)`` [m].
+
+    Parameters
+    ----------
+    object_distance
+        Z [m] from the baseline, on the line midway between the cameras; infinity is allowed.
+    baseline, focal_length
+        B and f [m], f as the principal distance.
+    convergence_angle
+        θ [rad], the angle between the two optical axes, positive when they meet in front; 0 for a parallel rig, where
+        the law is ``d = f B / Z`` exactly.
+    """
+    half = np.asarray(baseline, dtype=np.float64) / (2.0 * np.asarray(object_distance, dtype=np.float64))
+    t = np.tan(np.asarray(convergence_angle, dtype=np.float64) / 2.0)
+    return np.asarray(2.0 * np.asarray(focal_length, dtype=np.float64) * (half - t) / (1.0 + half * t))
+
+
+def stereo_inverse_depth(
+    disparity: ArrayLike,
+    baseline: ArrayLike,
+    focal_length: ArrayLike,
+    *,
+    convergence_angle: ArrayLike = 0.0,
+) -> FloatArray:
+    """``1/Z = (2/B) tan(atan(d / 2f) + θ/2)`` [1/m], for points midway between the cameras.
+
+    Zero at infinity and negative for rays that diverge; arguments as in `stereo_disparity`.
+    """
+    half = np.asarray(disparity, dtype=np.float64) / (2.0 * np.asarray(focal_length, dtype=np.float64))
+    t = np.tan(np.asarray(convergence_angle, dtype=np.float64) / 2.0)
+    return np.asarray(2.0 / np.asarray(baseline, dtype=np.float64) * (half + t) / (1.0 - half * t))
+
+
+def stereo_depth(
+    disparity: ArrayLike,
+    baseline: ArrayLike,
+    focal_length: ArrayLike,
+    *,
+    convergence_angle: ArrayLike = 0.0,
+) -> FloatArray:
+    """``Z = f B / d`` for a parallel rig and its exact counterpart for a converging one.
+
+    Returns
+    -------
+    FloatArray
+        Z [m]; +infinity where the rays are parallel or diverge, so that noisy depths keep their rank.
+    """
+    inverse = stereo_inverse_depth(disparity, baseline, focal_length, convergence_angle=convergence_angle)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf))
+
+
+def midpoint_depth(
+    left_direction: FloatArray, right_direction: FloatArray, left_centre: FloatArray, right_centre: FloatArray
+) -> FloatArray:
+    """The midpoint rule: the z coordinate of the middle of the shortest segment between two lines of sight.
+
+    Parameters
+    ----------
+    left_direction, right_direction
+        Directions of the two rays, shape (..., 3), of any length, z along the rig's depth axis.
+    left_centre, right_centre
+        The centres of projection [m], shape (..., 3).
+
+    Returns
+    -------
+    FloatArray
+        Depth [m], shape (...); +infinity where the rays are parallel or meet behind the cameras.
+    """
+    offset = right_centre - left_centre
+    # (ray × ray) · normal equations of the closest points, in the form that uses the cross product and so does not cancel.
+    normal = np.cross(left_direction, right_direction)
+    square = np.sum(normal * normal, axis=-1)
+    safe = np.where(square > 0.0, square, 1.0)
+    along_left = np.sum(np.cross(offset, right_direction) * normal, axis=-1) / safe
+    along_right = np.sum(np.cross(offset, left_direction) * normal, axis=-1) / safe
+    z_left = left_centre[..., 2] + along_left * left_direction[..., 2]
+    z_right = right_centre[..., 2] + along_right * right_direction[..., 2]
+    in_front = (square > 0.0) & (along_left > 0.0) & (along_right > 0.0)
+    return np.asarray(np.where(in_front, (z_left + z_right) / 2.0, np.inf))

@@ -1,0 +1,175 @@
+"""What a study asks: decisions, readings of its assumptions, inverse questions, claims and requirements."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tradestudy.study.mistakes import MistakeAt
+from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.quantities import (
+    Fraction,
+    PositiveFraction,
+    PositiveLength,
+    PositiveNumber,
+    PositivePixels,
+)
+
+Way = Literal["noise", "calibration", "both"]
+Text = Annotated[str, Field(min_length=1, max_length=2000)]
+CameraName = Annotated[str, Field(min_length=1, max_length=80)]
+Scalar = str | int | float | bool | None
+
+
+class UsablePart(Part):
+    """Limits of the usable range; one that is left out does not limit."""
+
+    overlap: PositiveFraction | None = Field(
+        default=None, description="Least common share of the two stereo views."
+    )
+    availability: PositiveFraction | None = Field(
+        default=None, description="Least share of points seen by two of the estimator's microlenses."
+    )
+    virtual_depth: PositiveNumber | None = Field(
+        default=None, description="Least |virtual depth|; 2 is the total covering plane."
+    )
+    blur: PositivePixels | None = Field(default=None, description="Largest geometric blur.")
+    disparity_step: PositivePixels | None = Field(
+        default=None, description="Disparity step that must still separate a distance from infinity."
+    )
+    failed_fraction: PositiveFraction | None = Field(
+        default=None, description="Largest share of measurements that end beyond infinity."
+    )
+    relative_uncertainty: PositiveFraction | None = Field(
+        default=None, description="Largest depth uncertainty / distance."
+    )
+
+
+class DecisionPart(Part):
+    """The headline pair and the distances at which it is decided."""
+
+    between: Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2)]
+    at: Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=20)]
+
+
+class ReadingPart(Part):
+    """One other reading of the assumptions: values that replace those of the study."""
+
+    says: Text
+    set: Annotated[dict[str, Any], Field(min_length=1)]
+
+
+class SolvePart(Part):
+    """An inverse question: which value of one input makes two cameras equally certain at a distance?"""
+
+    says: Text
+    vary: Text
+    low: Text
+    high: Text
+    equal: Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2)]
+    at: PositiveLength
+    way: Way = "both"
+
+
+class ExpectPart(Part):
+    """The expected value of a claim: about a value, or a bound."""
+
+    value: Text | None = None
+    within: PositiveFraction | None = Field(default=None, description="Relative tolerance of value.")
+    above: Text | None = None
+    below: Text | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if sum(part is not None for part in (self.value, self.above, self.below)) != 1:
+            raise MistakeAt((), "give exactly one of value, above and below")
+        if (self.value is None) != (self.within is None):
+            raise MistakeAt((), "value and within belong together")
+        return self
+
+
+class _ClaimPart(Part):
+    says: Text = Field(description="The claim in the words of its source.")
+    source: Text
+    tolerance_reason: Text = Field(
+        description="Why this expectation and tolerance follow from the source's wording."
+    )
+    expect: ExpectPart
+    under: tuple[CameraName, ...] = Field(
+        default=(), description="Readings of the assumptions it is also tried under."
+    )
+
+
+class LimitDistanceClaim(_ClaimPart):
+    """Where one limit of the usable range begins or ceases to hold, whatever the others do."""
+
+    of: Literal["limit_distance"]
+    camera: CameraName
+    limit: Literal[
+        "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
+        "relative_uncertainty",
+    ]  # fmt: skip
+    end: Literal["near", "far"]
+
+
+class UncertaintyRatioClaim(_ClaimPart):
+    """Largest ratio of one camera's depth uncertainty to another's over a range of distances."""
+
+    of: Literal["uncertainty_ratio"]
+    camera: CameraName
+    against: CameraName
+    over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)]
+    way: Way = "both"
+
+
+class ShareBetterClaim(_ClaimPart):
+    """Share of a range, on a logarithmic scale, where a camera is usable and the other is not, or is less certain."""
+
+    of: Literal["share_better"]
+    camera: CameraName
+    against: CameraName
+    over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)]
+    way: Way = "both"
+
+
+class RelativeUncertaintyDistanceClaim(_ClaimPart):
+    """The distance at which depth uncertainty reaches a share of the distance, coming from near."""
+
+    of: Literal["relative_uncertainty_distance"]
+    camera: CameraName
+    threshold: PositiveFraction
+    way: Way = "both"
+
+
+ClaimPart = Annotated[
+    LimitDistanceClaim | UncertaintyRatioClaim | ShareBetterClaim | RelativeUncertaintyDistanceClaim,
+    Field(discriminator="of"),
+]
+
+
+class BoundOverPart(Part):
+    """An upper bound that holds over a range of distances."""
+
+    below: Fraction | PositiveLength
+    over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)]
+
+
+class RequirementPart(Part):
+    """What a camera must do; ``any`` asks whether at least one camera does it."""
+
+    says: Text
+    camera: CameraName
+    depth_uncertainty: BoundOverPart
+
+
+SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)]
+
+
+class SweepRangePart(Part):
+    """Values on a scale, ends with units."""
+
+    start: Text = Field(alias="from")
+    stop: Text = Field(alias="to")
+    points: Annotated[int, Field(ge=2, le=1000, strict=True)]
+    spacing: Literal["log", "linear"] = "linear"

@@ -1,0 +1,55 @@
+"""The scene: at which distances, in which light."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from tradestudy.study.mistakes import MistakeAt
+from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.quantities import PositiveLength, PositiveWavelength
+
+MOST_DISTANCES = 100_000
+
+
+class DistanceRangePart(Part):
+    """Distances on a scale."""
+
+    start: PositiveLength = Field(alias="from")
+    stop: PositiveLength = Field(alias="to")
+    points: Annotated[int, Field(ge=2, le=MOST_DISTANCES, strict=True)]
+    spacing: Literal["log", "linear"] = "log"
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if not self.start < self.stop:
+            raise MistakeAt(("to",), "must lie beyond from")
+        return self
+
+    def values(self) -> tuple[float, ...]:
+        """The distances [m]; the ends exactly as written."""
+        space = np.geomspace if self.spacing == "log" else np.linspace
+        return tuple(float(value) for value in space(self.start, self.stop, self.points))
+
+
+class ScenePart(Part):
+    """What is looked at."""
+
+    distances: (
+        DistanceRangePart
+        | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
+    )
+    wavelength: PositiveWavelength
+
+    @model_validator(mode="after")
+    def _sorted(self) -> Self:
+        values = self.distance_values()
+        if any(not a < b for a, b in zip(values, values[1:], strict=False)):
+            raise MistakeAt(("distances",), "must increase")
+        return self
+
+    def distance_values(self) -> tuple[float, ...]:
+        """The distances [m], increasing."""
+        return self.distances.values() if isinstance(self.distances, DistanceRangePart) else self.distances
