@@ -40,9 +40,7 @@ def printed_criterion_at_fifty_digits(
 @pytest.mark.parametrize(("focal", "distance"), [("12.5e-3", "150e-3"), ("0.432e-3", "13.64e-3")])
 @pytest.mark.parametrize("wavelength", ["400e-9", "532.0e-9", "550e-9", "550.01e-9", "633.28e-9", "700e-9"])
 def test_printed_criterion_agrees_with_fifty_digits(focal: str, distance: str, wavelength: str) -> None:
-    result = paper_eq27(
-        focal_length=float(focal), object_distance=float(distance), wavelength=float(wavelength)
-    )
+    result = paper_eq27(focal_length=float(focal), object_distance=float(distance), wavelength=float(wavelength))
     s, first = printed_criterion_at_fifty_digits(focal, distance, wavelength, 0)
     _, second = printed_criterion_at_fifty_digits(focal, distance, wavelength, 1)
     assert float(result.fractional_part) == pytest.approx(float(s), rel=1e-14)
@@ -56,9 +54,7 @@ def test_a_hundredth_of_a_nanometre_triples_the_first_zero() -> None:
 
 
 @pytest.mark.parametrize(("lens", "expected"), [(MAIN, (3.8, 5.2)), (MICRO, (1.7, 2.4))])
-def test_range_of_the_bigger_zero_over_the_visible(
-    lens: dict[str, float], expected: tuple[float, float]
-) -> None:
+def test_range_of_the_bigger_zero_over_the_visible(lens: dict[str, float], expected: tuple[float, float]) -> None:
     second = paper_eq27(wavelength=np.linspace(400e-9, 700e-9, 20_001), **lens).second_zero_f_number
     assert (round(float(second.min()), 1), round(float(second.max()), 1)) == expected
     jumps = np.abs(np.diff(np.log(second)))
@@ -98,9 +94,7 @@ def test_sweep_is_the_printed_criterion_at_moved_distance() -> None:
     assert sweep.extra_path[-1] == pytest.approx(550e-9 / 4 * 63 / 64)
     assert np.isposinf(sweep.first_zero_f_number[0])
     assert np.all(np.diff(sweep.first_zero_f_number[1:]) < 0)
-    assert sweep.second_zero_f_number[0] / sweep.second_zero_f_number[-1] == pytest.approx(
-        (1 + 63 / 64) ** 0.25
-    )
+    assert sweep.second_zero_f_number[0] / sweep.second_zero_f_number[-1] == pytest.approx((1 + 63 / 64) ** 0.25)
     # moving the object so that a + b grows by the sweep's path walks along the swept curve
     here = paper_eq27(wavelength=550e-9, **MAIN)
     index = 63
@@ -140,8 +134,7 @@ def test_bounded_criterion_leaves_the_exact_path_at_its_bound(lens: dict[str, fl
     with mpmath.workdps(40):
         r, lam = mpmath.mpf(lens["focal_length"]) / (2 * mpmath.mpf(float(f_number))), mpmath.mpf(550e-9)
         dropped = sum(
-            mpmath.sqrt(d**2 + r**2) - d - r**2 / (2 * d)
-            for d in (mpmath.mpf(lens["object_distance"]), mpmath.mpf(b))
+            mpmath.sqrt(d**2 + r**2) - d - r**2 / (2 * d) for d in (mpmath.mpf(lens["object_distance"]), mpmath.mpf(b))
         )
         # the next term of the series is r²/(2 b²) of it
         assert float(-dropped / lam) == pytest.approx(0.25, rel=float(r**2 / (2 * mpmath.mpf(b) ** 2)) * 1.1)
@@ -171,9 +164,7 @@ def test_virtual_object_offsets_the_image_leg() -> None:
 
 
 def test_goodman_example_of_a_centimetre() -> None:
-    assert float(goodman_minimum_distance(wavelength=0.5e-6, largest_offset=1e-2)) == pytest.approx(
-        0.25, abs=0.005
-    )
+    assert float(goodman_minimum_distance(wavelength=0.5e-6, largest_offset=1e-2)) == pytest.approx(0.25, abs=0.005)
 
 
 def test_goodman_f_number_puts_one_radian_on_the_shorter_leg() -> None:
@@ -208,9 +199,7 @@ def test_axial_closed_form_against_quadrature() -> None:
 
 def test_collimated_distance_bounds_the_axial_error_and_is_not_wasteful() -> None:
     radius, lam, tolerance = 1e-3, 550e-9, 0.02
-    limit = float(
-        collimated_minimum_distance(aperture_radius=radius, wavelength=lam, intensity_error=tolerance)
-    )
+    limit = float(collimated_minimum_distance(aperture_radius=radius, wavelength=lam, intensity_error=tolerance))
     z = limit * np.linspace(1.0, 1.1, 40_001)
     exact, fresnel = collimated_axis_intensity(distance=z, aperture_radius=radius, wavelength=lam)
     error = np.abs(exact - fresnel) / 4

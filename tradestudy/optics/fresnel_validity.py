@@ -15,8 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
-
-Floats = npt.NDArray[np.float64]
+from tradestudy.optics.arrays import FloatArray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,10 +36,10 @@ class PaperEq27:
         ``second_zero_f_number``.
     """
 
-    fractional_part: Floats
-    first_zero_f_number: Floats
-    second_zero_f_number: Floats
-    condition_number: Floats
+    fractional_part: FloatArray
+    first_zero_f_number: FloatArray
+    second_zero_f_number: FloatArray
+    condition_number: FloatArray
 
 
 def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.ArrayLike) -> PaperEq27:
@@ -129,9 +128,9 @@ class PaperEq27Sweep:
         As in `PaperEq27`, at each extra path.
     """
 
-    extra_path: Floats
-    first_zero_f_number: Floats
-    second_zero_f_number: Floats
+    extra_path: FloatArray
+    first_zero_f_number: FloatArray
+    second_zero_f_number: FloatArray
 
 
 def paper_eq27_sweep(
@@ -171,14 +170,12 @@ def paper_eq27_sweep(
         )
         for waves in (s / 4, (s + 1) / 4)
     )
-    return PaperEq27Sweep(
-        extra_path=s * wavelength / 4, first_zero_f_number=first, second_zero_f_number=second
-    )
+    return PaperEq27Sweep(extra_path=s * wavelength / 4, first_zero_f_number=first, second_zero_f_number=second)
 
 
 def dropped_path(
     *, aperture_radius: npt.ArrayLike, object_distance: npt.ArrayLike, image_distance: npt.ArrayLike
-) -> Floats:
+) -> FloatArray:
     """Path that Fresnel drops at the rim: W = Σ [ρ²/(d + √(d² + ρ²)) − ρ²/(2 d)] over both legs d = a, b.
 
     Exact, not only its quartic term −(r⁴/8)(1/a³ + 1/b³); written without the cancellation of √(d² + ρ²) − d.
@@ -213,7 +210,7 @@ def bounded_minimum_f_number(
     image_distance: npt.ArrayLike,
     wavelength: npt.ArrayLike,
     path_error_waves: npt.ArrayLike,
-) -> Floats:
+) -> FloatArray:
     """Smallest f-number with at most ε waves of dropped path: F = (f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼.
 
     Follows from |W| = (r⁴/8)|1/a³ + 1/b³| ≤ ε λ at the rim r = f/(2F). Unlike the printed criterion it is
@@ -257,7 +254,7 @@ def bounded_minimum_f_number(
         return np.asarray(f / 2 * (curvature / (8 * np.asarray(wavelength) * eps)) ** 0.25)
 
 
-def goodman_minimum_distance(*, wavelength: npt.ArrayLike, largest_offset: npt.ArrayLike) -> Floats:
+def goodman_minimum_distance(*, wavelength: npt.ArrayLike, largest_offset: npt.ArrayLike) -> FloatArray:
     """Distance at which the dropped phase is one radian: z³ = (π/4λ) [(x − ξ)² + (y − η)²]²_max.
 
     Goodman asks for z *much larger* than this, and calls it sufficient, not necessary.
@@ -297,7 +294,7 @@ def goodman_minimum_f_number(
     object_distance: npt.ArrayLike,
     image_distance: npt.ArrayLike,
     wavelength: npt.ArrayLike,
-) -> Floats:
+) -> FloatArray:
     """Smallest f-number at which each leg alone drops at most 1 rad: F = (f/2) [π/(4 λ d³)]^¼, d the shorter.
 
     Goodman's condition knows no lens, so it looks at the legs one by one; the shorter binds. One radian is
@@ -326,7 +323,7 @@ def goodman_minimum_f_number(
 
 def collimated_axis_intensity(
     *, distance: npt.ArrayLike, aperture_radius: npt.ArrayLike, wavelength: npt.ArrayLike
-) -> tuple[Floats, Floats]:
+) -> tuple[FloatArray, FloatArray]:
     """Axial intensity behind a circular hole in a plane wave: (Rayleigh–Sommerfeld I, Fresnel).
 
     |1 − (z/ρ) e^{ik(ρ − z)}|² with ρ = √(z² + R²), against 4 sin²(π R²/(2 λ z)). The incident intensity is 1.
@@ -368,7 +365,7 @@ def collimated_axis_intensity(
 
 def collimated_minimum_distance(
     *, aperture_radius: npt.ArrayLike, wavelength: npt.ArrayLike, intensity_error: npt.ArrayLike
-) -> Floats:
+) -> FloatArray:
     """Distance behind a plane-wave hole beyond which Fresnel's axial phase errs by at most δ of the peak.
 
     z = R (π R/(8 λ δ))^⅓: the dropped path R⁴/(8 z³) turns the axial intensity 4 sin² by at most π R⁴/(8 λ
@@ -409,7 +406,7 @@ def _decimal(value: float) -> Fraction:
     return Fraction(repr(float(value)))
 
 
-def _inverse_cube(leg: npt.ArrayLike) -> Floats:
+def _inverse_cube(leg: npt.ArrayLike) -> FloatArray:
     """1/d³ of a signed leg; zero at infinity."""
     d = np.asarray(leg, dtype=np.float64)
     if np.any(np.isnan(d)) or np.any(d == 0):
@@ -417,7 +414,7 @@ def _inverse_cube(leg: npt.ArrayLike) -> Floats:
     return np.asarray(d**-3.0)
 
 
-def _leg_excess(rho: Floats, leg: npt.ArrayLike) -> Floats:
+def _leg_excess(rho: FloatArray, leg: npt.ArrayLike) -> FloatArray:
     """Exact minus quadratic path of one signed leg, in a form that does not cancel."""
     d = np.asarray(leg, dtype=np.float64)
     if np.any(np.isnan(d)) or np.any(d == 0):

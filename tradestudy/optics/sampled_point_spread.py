@@ -1,0 +1,182 @@
+"""A point's image on a grid of samples: interpolation, peak, disc moments, and the error of a number from it.
+
+The intensity is sampled on a uniform grid and interpolated by a quintic spline. Each number is computed three
+times, from all samples, from every second and from every fourth; the changes give its numerical error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+
+_LEAST_SAMPLES = 33  # a side; every fourth of them still carries a quintic spline
+_BEST_REDUCTION = 1 / 16  # of the error when the spacing is halved; a quintic spline approaches 1/64
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A number, or an array of them, and the size of its numerical error (same shape, same unit)."""
+
+    value: FloatArray
+    error: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointSpread:
+    """Intensity of a point's image on a uniform grid.
+
+    Attributes
+    ----------
+    x, y
+        Sample positions [m], increasing, equally spaced with the same spacing; 4 n + 1 ≥ 33 of them each.
+    intensity
+        I [W/m²], shape (len(y), len(x)): row by row along y.
+    pupil_power
+        Power [W] that passed the pupil; energies are shares of it.
+
+    Raises
+    ------
+    OutOfRangeError
+        If shapes, spacing, sign or power are not as above.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    intensity: FloatArray
+    pupil_power: float
+
+    def __post_init__(self) -> None:
+        if self.intensity.shape != (self.y.size, self.x.size):
+            raise OutOfRangeError(
+                "shape of the intensity",
+                value=str(self.intensity.shape),
+                limit=f"(len(y), len(x)) = ({self.y.size}, {self.x.size})",
+            )
+        for name, axis in (("x", self.x), ("y", self.y)):
+            if axis.size < _LEAST_SAMPLES or axis.size % 4 != 1:
+                raise OutOfRangeError(
+                    f"number of samples along {name}",
+                    value=str(axis.size),
+                    limit=f"4 n + 1, at least {_LEAST_SAMPLES}",
+                    remedy="the error estimate drops every second sample twice and keeps the window",
+                )
+        step = self.spacing
+        if not step > 0 or not all(np.allclose(np.diff(axis), step, rtol=1e-6, atol=0) for axis in (self.x, self.y)):
+            raise OutOfRangeError("sample positions", limit="increasing, one spacing along both axes")
+        if not np.all(np.isfinite(self.intensity)) or np.any(self.intensity < 0):
+            raise OutOfRangeError("intensity", value=f"{self.intensity.min():g}", limit="≥ 0 and finite")
+        if not (self.pupil_power > 0 and np.isfinite(self.pupil_power)):
+            raise OutOfRangeError("pupil power", value=f"{self.pupil_power:g} W", limit="positive and finite")
+
+    @property
+    def spacing(self) -> float:
+        """Distance between samples [m]."""
+        return float((self.x[-1] - self.x[0]) / (self.x.size - 1))
+
+    @cached_property
+    def spline(self) -> RectBivariateSpline:
+        """Quintic interpolant of the samples, called as spline(y, x)."""
+        return RectBivariateSpline(self.y, self.x, self.intensity, kx=5, ky=5)
+
+    def at(self, x: FloatArray | float, y: FloatArray | float, *, order: tuple[int, int] = (0, 0)) -> FloatArray:
+        """Interpolated intensity, or its derivative of the given orders along (x, y)."""
+        return np.asarray(self.spline(np.asarray(y), np.asarray(x), dx=order[1], dy=order[0], grid=False))
+
+    @cached_property
+    def coarser(self) -> tuple[PointSpread, PointSpread]:
+        """The same window from every second and from every fourth sample."""
+        grids = []
+        for step in (2, 4):
+            grid = object.__new__(PointSpread)  # coarser grids may fall below the least number of samples
+            for name, value in (
+                ("x", self.x[::step]),
+                ("y", self.y[::step]),
+                ("intensity", self.intensity[::step, ::step]),
+                ("pupil_power", self.pupil_power),
+            ):
+                object.__setattr__(grid, name, value)
+            grids.append(grid)
+        return grids[0], grids[1]
+
+
+def measured(psf: PointSpread, metric: Callable[[PointSpread], FloatArray | float]) -> Measured:
+    """Evaluate a metric on the three grids and take the change, reduced as it shrinks, for its error.
+
+    The reduction is what the last halving showed, never better than a quintic spline may be trusted with.
+    """
+    fine, middle, coarse = (np.asarray(metric(grid), dtype=np.float64) for grid in (psf, *psf.coarser))
+    last, before = np.abs(fine - middle), np.abs(middle - coarse)
+    with np.errstate(divide="ignore", invalid="ignore"):  # no change before: the ratio is not needed
+        reduction = np.where(before > 0, last / before, 1.0)
+    error = last * np.clip(reduction, _BEST_REDUCTION, 1.0) + 8 * np.finfo(float).eps * np.abs(fine)
+    return Measured(value=fine, error=error)
+
+
+def peak_position(psf: PointSpread) -> tuple[float, float]:
+    """Position (x, y) of the largest intensity [m], between samples.
+
+    Newton's iteration on the spline from the brightest sample; the step is held within one spacing of it.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the brightest sample lies on the rim of the window: the peak may be outside.
+    """
+    row, column = np.unravel_index(int(np.argmax(psf.intensity)), psf.intensity.shape)
+    if row in (0, psf.y.size - 1) or column in (0, psf.x.size - 1):
+        raise OutOfRangeError("brightest sample on the rim of the window", remedy="move or widen the window")
+    start = np.array([psf.x[column], psf.y[row]])
+    at = start.copy()
+    for _ in range(30):
+        gradient = np.array([psf.at(*at, order=(1, 0)), psf.at(*at, order=(0, 1))])
+        cross = psf.at(*at, order=(1, 1))
+        hessian = np.array([[psf.at(*at, order=(2, 0)), cross], [cross, psf.at(*at, order=(0, 2))]])
+        if np.linalg.det(hessian) <= 0:  # a ridge or a plateau: the brightest sample is as good as any point
+            return float(start[0]), float(start[1])
+        moved = np.clip(at - np.linalg.solve(hessian, gradient), start - psf.spacing, start + psf.spacing)
+        if np.max(np.abs(moved - at)) < 1e-12 * psf.spacing:
+            break
+        at = moved
+    return float(at[0]), float(at[1])
+
+
+class DiscMoments:
+    """∫ rⁿ I dA over discs about one centre: Gauss–Legendre panels in radius, trapezoid in angle.
+
+    The azimuthal means are taken once; a disc that ends inside a panel integrates the polynomial through its
+    nodes.
+    """
+
+    _ORDER = 6
+
+    def __init__(self, psf: PointSpread, centre: tuple[float, float], reach: float) -> None:
+        self._edges = np.linspace(0, reach, 1 + max(1, int(np.ceil(reach / (2 * psf.spacing)))))
+        nodes, _ = np.polynomial.legendre.leggauss(self._ORDER)
+        half = self._edges[1] / 2
+        self._radii = self._edges[:-1, None] + half * (1 + nodes)
+        self._means = np.array([[_azimuthal_mean(psf, centre, r) for r in row] for row in self._radii])
+        self._to_legendre = np.linalg.inv(np.polynomial.legendre.legvander(nodes, self._ORDER - 1))
+
+    def __call__(self, radius: float, power: int = 0) -> float:
+        """Moment over the disc of this radius, at most the reach given."""
+        half = self._edges[1] / 2
+        coefficients = (2 * np.pi * self._means * self._radii ** (power + 1)) @ self._to_legendre.T
+        panel = min(int(np.searchsorted(self._edges, radius, side="right")) - 1, self._radii.shape[0] - 1)
+        full = 2 * half * coefficients[:panel, 0].sum()
+        primitive = np.polynomial.legendre.legint(coefficients[panel], lbnd=-1)
+        rest = np.polynomial.legendre.legval((radius - self._edges[panel]) / half - 1, primitive)
+        return float(full + half * rest)
+
+
+def _azimuthal_mean(psf: PointSpread, centre: tuple[float, float], radius: float) -> float:
+    """Mean intensity on a circle; the trapezoid rule resolves all that the samples do."""
+    count = 16 + int(np.ceil(2 * np.pi * radius / psf.spacing))
+    angles = 2 * np.pi * np.arange(count) / count
+    return float(psf.spline.ev(centre[1] + radius * np.sin(angles), centre[0] + radius * np.cos(angles)).mean())
