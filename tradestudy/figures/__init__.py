@@ -1,1 +1,63 @@
-"""Results to matplotlib figures."""
+"""Results to matplotlib figures: which figures a results tree can show, and each of them drawn on demand.
+
+matplotlib is imported when the first figure is asked for, never by importing this package.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from tradestudy.errors import OutOfRangeError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tradestudy.figures.drawing import Drawing
+    from tradestudy.figures.style import StudyFigure
+
+
+def build(tree: xr.DataTree) -> Mapping[str, Drawing]:
+    """Say which figures the groups of a results tree allow, in the order of a report; nothing is drawn yet.
+
+    Parameters
+    ----------
+    tree
+        The content of ``results.nc``.
+
+    Returns
+    -------
+    mapping of str to Drawing
+        Call a drawing to get its matplotlib figure; it also carries caption and alternative text.
+    """
+    from tradestudy.figures import gallery
+
+    return gallery.drawings(tree)
+
+
+def figure(tree: xr.DataTree, name: str) -> StudyFigure:
+    """Draw one figure of a results tree.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the results hold no such figure; the names that exist are listed.
+    """
+    drawings = build(tree)
+    if name not in drawings:
+        raise OutOfRangeError("these results have no such figure", value=name, limit=", ".join(drawings))
+    return drawings[name].draw()
+
+
+def font_folder() -> str:
+    """The folder with the font of all figures, so that reports can use the same."""
+    from tradestudy.figures import style
+
+    return style.font_folder()
+
+
+def printable(text: str) -> str:
+    """Text with every character that the figures' font lacks written as its code point, ``⟨U+65E5⟩``."""
+    from tradestudy.figures import style
+
+    return style.printable(text)

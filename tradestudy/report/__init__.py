@@ -1,1 +1,52 @@
-"""Results and figures to HTML and PDF."""
+"""Results and figures to HTML, PDF, SVG and CSV; everything is computed elsewhere and only read here."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def write(tree: xr.DataTree, run: Mapping[str, Any], directory: Path, *, pdf: bool = True) -> None:
+    """Write ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv`` of a finished run.
+
+    The same results and run give the same bytes. Everything is made in memory first, and each file takes its place
+    only when it is complete, so that an interrupted call leaves no half-written report.
+
+    Parameters
+    ----------
+    tree
+        The content of ``results.nc``.
+    run
+        The content of ``run.json``; only the section on provenance depends on it.
+    directory
+        Where the files go; it is made if it does not exist. Figures and tables of an earlier report that this one does
+        not have are removed.
+    pdf
+        Whether to write ``report.pdf``.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written.
+    """
+    from tradestudy import figures
+    from tradestudy.report import contents, csv_tables, files, html
+    from tradestudy.report import pdf as pdf_format
+
+    drawings = figures.build(tree)
+    pictures = {name: drawing.draw().svg() for name, drawing in drawings.items()}
+    document = contents.compose(tree, run, drawings)
+    made = {f"figures/{name}.svg": svg for name, svg in pictures.items()}
+    made |= {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
+    made["report.html"] = html.render(document, pictures)
+    if pdf:
+        made["report.pdf"] = pdf_format.render(document, pictures)
+    for name, content in made.items():
+        files.replace_file(directory / name, content)
+    for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
+        if old.relative_to(directory).as_posix() not in made:
+            old.unlink()

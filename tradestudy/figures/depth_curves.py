@@ -1,0 +1,211 @@
+"""Depth discrimination and depth uncertainty against distance: the paper's figures 8 and 9, and the whole range."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from tradestudy.figures.depth_data import (
+    Camera,
+    FloatArray,
+    cameras,
+    nominal,
+    of_camera,
+    usable_intervals,
+    winners,
+)
+from tradestudy.figures.style import (
+    FAINT,
+    INK,
+    SOFT,
+    StudyFigure,
+    legend,
+    log_axis,
+    new_figure,
+    plain_number,
+    shortened,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MM = 1e3
+_UNUSABLE_WIDTH, _USABLE_WIDTH = 0.7, 1.9
+_LETTERS_PER_DECADE, _SHORTEST_NAME = 34, 9  # of a name written into the bar of the best camera
+
+
+def discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
+    """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
+    with styled():
+        depth, shown = nominal(tree), cameras(tree)
+        figure = new_figure(3.6)
+        left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+        distance = np.asarray(depth["distance"].values, dtype=float)
+        # One point more on each side, so that a curve reaches the edge of the panel.
+        inside = np.flatnonzero((distance >= near) & (distance <= far))
+        view = depth.isel(distance=slice(max(inside[0] - 1, 0), inside[-1] + 2))
+        drawn: list[FloatArray] = []
+        for camera in shown:
+            nearer = of_camera(view, "depth_discrimination", camera, side="nearer")
+            farther = of_camera(view, "depth_discrimination", camera, side="farther")
+            uncertainty = of_camera(view, "depth_uncertainty", camera)
+            _curve(left, view, camera, nearer)
+            _band(left, view, camera, nearer, farther)
+            _curve(right, view, camera, uncertainty)
+            drawn += [nearer, uncertainty]
+        for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
+            log_axis(axes, "y")
+            axes.set_xlim(near, far)
+            axes.set_xlabel("distance [m]")
+            axes.set_title(title)
+        left.set_ylabel("depth [mm]")
+        left.set_ylim(*_limits(drawn, view["distance"].values, near, far))
+        _camera_legend(figure, shown)
+    return figure
+
+
+def _limits(curves: list[FloatArray], distance: FloatArray, near: float, far: float) -> tuple[float, float]:
+    """Depth limits [mm] that hold the curves between two distances, but little above the distance itself."""
+    inside = (distance >= near) & (distance <= far)
+    values = np.concatenate([curve[inside] for curve in curves])
+    values = values[np.isfinite(values) & (values > 0)] * MM
+    if not values.size:
+        return 0.01 * far, far * MM
+    return float(values.min()) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
+
+
+def _usable(view: xr.Dataset, camera: Camera) -> FloatArray:
+    return np.asarray(view["usable"].sel(camera=camera.key).values, dtype=bool)
+
+
+def _curve(axes: Axes, view: xr.Dataset, camera: Camera, metres: FloatArray) -> None:
+    """A curve over all distances, bold where the camera is usable."""
+    distance = np.asarray(view["distance"].values, dtype=float)
+    y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
+    style = camera.style
+    axes.plot(distance, y, color=style.color, linestyle=style.dash, linewidth=_UNUSABLE_WIDTH, alpha=0.55)
+    bold = np.where(_usable(view, camera), y, np.nan)
+    axes.plot(distance, bold, color=style.color, linestyle=style.dash, linewidth=_USABLE_WIDTH)
+
+
+def _band(axes: Axes, view: xr.Dataset, camera: Camera, nearer: FloatArray, farther: FloatArray) -> None:
+    """From the step nearer to the step farther, where the camera is usable; an infinite step has no upper edge."""
+    top = np.where(np.isinf(farther), 1e9, farther * MM)
+    axes.fill_between(
+        np.asarray(view["distance"].values, dtype=float),
+        nearer * MM,
+        top,
+        where=(_usable(view, camera) & np.isfinite(nearer)).tolist(),
+        color=camera.style.color,
+        alpha=0.13,
+        linewidth=0,
+    )
+
+
+def whole_range(tree: xr.DataTree) -> StudyFigure:
+    """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
+    with styled():
+        depth, shown = nominal(tree), cameras(tree)
+        figure = new_figure(3.3 + 0.17 * len(shown))
+        curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 0.17 * (len(shown) + 1) + 0.25))
+        distance = np.asarray(depth["distance"].values, dtype=float)
+        drawn = [of_camera(depth, "depth_uncertainty", camera) for camera in shown]
+        for camera, uncertainty in zip(shown, drawn, strict=True):
+            _curve(curves, depth, camera, uncertainty)
+        log_axis(curves, "y")
+        log_axis(curves, "x", dense=True)
+        curves.set_xlim(distance[0], distance[-1])
+        curves.set_ylim(*_limits(drawn, distance, float(distance[0]), float(distance[-1])))
+        curves.set_ylabel("depth uncertainty, 68 % [mm]")
+        _relative_guides(curves, distance)
+        _bars(bars, depth, shown)
+        if "decision" in tree.children:
+            _best_camera_bar(bars, tree, shown)
+            _crossovers((curves, bars), tree)
+        bars.set_xlabel("distance [m]")
+    return figure
+
+
+def _relative_guides(axes: Axes, distance: FloatArray) -> None:
+    """Lines of equal relative uncertainty, named inside the panel at its right edge."""
+    bottom, top = axes.get_ylim()
+    for share, name in ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 %"), (1e-1, "10 %"), (1.0, "100 %")):
+        y = share * distance * MM
+        axes.plot(distance, y, color=FAINT, linewidth=0.9, zorder=0.5)
+        # The name stands where the line leaves the panel: at its right end, or at its top.
+        x_end = min(float(distance[-1]), top / (share * MM)) * 0.93
+        if bottom < share * x_end * MM < top and x_end > 2.0 * float(distance[0]):
+            axes.annotate(
+                f"{name} of distance" if name == "1 %" else name,
+                (x_end, share * x_end * MM),
+                color=SOFT,
+                fontsize=6,
+                ha="right",
+                va="bottom",
+            )
+
+
+def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[Camera, ...]) -> None:
+    """One line of bars per camera: the distances at which it is usable."""
+    last = float(depth["distance"].values[-1])
+    for row, camera in enumerate(shown):
+        for near, far in usable_intervals(depth, camera):
+            axes.barh(row, min(far, last) - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
+            # The camera's line style runs through its bar, for readers without colours.
+            axes.plot([near, min(far, last)], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9)
+    axes.set_yticks(range(len(shown)), [shortened(camera.title) for camera in shown])
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+    axes.set_title("Usable", fontsize=7.5)
+
+
+def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[Camera, ...]) -> None:
+    by_key = {camera.key: camera for camera in shown}
+    row = len(shown) + 0.25
+    for start, end, key in winners(tree):
+        if key:
+            axes.barh(row, end - start, left=start, height=0.9, color=by_key[key].style.color, linewidth=0)
+            letters = int(_LETTERS_PER_DECADE * np.log10(end / start))
+            if letters >= _SHORTEST_NAME:
+                name = shortened(by_key[key].title, letters)
+                axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)
+    axes.set_yticks([*range(len(shown)), row], [*(shortened(camera.title) for camera in shown), "smallest uncertainty"])
+    axes.get_yticklabels()[-1].set_fontweight("bold")
+    axes.set_ylim(row + 0.6, -0.6)
+
+
+def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
+    """A vertical line wherever the best camera changes, with its distance."""
+    stretches = list(winners(tree))
+    for _, edge, _ in stretches[:-1]:
+        for axes in panels:
+            axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8)
+        panels[0].annotate(
+            f"{plain_number(float(f'{edge:.3g}'))} m",
+            (edge, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(2, -1),
+            textcoords="offset points",
+            fontsize=6.5,
+            va="top",
+        )
+
+
+def _camera_legend(figure: StudyFigure, shown: tuple[Camera, ...]) -> None:
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=c.style.color, linestyle=c.style.dash, linewidth=_USABLE_WIDTH) for c in shown
+    ]
+    handles.append(Line2D([], [], color=SOFT, linewidth=_UNUSABLE_WIDTH))
+    handles.append(Patch(color=SOFT, alpha=0.2, linewidth=0))
+    labels = [
+        *(camera.title for camera in shown),
+        "thin: outside the usable range",
+        "from the step nearer to the step farther",
+    ]
+    legend(figure, handles, labels, columns=2)

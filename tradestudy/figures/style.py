@@ -1,0 +1,176 @@
+"""How all figures look: one page width, one font, one colour and line style per camera, the same bytes every time."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import io
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+from matplotlib import font_manager, ft2font
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
+INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
+
+# Okabe and Ito's colours, safe for colour-blind readers, yellow left out (too pale on white).
+_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+# The second channel; their number has no common divisor with that of the colours, so that pairs repeat after 35.
+_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.4, 1.2, 1.4)), (0, (9, 2.5)))
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")
+
+_RC: dict[str, Any] = {
+    "svg.hashsalt": "tradestudy",  # identifiers inside the SVG are the same in every run
+    "svg.fonttype": "path",  # letters look the same everywhere and need no font
+    "text.parse_math": False,  # a "$" in a camera's name is a dollar
+    "text.usetex": False,
+    "font.family": ["DejaVu Sans"],
+    "font.size": 7.5,
+    "axes.titlesize": 8.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.labelsize": 7.5,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": SOFT,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "grid.color": FAINT,
+    "grid.linewidth": 0.5,
+    "xtick.color": SOFT,
+    "ytick.color": SOFT,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 7,
+    "ytick.labelsize": 7,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "text.color": INK,
+    "lines.linewidth": 1.6,
+    "lines.dash_capstyle": "butt",
+    "legend.frameon": False,
+    "legend.fontsize": 7,
+    "legend.handlelength": 3.4,
+    "figure.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "path.simplify": True,
+    "path.simplify_threshold": 0.15,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LineStyle:
+    """How one camera (or one part of an uncertainty) is drawn, on every figure."""
+
+    color: str
+    dash: Any
+    marker: str
+
+
+def line_style(order: int) -> LineStyle:
+    """The style of the camera at a place in the order of ``/cameras``."""
+    return LineStyle(
+        color=_COLORS[order % len(_COLORS)],
+        dash=_DASHES[order % len(_DASHES)],
+        marker=_MARKERS[order % len(_MARKERS)],
+    )
+
+
+@contextlib.contextmanager
+def styled() -> Iterator[None]:
+    """Settings of all figures, put back afterwards: a notebook's own settings neither leak in nor change."""
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_RC)
+        yield
+
+
+class StudyFigure(Figure):
+    """A figure that is drawn in the style of the reports wherever it is shown, in a notebook too."""
+
+    def svg(self) -> bytes:
+        """The figure as SVG; equal figures give equal bytes."""
+        buffer = io.BytesIO()
+        with styled():
+            nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
+            FigureCanvasSVG(self).print_svg(buffer, metadata=nothing)
+        return buffer.getvalue()
+
+    def _repr_svg_(self) -> str:
+        return self.svg().decode()
+
+
+def new_figure(height: float, width: float = PAGE_WIDTH) -> StudyFigure:
+    """An empty figure, sizes in inches; call it and everything that fills it inside :func:`styled`."""
+    return StudyFigure(figsize=(width, height), layout="constrained")
+
+
+def font_folder() -> str:
+    """The folder with the font of all figures."""
+    return str(_font_file().parent)
+
+
+def _font_file() -> Path:
+    return Path(font_manager.findfont("DejaVu Sans", fallback_to_default=False))
+
+
+@functools.cache
+def _characters() -> frozenset[int]:
+    return frozenset(ft2font.FT2Font(str(_font_file())).get_charmap())
+
+
+def printable(text: str) -> str:
+    """Text with every character that the figures' font lacks written as its code point, ``⟨U+65E5⟩``."""
+    known = _characters()
+    return "".join(letter if ord(letter) in known else f"⟨U+{ord(letter):04X}⟩" for letter in text)
+
+
+def shortened(text: str, longest: int = 44) -> str:
+    """Text that fits a legend or a label."""
+    text = printable(text)
+    return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"
+
+
+def plain_number(value: float, _position: int | None = None) -> str:
+    """A tick label without powers of ten where a person would write none."""
+    if value == 0 or not math.isfinite(value):
+        return "0" if value == 0 else str(value)
+    exponent = math.floor(math.log10(abs(value)) + 1e-9)
+    if -4 <= exponent <= 5:
+        return f"{value:.{max(0, 3 - exponent)}f}".rstrip("0").rstrip(".") if exponent < 3 else f"{value:,.0f}"
+    superscript = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
+    mantissa = value / 10.0**exponent
+    return f"10{superscript}" if math.isclose(mantissa, 1.0) else f"{mantissa:g}·10{superscript}"
+
+
+def log_axis(axes: Axes, which: str, *, dense: bool = False) -> None:
+    """A logarithmic axis with plain numbers; `dense` labels 2 and 5 as well."""
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    (axes.set_xscale if which == "x" else axes.set_yscale)("log")
+    axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else (1.0,), numticks=20))
+    axis.set_major_formatter(FuncFormatter(plain_number))
+    axis.set_minor_locator(LogLocator(base=10.0, subs=tuple(float(n) for n in range(2, 10)), numticks=20))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def legend(figure: StudyFigure, handles: Sequence[Line2D | Patch], labels: Sequence[str], columns: int) -> Legend:
+    """A legend under the figure; labels are literal, also one that starts with an underscore."""
+    drawn = figure.legend(
+        handles, [f"{number}" for number in range(len(labels))], loc="outside lower center", ncols=columns
+    )
+    for text, label in zip(drawn.get_texts(), labels, strict=True):
+        text.set_text(shortened(label))
+    return drawn

@@ -1,0 +1,188 @@
+"""Swept designs: how depth uncertainty moves with one or two swept parameters, and which designs nothing beats."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LogNorm
+from matplotlib.lines import Line2D
+
+from tradestudy.figures.depth_data import Camera, FloatArray, cameras, swept
+from tradestudy.figures.style import (
+    INK,
+    SOFT,
+    StudyFigure,
+    legend,
+    log_axis,
+    new_figure,
+    plain_number,
+    printable,
+    shortened,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MM = 1e3
+_COLUMNS = 3
+
+
+def reference_distance(tree: xr.DataTree) -> float:
+    """The distance [m] at which designs are compared: the first declared place, or the middle of the range."""
+    if "decision" in tree.children and "place" in tree["decision"].coords:
+        return float(tree["decision"]["place"].values[0])
+    distance = tree["depth"]["distance"].values
+    return float(np.sqrt(distance[0] * distance[-1]))
+
+
+def moved_cameras(tree: xr.DataTree) -> tuple[Camera, ...]:
+    """The cameras whose uncertainty depends on what is swept."""
+    depth = tree["depth"].to_dataset()
+    values = depth["depth_uncertainty"].transpose("camera", "distance", ...).values
+    flat = values.reshape(*values.shape[:2], -1)
+    moved = [not np.array_equal(one, np.broadcast_to(one[:, :1], one.shape), equal_nan=True) for one in flat]
+    return tuple(camera for camera, moves in zip(cameras(tree), moved, strict=True) if moves)
+
+
+def _axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, str]:
+    """A swept coordinate in the unit a person expects, and its label."""
+    units = {"m": (MM, "mm"), "rad": (180.0 / np.pi, "°"), "px": (1.0, "px")}
+    factor, unit = units.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+    name = printable(str(coordinate.attrs.get("long_name", coordinate.name)))
+    values = np.asarray(coordinate.values, dtype=float) * factor
+    return values, f"{name} [{unit}]" if unit else name
+
+
+def sweep_map(tree: xr.DataTree) -> StudyFigure:
+    """Depth uncertainty [mm] at the reference distance: a curve over one swept parameter, a map over two.
+
+    Of more than two, all but the two with the most values stand at their first value.
+    """
+    with styled():
+        place, moved = reference_distance(tree), moved_cameras(tree)
+        depth = tree["depth"].to_dataset().sel(distance=place, method="nearest")
+        dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
+        at_first = dict.fromkeys(dims[2:], 0)
+        uncertainty = depth["depth_uncertainty"].isel(at_first)
+        if len(dims) == 1:
+            return _curves(uncertainty, moved, dims[0], place)
+        return _maps(uncertainty, moved, (dims[0], dims[1]), place)
+
+
+def _curves(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dim: str, place: float) -> StudyFigure:
+    figure = new_figure(3.0)
+    axes = figure.subplots()
+    x, label = _axis_values(uncertainty[dim])
+    for camera in moved:
+        y = np.asarray(uncertainty.sel(camera=camera.key).values, dtype=float) * MM
+        style = camera.style
+        y = np.where(np.isfinite(y), y, np.nan)
+        axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
+    log_axis(axes, "y", dense=True)
+    axes.set_xlabel(label)
+    axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m [mm]")
+    handles = [
+        Line2D([], [], color=c.style.color, linestyle=c.style.dash, marker=c.style.marker, markersize=4) for c in moved
+    ]
+    legend(figure, handles, [camera.title for camera in moved], columns=2)
+    return figure
+
+
+def _maps(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dims: tuple[str, str], place: float) -> StudyFigure:
+    columns = min(_COLUMNS, max(len(moved), 1))
+    rows = -(-len(moved) // columns)
+    figure = new_figure(0.7 + 2.1 * rows)
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    arrays = {c.key: uncertainty.sel(camera=c.key).transpose(dims[1], dims[0]).values * MM for c in moved}
+    everything = np.concatenate([array.ravel() for array in arrays.values()])
+    finite = everything[np.isfinite(everything) & (everything > 0)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (1.0, 10.0)
+    norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
+    (x, x_label), (y, y_label) = _axis_values(uncertainty[dims[0]]), _axis_values(uncertainty[dims[1]])
+    for axes, camera in zip(panels.flat, moved, strict=False):
+        _map(axes, arrays[camera.key], norm)
+        axes.set_xticks(np.arange(len(x)) + 0.5, [plain_number(value) for value in x])
+        axes.set_yticks(np.arange(len(y)) + 0.5, [plain_number(value) for value in y])
+        axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    for axes in panels.flat[len(moved) :]:
+        axes.set_visible(False)
+    figure.supxlabel(x_label, fontsize=7.5)
+    figure.supylabel(y_label, fontsize=7.5)
+    bar = figure.colorbar(ScalarMappable(norm=norm, cmap="cividis"), ax=panels.ravel().tolist(), format=plain_number)
+    bar.ax.minorticks_off()
+    bar.set_label(f"depth uncertainty at {plain_number(place)} m [mm]")
+    return figure
+
+
+def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
+    axes.pcolormesh(np.ma.masked_invalid(values), norm=norm, cmap="cividis", edgecolors="white", linewidth=0.6)
+    axes.grid(visible=False)
+    for row, column in np.ndindex(values.shape):
+        value = values[row, column]
+        dark = np.isfinite(value) and norm(value) < 0.55
+        text = plain_number(float(f"{value:.2g}")) if np.isfinite(value) else "–"
+        axes.text(
+            column + 0.5,
+            row + 0.5,
+            text,
+            ha="center",
+            va="center",
+            color="white" if dark else INK,
+            fontsize=6,
+        )
+
+
+def pareto(tree: xr.DataTree) -> StudyFigure:
+    """Every design: nearest usable distance against uncertainty at the reference distance; the frontier joined."""
+    with styled():
+        depth, place = tree["depth"].to_dataset(), reference_distance(tree)
+        figure = new_figure(3.4)
+        axes = figure.subplots()
+        shown = cameras(tree)
+        clouds: list[FloatArray] = []
+        for camera in shown:
+            near = depth["usable_near"].sel(camera=camera.key).min("interval")
+            sigma = depth["depth_uncertainty"].sel(camera=camera.key).sel(distance=place, method="nearest")
+            points = np.stack([array.values.ravel() for array in _aligned(near, sigma)], axis=1)
+            points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
+            clouds.append(points)
+            style = camera.style
+            axes.plot(
+                points[:, 0],
+                points[:, 1] * MM,
+                linestyle="",
+                marker=style.marker,
+                color=style.color,
+                markersize=5,
+            )
+        front = frontier(np.concatenate(clouds))
+        axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
+        log_axis(axes, "x", dense=True)
+        log_axis(axes, "y", dense=True)
+        axes.set_xlabel("nearest usable distance [m]")
+        axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m [mm]")
+        handles = [
+            Line2D([], [], color=c.style.color, marker=c.style.marker, linestyle="", markersize=5) for c in shown
+        ]
+        handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
+        legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
+    return figure
+
+
+def _aligned(*arrays: xr.DataArray) -> tuple[xr.DataArray, ...]:
+    import xarray
+
+    return tuple(xarray.broadcast(*arrays))
+
+
+def frontier(points: FloatArray) -> FloatArray:
+    """The rows of `points` (two costs each) that no other row beats in both, by rising first cost."""
+    ordered = points[np.lexsort((points[:, 1], points[:, 0]))]
+    best = np.minimum.accumulate(ordered[:, 1])
+    keep = np.ones(len(ordered), dtype=bool)
+    keep[1:] = ordered[1:, 1] < best[:-1]
+    return ordered[keep]

@@ -1,0 +1,105 @@
+"""What depth uncertainty is made of: one panel per camera, one line per source of error."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+
+from tradestudy.figures.depth_data import Camera, cameras, nominal, of_camera, usable_intervals
+from tradestudy.figures.style import (
+    FAINT,
+    INK,
+    StudyFigure,
+    legend,
+    line_style,
+    log_axis,
+    new_figure,
+    printable,
+    shortened,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MM = 1e3
+_COLUMNS = 3
+
+
+def part_names(depth: xr.Dataset) -> tuple[str, ...]:
+    """The sources of error that at least one camera has."""
+    part = depth["depth_uncertainty_part"]
+    present = np.isfinite(part).any([d for d in part.dims if d != "part"])
+    return tuple(str(name) for name in part["part"].values[present.values])
+
+
+def uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
+    """Depth uncertainty of every camera and its parts against distance, both axes logarithmic."""
+    with styled():
+        depth, shown = nominal(tree), cameras(tree)
+        names = part_names(depth)
+        columns = min(_COLUMNS, len(shown))
+        rows = -(-len(shown) // columns)
+        figure = new_figure(0.6 + 1.85 * rows)
+        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for axes, camera in zip(panels.flat, shown, strict=False):
+            _panel(axes, depth, camera, names)
+        for axes in panels.flat[len(shown) :]:
+            axes.set_visible(False)
+        for column in range(columns):
+            last = panels[(len(shown) - 1 - column) // columns, column]
+            last.set_xlabel("distance [m]")
+            last.tick_params(labelbottom=True)
+        for axes in panels[:, 0]:
+            axes.set_ylabel("depth uncertainty [mm]")
+        panels[0, 0].set_ylim(*_limits(depth))
+        handles = [Line2D([], [], color=INK, linewidth=2.2)]
+        handles += [_part_handle(order) for order in range(len(names))]
+        legend(figure, handles, ["all together", *(name.replace("_", " ") for name in names)], columns=4)
+    return figure
+
+
+def _part_handle(order: int) -> Line2D:
+    style = line_style(order + 1)
+    return Line2D([], [], color=style.color, linestyle=style.dash, marker=style.marker, markersize=3, linewidth=1.1)
+
+
+def _limits(depth: xr.Dataset) -> tuple[float, float]:
+    """Four decades down from the largest total that is not beyond the distance itself."""
+    total = depth["depth_uncertainty"].values
+    finite = total[np.isfinite(total) & (total > 0)] * MM
+    if not finite.size:
+        return 1e-3, 1e3
+    top = min(float(finite.max()), float(depth["distance"].values[-1]) * MM) * 2.0
+    return max(float(finite.min()) / 30.0, top * 1e-7), top
+
+
+def _panel(axes: Axes, depth: xr.Dataset, camera: Camera, names: tuple[str, ...]) -> None:
+    distance = np.asarray(depth["distance"].values, dtype=float)
+    for near, far in usable_intervals(depth, camera):
+        axes.axvspan(near, min(far, float(distance[-1])), color=FAINT, alpha=0.45, linewidth=0, zorder=0)
+    total = of_camera(depth, "depth_uncertainty", camera) * MM
+    axes.plot(distance, np.where(np.isfinite(total), total, np.nan), color=INK, linewidth=2.2)
+    for order, name in enumerate(names):
+        values = of_camera(depth, "depth_uncertainty_part", camera, part=name) * MM
+        if not np.isfinite(values).any():
+            continue
+        style = line_style(order + 1)
+        spots = np.linspace(0, len(distance) - 1, 5).astype(int)[1:-1] + 4 * order
+        axes.plot(
+            distance,
+            np.where(np.isfinite(values) & (values > 0), values, np.nan),
+            color=style.color,
+            linestyle=style.dash,
+            linewidth=1.1,
+            marker=style.marker,
+            markersize=3,
+            markevery=[int(spot) % len(distance) for spot in spots],
+        )
+    log_axis(axes, "x")
+    log_axis(axes, "y")
+    axes.set_xlim(distance[0], distance[-1])
+    axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)

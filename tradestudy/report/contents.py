@@ -1,0 +1,51 @@
+"""The report of a study: which sections it has, in which order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+from tradestudy.report import facts
+from tradestudy.report.document import Block, Contents, Document, PageBreak
+from tradestudy.report.sections.answer import answer
+from tradestudy.report.sections.method import method
+from tradestudy.report.sections.provenance import provenance
+from tradestudy.report.sections.registers import assumptions, claims, contradictions, requirements
+from tradestudy.report.sections.results import results
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tradestudy.figures.drawing import Drawing
+
+
+def compose(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Document:
+    """Write the report of a results tree.
+
+    Parameters
+    ----------
+    tree
+        The content of ``results.nc``.
+    run
+        The content of ``run.json``; only the section on provenance depends on it.
+    drawings
+        The figures that the tree allows.
+    """
+    return Document(
+        title=facts.attribute(tree, "title"),
+        subtitle=facts.attribute(tree, "question"),
+        blocks=tuple(_blocks(tree, run, drawings)),
+    )
+
+
+def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    yield from answer(tree, drawings)
+    yield PageBreak()
+    yield Contents()
+    yield from assumptions(tree)
+    yield from method(tree)
+    yield from results(tree, drawings)
+    yield from claims(tree)
+    yield from requirements(tree)
+    yield from contradictions(tree)
+    yield from provenance(run)

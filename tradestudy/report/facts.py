@@ -1,0 +1,115 @@
+"""What the sections say with numbers, read from a results tree: registers, places, winners and how often they flip."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, TEMPERATURE_DIFFERENCE, pretty
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_DIMENSIONS = {"m": LENGTH, "rad": ANGLE, "px": PIXELS, "K": TEMPERATURE_DIFFERENCE, "percent": NUMBER}
+
+
+def has(tree: xr.DataTree, group: str, *variables: str) -> bool:
+    """Whether a group exists and holds all these variables."""
+    return group in tree.children and all(name in tree[group].data_vars for name in variables)
+
+
+def dataset(tree: xr.DataTree, group: str) -> xr.Dataset:
+    """Get a group as a dataset."""
+    return tree[group].to_dataset()
+
+
+def records(tree: xr.DataTree, group: str, dim: str) -> list[dict[str, Any]]:
+    """Read the one-dimensional variables of a group row by row; the row's own name is under `dim`."""
+    if group not in tree.children:
+        return []
+    data = dataset(tree, group)
+    columns = [str(name) for name, array in data.data_vars.items() if array.dims == (dim,)]
+    return [
+        {dim: data[dim].values[index]} | {name: data[name].values[index] for name in columns}
+        for index in range(data.sizes.get(dim, 0))
+    ]
+
+
+def attribute(tree: xr.DataTree, name: str) -> str:
+    """Get an attribute of the root as text."""
+    return str(tree.attrs.get(name, ""))
+
+
+def in_words(name: str) -> str:
+    """Write a name of the results as words."""
+    return name.replace("_", " ")
+
+
+def length(value: float) -> str:
+    """Write a length with the unit a person expects, not broken between number and unit."""
+    return pretty(value, LENGTH).replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def share(value: float) -> str:
+    """Write a fraction in per cent."""
+    return pretty(value, FRACTION).replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def quantity(value: float, unit: str) -> str:
+    """Write a value of a given SI unit; a unit that is not known here is written behind the number."""
+    dimension = _DIMENSIONS.get(unit, NUMBER)
+    text = pretty(value, dimension)
+    if dimension is NUMBER and unit not in ("", "1", "percent"):
+        text += f" {unit}"
+    return (text + (" %" if unit == "percent" else "")).replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def titles(tree: xr.DataTree) -> dict[str, str]:
+    """Get the titles of the cameras by their keys, in the order of the study."""
+    group = dataset(tree, "cameras")
+    return {str(k): str(t) for k, t in zip(group["camera"].values, group["title"].values, strict=True)}
+
+
+def families(tree: xr.DataTree) -> dict[str, str]:
+    """Get the families of the cameras by their keys."""
+    group = dataset(tree, "cameras")
+    return {str(k): str(f) for k, f in zip(group["camera"].values, group["family"].values, strict=True)}
+
+
+def places(tree: xr.DataTree) -> npt.NDArray[np.float64]:
+    """Get the declared distances [m]; without a decision, the powers of ten inside the range and its ends."""
+    if has(tree, "decision") and "place" in tree["decision"].coords:
+        return np.asarray(dataset(tree, "decision")["place"].values, dtype=float)
+    distance = np.asarray(dataset(tree, "depth")["distance"].values, dtype=float)
+    return np.geomspace(distance[0], distance[-1], 4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flips:
+    """How often the verdict at one declared distance differs from that of the study's own reading."""
+
+    place: float
+    winner: str
+    alternatives: int
+    flipped: tuple[str, ...]
+
+
+def flips(tree: xr.DataTree, way: str = "both") -> Iterator[Flips]:
+    """Count the readings under which another camera wins, for every declared distance."""
+    if not has(tree, "decision", "decision_winner", "decision_flips"):
+        return
+    decision = dataset(tree, "decision").sel(way=way)
+    names = [str(name) for name in decision["reading"].values]
+    for place in decision["place"].values:
+        there = decision.sel(place=place)
+        flipped = np.asarray(there["decision_flips"].values, dtype=bool)
+        yield Flips(
+            place=float(place),
+            winner=str(there["decision_winner"].values[0]),
+            alternatives=len(names) - 1,
+            flipped=tuple(name for name, flips_here in zip(names[1:], flipped[1:], strict=True) if flips_here),
+        )

@@ -1,0 +1,90 @@
+"""A document as PDF: A4, vector figures, tagged for readers that do not see it, the same bytes every time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from tradestudy import figures
+from tradestudy.report.document import (
+    Block,
+    Bullets,
+    Callout,
+    Document,
+    Heading,
+    KeyFigures,
+    Picture,
+    Span,
+    Table,
+    Text,
+    spans,
+)
+from tradestudy.report.typesetting import typeset
+
+Json = dict[str, Any]
+
+
+def render(document: Document, pictures: Mapping[str, bytes]) -> bytes:
+    """Typeset a document.
+
+    Parameters
+    ----------
+    document
+        What to say.
+    pictures
+        SVG bytes of every figure that the document shows, by name.
+
+    Returns
+    -------
+    bytes
+        A PDF/UA-1 file without dates; equal inputs give equal bytes.
+    """
+    content = {
+        "title": figures.printable(document.title),
+        "subtitle": figures.printable(document.subtitle),
+        "blocks": [_block(block, document.numbers) for block in document.blocks],
+    }
+    shown = {f"picture:{name}": svg.decode() for name, svg in pictures.items()}
+    return typeset("report.typ", {"document": content} | shown, "pdf")[0]
+
+
+def _text(text: Text, numbers: Mapping[str, str]) -> list[Json]:
+    return [_span(span, numbers) for span in spans(text)]
+
+
+def _span(span: Span, numbers: Mapping[str, str]) -> Json:
+    text = span.text or numbers.get(span.target, "")
+    return {"text": figures.printable(text), "style": span.style, "target": span.target}
+
+
+def _block(block: Block, numbers: Mapping[str, str]) -> Json:
+    content: Json = {"kind": type(block).__name__}
+    match block:
+        case Callout():
+            inner = [_block(one, numbers) for one in block.blocks]
+            content |= {"title": _text(block.title, numbers), "blocks": inner, "tone": block.tone}
+        case Bullets():
+            content["items"] = [_text(item, numbers) for item in block.items]
+        case KeyFigures():
+            content["items"] = [
+                {"value": figures.printable(one.value), "label": _text(one.label, numbers)} for one in block.items
+            ]
+        case Table():
+            content |= {
+                "name": block.name,
+                "number": numbers[block.name],
+                "caption": _text(block.caption, numbers),
+            }
+            content["columns"] = [vars(column) | {"title": _text(column.title, numbers)} for column in block.columns]
+            content["rows"] = [[_text(cell, numbers) for cell in row] for row in block.rows]
+            content["notes"] = [_text(note, numbers) for note in block.notes]
+        case Picture():
+            content |= vars(block) | {"number": numbers[block.name], "caption": _text(block.caption, numbers)}
+            content["alt"] = figures.printable(block.alt)
+        case Heading():
+            content |= vars(block) | {"number": numbers[block.anchor], "text": _text(block.text, numbers)}
+        case _:
+            content |= vars(block)
+            if "text" in content:
+                content["text"] = _text(content["text"], numbers)
+    return content
