@@ -1,0 +1,42 @@
+"""Mistakes that only a validator of the schema can see, and where in its part of the file they are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from tradestudy.units import nearest
+
+
+class MistakeAt(ValueError):  # noqa: N818  a mistake in a file, pointed at; not an error of the program
+    """A validator found a mistake below the part that it validates.
+
+    Parameters
+    ----------
+    tail
+        Keys and positions from the validated part to the value at fault; empty for the part itself.
+    what
+        What is wrong, and what is expected.
+    """
+
+    def __init__(self, tail: Sequence[str | int], what: str) -> None:
+        super().__init__(what)
+        self.tail, self.what = tuple(tail), what
+        self.all: tuple[MistakeAt, ...] = (self,)
+
+    @classmethod
+    def several(cls, mistakes: Sequence[MistakeAt]) -> MistakeAt:
+        """Join mistakes into one exception, so that a validator can report everything that it sees."""
+        joined = cls(mistakes[0].tail, mistakes[0].what)
+        joined.all = tuple(single for mistake in mistakes for single in mistake.all)
+        return joined
+
+
+def nearest_name(name: str, known: Iterable[str]) -> str:
+    """Write the end of a message: the nearest known name, or all names where they are few, or nothing."""
+    names = list(known)
+    close = nearest(name, names)
+    if close is not None:
+        return f"; nearest: {close!r}"
+    if 0 < len(names) <= 8:
+        return f"; known: {', '.join(repr(known_name) for known_name in names)}"
+    return ""

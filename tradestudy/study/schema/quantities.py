@@ -1,0 +1,119 @@
+"""The quantities of a study file as pydantic types: text with a unit outside, an SI float inside."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field, WithJsonSchema
+
+from tradestudy import units
+from tradestudy.units import Dimension, UnitError, parse, pretty
+
+_NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
+
+
+def quantity(
+    dimension: Dimension,
+    *,
+    above: float = -math.inf,
+    at_least: float = -math.inf,
+    at_most: float = math.inf,
+    infinite: bool = False,
+) -> tuple[BeforeValidator, WithJsonSchema]:
+    """Make the annotations that turn ``float`` into a quantity of a study file.
+
+    Parameters
+    ----------
+    dimension
+        What the value must measure.
+    above, at_least, at_most
+        Limits in SI [`dimension.unit`]; ``above`` excludes its own value.
+    infinite
+        Whether ``infinity`` is a legal value.
+
+    Returns
+    -------
+    tuple
+        For ``Annotated[float, *quantity(LENGTH)]``; a value that breaks a rule raises
+        `UnitError`, which pydantic reports.
+    """
+    limits = _limits(dimension, above=above, at_least=at_least, at_most=at_most)
+
+    def read(value: object) -> float:
+        number = parse(value, dimension)
+        if math.isinf(number) and not (infinite and number > 0.0):
+            raise UnitError(f"infinity is not possible here; {dimension.name} is expected, such as {dimension.example}")
+        if not (above < number and at_least <= number <= at_most):
+            raise UnitError(f"'{value}' is out of range; {dimension.name} {limits} is expected")
+        return number
+
+    return BeforeValidator(read), WithJsonSchema(_json_schema(dimension, limits, infinite=infinite))
+
+
+def _limits(dimension: Dimension, *, above: float, at_least: float, at_most: float) -> str:
+    """Say the limits in words: "above 0 m", "of 0 m or more", "from 10 nm to 10 mm"."""
+    low, high = pretty(at_least, dimension), pretty(at_most, dimension)
+    if math.isfinite(above):
+        words = f"above {pretty(above, dimension)}"
+        return f"{words} and up to {high}" if math.isfinite(at_most) else words
+    if math.isfinite(at_least) and math.isfinite(at_most):
+        return f"from {low} to {high}"
+    if math.isfinite(at_least):
+        return f"of {low} or more"
+    return f"of {high} or less" if math.isfinite(at_most) else "of any size"
+
+
+def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[str, Any]:
+    """Describe the text form to editors; a bare number is right only where the dimension has no unit."""
+    pattern = f"^{_NUMBER}" + (r"\s*\S.*$" if dimension.unit else r"(\s*%)?$")
+    schema: dict[str, Any] = {
+        "type": ["string"] if dimension.unit else ["number", "string"],
+        "description": f"{dimension.name} {limits}",
+        "examples": [dimension.example],
+        "pattern": f"{pattern}|^\\.?inf(inity)?$" if infinite else pattern,
+    }
+    return schema
+
+
+Length = Annotated[float, *quantity(units.LENGTH)]
+PositiveLength = Annotated[float, *quantity(units.LENGTH, above=0.0)]
+NonNegativeLength = Annotated[float, *quantity(units.LENGTH, at_least=0.0)]
+PositiveLengthOrInfinity = Annotated[float, *quantity(units.LENGTH, above=0.0, infinite=True)]
+# Outside of these ends a wavelength is a slip of the unit ("550 mm"), not light.
+PositiveWavelength = Annotated[float, *quantity(units.WAVELENGTH, at_least=1e-8, at_most=1e-2)]
+
+Angle = Annotated[float, *quantity(units.ANGLE)]
+PositiveAngle = Annotated[float, *quantity(units.ANGLE, above=0.0)]
+NonNegativeAngle = Annotated[float, *quantity(units.ANGLE, at_least=0.0)]
+# A field of view of a flat sensor behind a lens stays below half a turn.
+FieldOfView = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=179.0 * units.DEGREE)]
+
+Pixels = Annotated[float, *quantity(units.PIXELS)]
+PositivePixels = Annotated[float, *quantity(units.PIXELS, above=0.0)]
+NonNegativePixels = Annotated[float, *quantity(units.PIXELS, at_least=0.0)]
+Electrons = Annotated[float, *quantity(units.ELECTRONS)]
+PositiveElectrons = Annotated[float, *quantity(units.ELECTRONS, above=0.0)]
+NonNegativeElectrons = Annotated[float, *quantity(units.ELECTRONS, at_least=0.0)]
+Waves = Annotated[float, *quantity(units.WAVES)]
+NonNegativeWaves = Annotated[float, *quantity(units.WAVES, at_least=0.0)]
+
+Fraction = Annotated[float, *quantity(units.FRACTION)]
+PositiveFraction = Annotated[float, *quantity(units.FRACTION, above=0.0)]
+NonNegativeFraction = Annotated[float, *quantity(units.FRACTION, at_least=0.0)]
+# A part of a whole: an overlap, a probability, a confidence.
+Share = Annotated[float, *quantity(units.FRACTION, at_least=0.0, at_most=1.0)]
+Number = Annotated[float, *quantity(units.NUMBER)]
+PositiveNumber = Annotated[float, *quantity(units.NUMBER, above=0.0)]
+NonNegativeNumber = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
+
+PositiveDuration = Annotated[float, *quantity(units.DURATION, above=0.0)]
+Temperature = Annotated[float, *quantity(units.TEMPERATURE, above=0.0)]
+TemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE)]
+NonNegativeTemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE, at_least=0.0)]
+Pressure = Annotated[float, *quantity(units.PRESSURE, at_least=0.0)]
+ThermalExpansion = Annotated[float, *quantity(units.EXPANSION)]
+
+# Whole numbers are strict: 3.0, "3" and true are mistakes where a count belongs.
+Count = Annotated[int, Field(strict=True, ge=0)]
+PositiveCount = Annotated[int, Field(strict=True, ge=1)]

@@ -1,0 +1,410 @@
+"""Units at the edge of the program: "5.5 um" to an SI float, and back to what a person expects to read.
+
+Inside, every number is SI. Pixels, electrons and waves are dimensions of their own here, so that a length can
+never be taken for a count of pixels, nor an angle for a plain number.
+"""
+
+from __future__ import annotations
+
+import difflib
+import functools
+import math
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from typing import TYPE_CHECKING
+
+from tradestudy.errors import TradestudyError
+
+if TYPE_CHECKING:
+    import pint
+
+DEGREE = math.pi / 180.0
+
+# The whole vocabulary of study files: pint's own registry knows a thousand units more and costs 0.2 s to build.
+_DEFINITIONS = """
+nano- = 1e-9 = n-
+micro- = 1e-6 = u-
+milli- = 1e-3 = m-
+centi- = 1e-2 = c-
+hecto- = 1e2 = h-
+kilo- = 1e3 = k-
+mega- = 1e6 = M-
+metre = [length] = m = meter
+angstrom = 1e-10 * metre
+inch = 0.0254 * metre
+second = [time] = s
+minute = 60 * second = min
+hour = 3600 * second = h
+radian = [angle] = rad
+degree = 0.017453292519943295 * radian = deg
+arcminute = degree / 60 = arcmin
+arcsecond = degree / 3600 = arcsec
+kelvin = [temperature] = K
+degree_Celsius = kelvin; offset: 273.15 = degC = celsius
+pascal = [pressure] = Pa
+bar = 1e5 * pascal
+atmosphere = 101325 * pascal = atm
+pixel = [pixel] = px
+electron = [electron] = e
+wave = [wave]
+percent = 0.01
+ppm = 1e-6
+"""
+
+_SPELLINGS = str.maketrans(
+    {
+        "µ": "u",
+        "μ": "u",
+        "−": "-",
+        "·": "*",
+        "⋅": "*",
+        "×": "*",
+        "Å": "angstrom",
+        "%": "percent",
+        "\u00a0": " ",
+    }
+    | {"²": "^2", "³": "^3", "⁻": "^-", "¹": "1", "\u2009": " ", "\u202f": " "}
+)
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_COMMON_UNITS = (
+    "nm", "um", "mm", "cm", "m", "km", "deg", "rad", "mrad", "arcmin", "arcsec", "px", "pixels", "electrons",
+    "waves", "percent", "ppm", "K", "degC", "Pa", "kPa", "hPa", "bar", "s", "ms", "min", "h",
+)  # fmt: skip
+_CELSIUS = re.compile(r"\b(?:degC|celsius|degree_Celsius)\b")
+_QUANTITY = re.compile(r"(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<unit>.*)")
+_INFINITY = re.compile(r"(?P<sign>[+-]?)\.?inf(?:inity)?", re.IGNORECASE)
+_ELECTRON = re.compile(r"(?<![A-Za-z])(k?)e\^?-(?!\d)")
+_FACTOR = re.compile(r"(?P<name>[A-Za-z][A-Za-z_]*)(?:(?:\^|\*\*)(?P<power>-?\d))?")
+
+
+@dataclass(frozen=True, kw_only=True)
+class DisplayUnit:
+    """A unit that reports use.
+
+    Parameters
+    ----------
+    label
+        What stands behind the number, with its space: " mm", "°".
+    size
+        One of it, in SI.
+    used_from
+        The smallest SI magnitude that is shown in it.
+    zero
+        The SI value shown as 0 (for degrees Celsius).
+    """
+
+    label: str
+    size: float
+    used_from: float = 0.0
+    zero: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dimension:
+    """What a number measures: its name, its SI unit, how a person writes it and how a report shows it.
+
+    Parameters
+    ----------
+    name
+        With its article, as messages say it ("a length").
+    unit
+        The SI unit of the float inside, in the notation of study files ("" for a plain number).
+    example
+        What a person could have written.
+    display
+        Units of reports, from the smallest to the largest.
+    absolute
+        Whether an offset unit counts from its zero (a temperature) or by its steps (a difference).
+    """
+
+    name: str
+    unit: str
+    example: str
+    display: tuple[DisplayUnit, ...]
+    absolute: bool = False
+
+
+def _shown_in(label: str) -> tuple[DisplayUnit, ...]:
+    """One display unit that is the SI unit itself."""
+    return (DisplayUnit(label=label, size=1.0),)
+
+
+_METRIC = (
+    DisplayUnit(label=" nm", size=1e-9),
+    DisplayUnit(label=" µm", size=1e-6, used_from=1e-6),
+    DisplayUnit(label=" mm", size=1e-3, used_from=1e-3),
+    DisplayUnit(label=" m", size=1.0, used_from=1.0),
+    DisplayUnit(label=" km", size=1e3, used_from=1e4),
+)
+
+LENGTH = Dimension(name="a length", unit="m", example="30.5 mm", display=_METRIC)
+WAVELENGTH = Dimension(name="a wavelength", unit="m", example="550 nm", display=_METRIC)
+ANGLE = Dimension(
+    name="an angle",
+    unit="rad",
+    example="0.2 deg",
+    display=(
+        DisplayUnit(label="″", size=DEGREE / 3600),
+        DisplayUnit(label="′", size=DEGREE / 60, used_from=DEGREE / 60),
+        DisplayUnit(label="°", size=DEGREE, used_from=DEGREE / 10),
+    ),
+)
+PIXELS = Dimension(name="a number of pixels", unit="px", example="0.1 px", display=_shown_in(" px"))
+ELECTRONS = Dimension(
+    name="a number of electrons", unit="electron", example="12000 electrons", display=_shown_in(" e⁻")
+)
+WAVES = Dimension(name="a number of waves", unit="wave", example="0.25 waves", display=_shown_in(" waves"))
+FRACTION = Dimension(
+    name="a fraction",
+    unit="",
+    example="2 %",
+    display=(
+        DisplayUnit(label=" ppm", size=1e-6),
+        DisplayUnit(label=" %", size=1e-2, used_from=1e-4),
+    ),
+)
+NUMBER = Dimension(name="a plain number", unit="", example="3.8", display=_shown_in(""))
+DURATION = Dimension(
+    name="a time",
+    unit="s",
+    example="60 s",
+    display=(
+        DisplayUnit(label=" µs", size=1e-6),
+        DisplayUnit(label=" ms", size=1e-3, used_from=1e-3),
+        DisplayUnit(label=" s", size=1.0, used_from=1.0),
+        DisplayUnit(label=" min", size=60.0, used_from=120.0),
+        DisplayUnit(label=" h", size=3600.0, used_from=7200.0),
+    ),
+)
+TEMPERATURE = Dimension(
+    name="a temperature",
+    unit="K",
+    example="20 degC",
+    display=(DisplayUnit(label=" °C", size=1.0, zero=273.15),),
+    absolute=True,
+)
+TEMPERATURE_DIFFERENCE = Dimension(name="a temperature difference", unit="K", example="10 K", display=_shown_in(" K"))
+PRESSURE = Dimension(
+    name="a pressure",
+    unit="Pa",
+    example="101325 Pa",
+    display=(
+        DisplayUnit(label=" Pa", size=1.0),
+        DisplayUnit(label=" kPa", size=1e3, used_from=1e3),
+    ),
+)
+EXPANSION = Dimension(
+    name="a thermal expansion",
+    unit="1/K",
+    example="23 ppm/K",
+    display=(DisplayUnit(label=" ppm/K", size=1e-6),),
+)
+
+
+class UnitError(TradestudyError, ValueError):
+    """A value does not read as the quantity that belongs here; the message says what would."""
+
+    exit_status = 2
+
+
+def parse(value: object, dimension: Dimension) -> float:
+    """Read a value of a study file as an SI float.
+
+    Parameters
+    ----------
+    value
+        Text such as ``"5.5 um"``, or a number as YAML gives it; a bare number is right only for fractions and
+        plain numbers. ``infinity`` reads as infinity of any dimension.
+    dimension
+        What the value must measure.
+
+    Returns
+    -------
+    float
+        In the SI unit of the dimension [`dimension.unit`].
+
+    Raises
+    ------
+    UnitError
+        For a missing or unknown unit, a wrong dimension, text that is no quantity, NaN, or a number too large
+        for a float.
+    """
+    if isinstance(value, bool) or not isinstance(value, str | int | float):
+        raise _mismatch(f"{_shown(value)} is not a quantity", dimension)
+    text = str(value).strip() if isinstance(value, str) else _shown_number(value)
+    if infinity := _INFINITY.fullmatch(text):
+        return -math.inf if infinity["sign"] == "-" else math.inf
+    match = _QUANTITY.fullmatch(text.translate(_SPELLINGS))
+    if "," in text:
+        raise _mismatch(f"{_shown(text)} has a comma; the decimal sign is a point", dimension)
+    if match is None:
+        raise _mismatch(f"{_shown(text)} is not a quantity", dimension)
+    number, unit = match["number"], match["unit"].strip()
+    if not unit and dimension.unit:
+        raise _mismatch(f"'{text}' has no unit", dimension)
+    result = _in_si(number, unit, text, dimension) if unit else float(number)
+    if not math.isfinite(result):
+        raise _mismatch(f"'{text}' is too large for a computer's number", dimension)
+    return result
+
+
+def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
+    """Write an SI value as a person expects to read it: 0.0055 of a length is ``5.5 mm``.
+
+    Parameters
+    ----------
+    value
+        In the SI unit of the dimension [`dimension.unit`].
+    dimension
+        What it measures.
+    digits
+        Significant digits kept; trailing zeros are dropped.
+
+    Returns
+    -------
+    str
+        "∞" and "−∞" for infinities, "—" for NaN.
+    """
+    if math.isnan(value):
+        return "—"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    rounded = float(f"{value:.{digits - 1}e}") if not dimension.absolute else value
+    unit = display_unit(rounded, dimension)
+    return significant((value - unit.zero) / unit.size, digits) + unit.label
+
+
+def display_unit(value: float, dimension: Dimension) -> DisplayUnit:
+    """Choose the unit in which a report shows this SI magnitude; for an axis, pass its typical value."""
+    units = dimension.display
+    if value == 0.0:
+        return max((unit for unit in units if unit.size <= 1.0), key=lambda unit: unit.size)
+    return next((unit for unit in reversed(units) if abs(value) >= unit.used_from), units[0])
+
+
+def significant(number: float, digits: int = 3) -> str:
+    """Write a number with so many significant digits and no trailing zeros: ``1230``, ``0.00012``, ``4.5×10⁻⁹``."""
+    mantissa, _, exponent = f"{number:.{digits - 1}e}".partition("e")
+    if number == 0.0:
+        return "0"
+    power = int(exponent)
+    if -5 <= power < 7:
+        plain = f"{float(f'{mantissa}e{power}'):.{max(digits - 1 - power, 0)}f}"
+        text = plain.rstrip("0").rstrip(".") if "." in plain else plain
+    else:
+        text = f"{mantissa.rstrip('0').rstrip('.')}×10{str(power).translate(_SUPERSCRIPTS)}"
+    return text.replace("-", "−")
+
+
+def nearest(word: str, known: Iterable[str]) -> str | None:
+    """Find the known word most like the one written, or None when nothing is like it."""
+    by_folded = {candidate.casefold(): candidate for candidate in known}
+    close = difflib.get_close_matches(word.casefold(), by_folded, n=1, cutoff=0.6)
+    return by_folded[close[0]] if close else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Unit:
+    """A unit of a study file, resolved: SI value = number × scale + offset."""
+
+    scale: float
+    offset: float
+    dimensions: frozenset[tuple[str, object]]
+
+
+def _in_si(number: str, unit: str, text: str, dimension: Dimension) -> float:
+    """Convert a number with its unit to SI, or say why it cannot be."""
+    resolved = _resolve(unit, absolute=dimension.absolute)
+    if isinstance(resolved, str):
+        raise _mismatch(f"'{text}' {resolved}", dimension)
+    if resolved.dimensions != _dimensions(dimension):
+        raise _mismatch(f"'{text}' is {_name_of(resolved.dimensions)}", dimension)
+    written = float(number)
+    if written == 0.0 or not math.isfinite(written):
+        return written + resolved.offset
+    # In decimals, so that "5.5 um" is the float 5.5e-6 and not its neighbour.
+    return float(Decimal(number) * Decimal(repr(resolved.scale)) + Decimal(repr(resolved.offset)))
+
+
+@functools.lru_cache(maxsize=1024)
+def _resolve(unit: str, *, absolute: bool) -> _Unit | str:
+    """Look a unit up; a unit that does not exist comes back as the sentence that says so."""
+    registry = _registry()
+    spelled = _ELECTRON.sub(r"\1electron", unit.replace("°", "deg"))
+    compact = re.sub(r"\s+", "*", re.sub(r"\s*(\*\*|[*/^])\s*", r"\1", spelled)).replace("**", "^")
+    for factor in re.split(r"[*/]", compact.removeprefix("1/").removeprefix("/")):
+        match = _FACTOR.fullmatch(factor)
+        if match is None:
+            return "does not end in a unit"
+        if match["name"] not in registry:
+            return f"has the unknown unit '{match['name']}'{_suggestion(match['name'])}"
+    if not (absolute and _CELSIUS.fullmatch(compact)):
+        compact = _CELSIUS.sub("delta_degree_Celsius", compact)
+    one, zero = (
+        registry.Quantity(number, registry.parse_units("1" + compact if compact[0] == "/" else compact))
+        for number in (1.0, 0.0)
+    )
+    one_si, offset = (quantity.to_root_units().magnitude for quantity in (one, zero))
+    dimensions = frozenset(one.dimensionality.items())
+    return _Unit(scale=one_si - offset, offset=offset, dimensions=dimensions)
+
+
+@functools.cache
+def _registry() -> pint.UnitRegistry[float]:
+    """Build the vocabulary above; pint is imported only here, for only the readers of study files to pay."""
+    import pint
+
+    return pint.UnitRegistry(_DEFINITIONS.strip().splitlines(), cache_folder=None)
+
+
+def _dimensions(dimension: Dimension) -> frozenset[tuple[str, object]]:
+    """Give the powers of the base dimensions."""
+    if not dimension.unit:
+        return frozenset()
+    resolved = _resolve(dimension.unit, absolute=False)
+    assert isinstance(resolved, _Unit), dimension.unit
+    return resolved.dimensions
+
+
+def _name_of(dimensions: frozenset[tuple[str, object]]) -> str:
+    """Say what a person calls a combination of base dimensions."""
+    return next((known.name for known in _KNOWN if _dimensions(known) == dimensions), "a quantity of another kind")
+
+
+_KNOWN = (
+    LENGTH, ANGLE, PIXELS, ELECTRONS, WAVES, FRACTION, DURATION, TEMPERATURE, PRESSURE, EXPANSION,
+)  # fmt: skip
+
+
+def _suggestion(name: str) -> str:
+    """Name the nearest unit in common use, if there is one."""
+    close = nearest(name, _COMMON_UNITS)
+    return f" (nearest: '{close}')" if close else ""
+
+
+def _mismatch(what: str, dimension: Dimension) -> UnitError:
+    return UnitError(f"{what}; {dimension.name} is expected, such as {dimension.example}")
+
+
+def _shown(value: object) -> str:
+    """Quote a foreign value in an error message: short, on one line."""
+    if value is None:
+        return "an empty value"
+    if isinstance(value, bool):
+        return f"'{str(value).lower()}'"
+    if isinstance(value, Mapping):
+        return "a mapping"
+    if isinstance(value, list | tuple):
+        return "a list"
+    text = str(value)
+    return f"'{text}'" if len(text) <= 40 else f"'{text[:37]}…'"
+
+
+def _shown_number(value: float) -> str:
+    """Write a number as a person would have: 1000, not 1000.0."""
+    try:
+        return f"{value:.15g}"
+    except OverflowError:
+        return "1e999"
