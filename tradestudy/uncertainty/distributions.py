@@ -1,0 +1,378 @@
+"""Distributions of single errors: quantile function, mean and standard deviation where they exist.
+
+All sampling goes through the quantile function, so that quasi-random points keep their evenness.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri, stdtrit
+
+from tradestudy.errors import OutOfRangeError
+
+FloatArray = NDArray[np.float64]
+
+
+class Distribution(Protocol):
+    """The distribution of one error, known by its quantile function."""
+
+    @property
+    def mean(self) -> float | None:
+        """Expectation, in the unit of the error; None where it does not exist."""
+
+    @property
+    def standard_deviation(self) -> float | None:
+        """Standard deviation, in the unit of the error; None where it does not exist."""
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the value that is not exceeded with this probability."""
+
+
+def _require_finite(what: str, *values: float) -> None:
+    if not all(math.isfinite(value) for value in values):
+        raise OutOfRangeError(
+            f"{what} has a parameter that is not a number",
+            value=", ".join(f"{value:g}" for value in values),
+            limit="finite numbers",
+            remedy="correct the study or leave the source out",
+        )
+
+
+def _require_not_negative(what: str, value: float) -> None:
+    if value < 0.0:
+        raise OutOfRangeError(what, value=f"{value:g}", limit=">= 0", remedy="give its magnitude")
+
+
+def _require_ordered(what: str, *values: float) -> None:
+    _require_finite(what, *values)
+    if any(later < earlier for earlier, later in pairwise(values)):
+        raise OutOfRangeError(
+            f"{what} needs its limits in rising order",
+            value=", ".join(f"{value:g}" for value in values),
+            limit="low <= ... <= high",
+            remedy="swap them",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Normal:
+    """Normal distribution: x_p = mean + standard deviation · Φ⁻¹(p).
+
+    Parameters
+    ----------
+    mean : float
+        Expectation [unit of the error].
+    standard_deviation : float
+        Standard deviation [unit of the error], >= 0; zero is the constant ``mean``.
+
+    Raises
+    ------
+    OutOfRangeError
+        A parameter is not finite or the standard deviation is negative.
+    """
+
+    mean: float
+    standard_deviation: float
+
+    def __post_init__(self) -> None:
+        _require_finite("a normal distribution", self.mean, self.standard_deviation)
+        _require_not_negative("the standard deviation of a normal distribution", self.standard_deviation)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the value at this cumulative probability; ∓∞ at 0 and 1."""
+        return np.asarray(self.mean + self.standard_deviation * ndtri(np.asarray(probability, float)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform:
+    """Rectangular distribution on [low, high]: x_p = low + (high − low) p.
+
+    Parameters
+    ----------
+    low, high : float
+        Limits [unit of the error], low <= high.
+
+    Raises
+    ------
+    OutOfRangeError
+        A limit is not finite or the limits are not in rising order.
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _require_ordered("a uniform distribution", self.low, self.high)
+
+    @property
+    def mean(self) -> float:
+        """Middle of the limits."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def standard_deviation(self) -> float:
+        """(high − low)/√12."""
+        return (self.high - self.low) / math.sqrt(12.0)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the value at this cumulative probability."""
+        return np.asarray(self.low + (self.high - self.low) * np.asarray(probability, float))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Triangular:
+    """Triangular distribution on [low, high] with its peak at ``mode``.
+
+    Parameters
+    ----------
+    low, mode, high : float
+        Limits and peak [unit of the error], low <= mode <= high.
+
+    Raises
+    ------
+    OutOfRangeError
+        A value is not finite or they are not in rising order.
+    """
+
+    low: float
+    mode: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _require_ordered("a triangular distribution", self.low, self.mode, self.high)
+
+    @property
+    def mean(self) -> float:
+        """(low + mode + high)/3."""
+        return (self.low + self.mode + self.high) / 3.0
+
+    @property
+    def standard_deviation(self) -> float:
+        """√((r² + s² + (r + s)²)/36) with r, s the distances of the mode from the limits."""
+        r, s = self.mode - self.low, self.high - self.mode
+        return math.sqrt((r * r + s * s + (r + s) ** 2) / 36.0)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the value at this cumulative probability."""
+        p = np.asarray(probability, float)
+        r, s = self.mode - self.low, self.high - self.mode
+        rising = self.low + np.sqrt(p * r * (r + s))
+        falling = self.high - np.sqrt((1.0 - p) * s * (r + s))
+        return np.where(p * (r + s) <= r, rising, falling)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StudentT:
+    """Scaled and shifted Student t distribution: what few repeated readings know of a mean.
+
+    Parameters
+    ----------
+    location : float
+        Median [unit of the error].
+    scale : float
+        Scale [unit of the error], >= 0. For n readings with sample deviation s: s/√n.
+    degrees_of_freedom : float
+        > 0. The mean exists above 1, the standard deviation above 2; below, they are None.
+
+    Raises
+    ------
+    OutOfRangeError
+        A parameter is not finite, the scale is negative, or the degrees of freedom are not positive.
+    """
+
+    location: float
+    scale: float
+    degrees_of_freedom: float
+
+    def __post_init__(self) -> None:
+        _require_finite("a Student t distribution", self.location, self.scale, self.degrees_of_freedom)
+        _require_not_negative("the scale of a Student t distribution", self.scale)
+        if self.degrees_of_freedom <= 0.0:
+            raise OutOfRangeError(
+                "the degrees of freedom of a Student t distribution",
+                value=f"{self.degrees_of_freedom:g}",
+                limit="> 0",
+                remedy="n readings have n - 1 degrees of freedom",
+            )
+
+    @property
+    def mean(self) -> float | None:
+        """The location; None for one degree of freedom or fewer."""
+        return self.location if self.degrees_of_freedom > 1.0 else None
+
+    @property
+    def standard_deviation(self) -> float | None:
+        """The scale times √(ν/(ν − 2)); None for ν <= 2."""
+        nu = self.degrees_of_freedom
+        return self.scale * math.sqrt(nu / (nu - 2.0)) if nu > 2.0 else None
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the value at this cumulative probability; ∓∞ at 0 and 1."""
+        p = np.asarray(probability, float)
+        return np.asarray(self.location + self.scale * stdtrit(self.degrees_of_freedom, p))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arcsine:
+    """Arcsine (U-shaped) distribution on [low, high]: a sinusoidal influence of unknown phase.
+
+    Parameters
+    ----------
+    low, high : float
+        Limits [unit of the error], low <= high.
+
+    Raises
+    ------
+    OutOfRangeError
+        A limit is not finite or the limits are not in rising order.
+    """
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        _require_ordered("an arcsine distribution", self.low, self.high)
+
+    @property
+    def mean(self) -> float:
+        """Middle of the limits."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def standard_deviation(self) -> float:
+        """(high − low)/√8."""
+        return (self.high - self.low) / math.sqrt(8.0)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the value at this cumulative probability."""
+        phase = np.pi * (np.asarray(probability, float) - 0.5)
+        return np.asarray(self.mean + 0.5 * (self.high - self.low) * np.sin(phase))
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurvilinearTrapezoid:
+    """Rectangle whose limits are known only to ± ``inexactness`` while its middle is fixed (JCGM 101, 6.4.3).
+
+    Parameters
+    ----------
+    low, high : float
+        Nominal limits [unit of the error], low <= high.
+    inexactness : float
+        Half-width of the uniform uncertainty of each limit [unit of the error],
+        0 <= inexactness <= (high − low)/2.
+
+    Raises
+    ------
+    OutOfRangeError
+        A value is not finite, the limits are not in rising order, or the inexactness exceeds the half-width.
+    """
+
+    low: float
+    high: float
+    inexactness: float
+
+    def __post_init__(self) -> None:
+        _require_ordered("a curvilinear trapezoid", self.low, self.high)
+        _require_finite("a curvilinear trapezoid", self.inexactness)
+        half_width = 0.5 * (self.high - self.low)
+        if not 0.0 <= self.inexactness <= half_width:
+            raise OutOfRangeError(
+                "the inexactness of the limits of a curvilinear trapezoid",
+                value=f"{self.inexactness:g}",
+                limit=f"0 to the half-width {half_width:g}",
+                remedy="widen the limits or state them more exactly",
+            )
+
+    @property
+    def mean(self) -> float:
+        """Middle of the limits."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def standard_deviation(self) -> float:
+        """√((high − low)²/12 + inexactness²/9)."""
+        return math.sqrt((self.high - self.low) ** 2 / 12.0 + self.inexactness**2 / 9.0)
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the value at this cumulative probability."""
+        p = np.asarray(probability, float)
+        w, d = 0.5 * (self.high - self.low), self.inexactness
+        if d == 0.0:
+            return np.asarray(self.low + 2.0 * w * p)
+        lower = np.minimum(p, 1.0 - p)
+        corner = ((w + d) - (w - d) - (w - d) * _log_ratio(w + d, w - d)) / (4.0 * d)
+        flank = (w + d) * _flank_depth(4.0 * d * np.minimum(lower, corner) / (w + d))
+        plateau_density = _log_ratio(w + d, w - d) / (4.0 * d)
+        plateau = 2.0 * d + (lower - corner) / plateau_density if w > d else flank
+        from_edge = np.where(lower <= corner, flank, plateau)
+        distance = w + d - from_edge
+        return np.where(p <= 0.5, self.mean - distance, self.mean + distance)
+
+
+def _log_ratio(outer: float, inner: float) -> float:
+    """ln(outer/inner), and 0 for inner = 0, where it is only ever multiplied by zero."""
+    return math.log(outer / inner) if inner > 0.0 else 0.0
+
+
+def _flank_depth(e: FloatArray) -> FloatArray:
+    """Solve s + (1 − s) ln(1 − s) = e on [0, 1] by Newton from above (convex: it descends)."""
+    tiny = np.finfo(float).tiny
+    s = np.minimum(np.sqrt(2.0 * np.maximum(e, 0.0)), 1.0 - 1e-12)
+    for _ in range(12):
+        log = np.log1p(-s)
+        s = np.clip(s + (s + (1.0 - s) * log - e) / np.minimum(log, -tiny), 0.0, 1.0 - 1e-15)
+    return np.asarray(s)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Empirical:
+    """Equally weighted draws: x_p is the ⌈np⌉-th smallest of n, a step function, nothing interpolated.
+
+    Parameters
+    ----------
+    draws : array, shape (n,)
+        Finite values [unit of the error], at least two.
+
+    Raises
+    ------
+    OutOfRangeError
+        Fewer than two draws, more than one dimension, or a draw that is not finite.
+    """
+
+    draws: FloatArray
+    _sorted: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        draws = np.array(self.draws, float)
+        if draws.ndim != 1 or draws.size < 2 or not np.all(np.isfinite(draws)):
+            raise OutOfRangeError(
+                "empirical draws",
+                value=f"shape {draws.shape}, {int(np.sum(~np.isfinite(draws)))} of them not finite",
+                limit="one column of at least two finite values",
+                remedy="remove the rows that are not finite, and say so in the study",
+            )
+        draws.setflags(write=False)
+        object.__setattr__(self, "draws", draws)
+        object.__setattr__(self, "_sorted", np.sort(draws))
+
+    @property
+    def mean(self) -> float:
+        """Mean of the draws."""
+        return float(np.mean(self.draws))
+
+    @property
+    def standard_deviation(self) -> float:
+        """Standard deviation of the draws taken as the whole distribution (divisor n)."""
+        return float(np.std(self.draws))
+
+    def quantile(self, probability: ArrayLike) -> FloatArray:
+        """Return the value at this cumulative probability."""
+        n = self._sorted.size
+        rank = np.ceil(np.asarray(probability, float) * n).astype(np.int64) - 1
+        return np.asarray(self._sorted[np.clip(rank, 0, n - 1)])

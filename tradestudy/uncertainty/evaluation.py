@@ -1,0 +1,135 @@
+"""Running a model on draws: outcomes, failures by cause, and independent replicates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty.distributions import FloatArray
+from tradestudy.uncertainty.sources import Sources
+from tradestudy.uncertainty.streams import Sampler, point_generator
+
+BoolArray = NDArray[np.bool_]
+
+CAUSES = ("nonfinite", "no_overlap", "out_of_range")
+"""Why a draw has no rank: not a number, a point the camera does not see, input outside a law's validity."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Outcome:
+    """What a model returns for a batch of draws.
+
+    Parameters
+    ----------
+    values : array, shape (draws, outputs)
+        Results; +∞ is a result with a rank, NaN and −∞ are failures.
+    no_overlap, out_of_range : bool array, broadcast to ``values``
+        Draws that have no result for this reason; their values are ignored.
+    """
+
+    values: FloatArray
+    no_overlap: BoolArray | bool = False
+    out_of_range: BoolArray | bool = False
+
+
+Model = Callable[[Mapping[str, FloatArray]], Outcome]
+"""Takes every parameter by name, shape (draws, 1), and returns an outcome of shape (draws, outputs)."""
+
+
+def depth_from_inverse(inverse_depth: FloatArray) -> FloatArray:
+    """Depth Z = 1/w; w <= 0 is a point at or beyond infinity and becomes +∞.
+
+    Parameters
+    ----------
+    inverse_depth : array, any shape
+        w [1/m]; NaN stays NaN.
+    """
+    positive = inverse_depth > 0.0
+    depth = np.where(np.isnan(inverse_depth), np.nan, np.inf)
+    with np.errstate(over="ignore"):  # a subnormal inverse depth is at infinity too
+        np.divide(1.0, inverse_depth, out=depth, where=positive)
+    return depth
+
+
+def ranked(outcome: Outcome, *, inverse_depth: bool, draws: int) -> tuple[FloatArray, NDArray[np.int64]]:
+    """Values (outputs, draws), NaN where a draw has no rank, and failures counted (causes, outputs)."""
+    values = np.asarray(outcome.values, float)
+    if values.ndim != 2 or values.shape[0] != draws:
+        raise OutOfRangeError(
+            "a model returned an array of the wrong shape",
+            value=f"{values.shape}",
+            limit=f"({draws}, outputs)",
+            remedy="let the parameters, each of shape (draws, 1), broadcast against the outputs",
+        )
+    out_of_range = np.broadcast_to(outcome.out_of_range, values.shape)
+    no_overlap = np.broadcast_to(outcome.no_overlap, values.shape) & ~out_of_range
+    nonfinite = np.isnan(values) | (values == -np.inf) | (inverse_depth & (values == np.inf))
+    nonfinite = nonfinite & ~out_of_range & ~no_overlap
+    counts = np.stack([np.sum(mask, axis=0) for mask in (nonfinite, no_overlap, out_of_range)])
+    values = np.where(nonfinite | no_overlap | out_of_range, np.nan, values)
+    return np.ascontiguousarray(depth_from_inverse(values).T if inverse_depth else values.T), counts
+
+
+def evaluate_nominal(model: Model, sources: Sources, *, inverse_depth: bool) -> FloatArray:
+    """Evaluate the model at the nominal parameters, shape (outputs,); NaN where it fails there."""
+    return ranked(model(sources.nominal()), inverse_depth=inverse_depth, draws=1)[0][:, 0]
+
+
+class Replicate:
+    """One independent replicate of the draws of a model, which can be lengthened without starting again.
+
+    Parameters
+    ----------
+    model : Model
+        The vectorised model.
+    sources : Sources
+        What is uncertain.
+    sampler : Sampler
+        Scrambled Sobol or plain random points.
+    seed, point, replicate
+        Identity of the random stream (see :func:`tradestudy.uncertainty.streams.point_generator`).
+    inverse_depth : bool
+        The model returns inverse depth; values are kept as depth.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        sources: Sources,
+        *,
+        sampler: Sampler,
+        seed: int,
+        point: str,
+        replicate: int,
+        inverse_depth: bool,
+    ) -> None:
+        self._model, self._sources, self._inverse_depth = model, sources, inverse_depth
+        rng = point_generator(seed=seed, point=point, replicate=replicate)
+        self._uniform = sampler(sources.dimensions, rng)
+        self.values: FloatArray = np.empty((0, 0))
+        self.failures: NDArray[np.int64] = np.zeros((len(CAUSES), 0), np.int64)
+
+    @property
+    def draws(self) -> int:
+        """Draws so far."""
+        return int(self.values.shape[1])
+
+    def lengthen(self, draws: int, batch_draws: int) -> None:
+        """Evaluate until there are so many draws; the batch size changes memory and speed, never a bit."""
+        blocks, counts = [self.values] if self.draws else [], [self.failures] if self.draws else []
+        done = self.draws
+        while done < draws:
+            # Batches end on multiples of their size, so that a Sobol sequence is always asked for whole
+            # blocks.
+            size = min(batch_draws, draws - done)
+            parameters = self._sources.draw(self._uniform(size))
+            block, failed = ranked(self._model(parameters), inverse_depth=self._inverse_depth, draws=size)
+            blocks.append(block)
+            counts.append(failed)
+            done += size
+        self.values = np.concatenate(blocks, axis=1) if len(blocks) > 1 else blocks[0]
+        self.failures = np.sum(counts, axis=0)

@@ -1,0 +1,393 @@
+"""Parameters drawn together: joint normal, Gaussian copula, and the draws of a posterior.
+
+One rule decides what counts as singular. The correlation matrix of k parameters is split into eigenvalues.
+What lies between −k·1e-9 (the rounding of a file with nine digits) and k·2.2e-14 is an exact dependence: it
+is set to zero and takes no random coordinate, so correlations of ±1 are exact. What is more negative
+belongs to no distribution at all and is refused. Every larger positive eigenvalue is kept, however small: a
+weak direction can be the one that moves depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import ndtr, ndtri
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty.distributions import Distribution, Empirical, FloatArray, Normal
+from tradestudy.uncertainty.sources import ErrorClass
+
+_ROUNDING_OF_EIGENVALUES = 100.0 * np.finfo(float).eps
+_ROUNDING_OF_FILES = 1e-9
+
+
+def _square(what: str, matrix: FloatArray, size: int) -> FloatArray:
+    """Return a symmetric finite copy, or refuse."""
+    copy = np.array(matrix, float)
+    if copy.shape != (size, size) or not np.all(np.isfinite(copy)):
+        raise OutOfRangeError(
+            f"the {what} matrix of {size} parameters",
+            value=f"shape {copy.shape}, {int(np.sum(~np.isfinite(copy)))} entries not finite",
+            limit=f"{size} x {size} finite numbers",
+            remedy="give one row and one column per parameter",
+        )
+    spread = np.sqrt(np.abs(np.diag(copy)))
+    asymmetry = np.abs(copy - copy.T)
+    allowed = 10.0 * _ROUNDING_OF_FILES * np.outer(spread, spread)
+    if np.any(asymmetry > allowed):
+        i, j = (int(index) for index in np.unravel_index(int(np.argmax(asymmetry - allowed)), copy.shape))
+        raise OutOfRangeError(
+            f"the {what} matrix is not symmetric",
+            value=f"entries ({i}, {j}) {copy[i, j]:.10g} and ({j}, {i}) {copy[j, i]:.10g}",
+            limit="equal to 1e-8 of the two standard deviations",
+            remedy="write both halves of the matrix",
+        )
+    return np.asarray(0.5 * (copy + copy.T))
+
+
+def correlation_factor(correlation: FloatArray) -> FloatArray:
+    """Factor a correlation matrix: L with L Lᵀ = correlation and one column per independent direction.
+
+    Parameters
+    ----------
+    correlation : array, shape (k, k)
+        Symmetric, ones on its diagonal.
+
+    Returns
+    -------
+    array, shape (k, rank)
+        Columns in order of falling variance: the first coordinates of a quasi-random sequence are its best.
+        Eigenvalues that are zero to rounding (see the rule of this module) take no column.
+
+    Raises
+    ------
+    OutOfRangeError
+        An eigenvalue is negative beyond rounding: no distribution has these correlations.
+    """
+    size = correlation.shape[0]
+    values, vectors = np.linalg.eigh(correlation)
+    smallest = float(values[0])
+    if smallest < -size * _ROUNDING_OF_FILES:
+        direction = ", ".join(f"{component:+.3f}" for component in vectors[:, 0])
+        raise OutOfRangeError(
+            "the correlation matrix is not positive definite",
+            value=f"smallest eigenvalue {smallest:.3e} along ({direction})",
+            limit=f">= {-size * _ROUNDING_OF_FILES:.1e}, the rounding of a file with nine digits",
+            remedy="give more digits, leave out a parameter that the others determine, or give joint draws",
+        )
+    kept = values > size * _ROUNDING_OF_EIGENVALUES
+    # Each eigenvector's sign is arbitrary: fixing it keeps draws the same on every linear algebra library.
+    largest = np.argmax(np.abs(vectors), axis=0)
+    vectors = vectors * np.sign(vectors[largest, np.arange(size)])
+    factor = vectors[:, kept] * np.sqrt(values[kept])
+    norms = np.sqrt(np.sum(factor * factor, axis=1, keepdims=True))
+    return np.asarray((factor / norms)[:, ::-1])
+
+
+def _mix(factor: FloatArray, normal: FloatArray) -> FloatArray:
+    """Multiply factor @ normal in a fixed order of summation: a draw does not depend on its batch."""
+    mixed = np.zeros((factor.shape[0], normal.shape[1]))
+    for row, weights in zip(mixed, factor, strict=True):
+        for weight, coordinate in zip(weights, normal, strict=True):
+            row += weight * coordinate
+    return mixed
+
+
+def _correlation_of(covariance: FloatArray) -> FloatArray:
+    """Correlation from a covariance; a constant is correlated with nothing."""
+    spread = np.sqrt(np.diag(covariance))
+    safe = np.where(spread > 0.0, spread, 1.0)
+    correlation = np.asarray(covariance / np.outer(safe, safe))
+    np.fill_diagonal(correlation, 1.0)
+    return correlation
+
+
+def _require_names(names: tuple[str, ...], size: int) -> None:
+    if len(names) != size or len(set(names)) != size:
+        raise OutOfRangeError(
+            "the names of jointly distributed parameters",
+            value=f"{len(names)} names for {size} parameters: {', '.join(names)}",
+            limit="one different name per parameter",
+            remedy="name every parameter once",
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointNormal:
+    """Joint normal distribution with a full covariance, singular ones included.
+
+    Parameters
+    ----------
+    name : str
+        Name of the group.
+    parameters : tuple of str, length k
+        Names of the parameters.
+    mean : array, shape (k,)
+        Expectations [unit of each].
+    covariance : array, shape (k, k)
+        Covariance [product of the units]. A zero on the diagonal is a constant.
+    error_class : ErrorClass
+        How often the group is drawn anew.
+
+    Raises
+    ------
+    OutOfRangeError
+        Shapes do not match, a value is not finite, a variance is negative, or the matrix is not symmetric or
+        not positive definite beyond rounding (the rule is at the head of this module).
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    mean: FloatArray
+    covariance: FloatArray
+    error_class: ErrorClass
+    _factor: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        mean = np.array(self.mean, float)
+        _require_names(self.parameters, mean.size)
+        covariance = _square("covariance", self.covariance, mean.size)
+        variance = np.diag(covariance)
+        spread = np.sqrt(np.maximum(variance, 0.0))
+        constant = variance == 0.0
+        if np.any(variance < 0.0) or np.any(covariance[constant] != 0.0) or not np.all(np.isfinite(mean)):
+            raise OutOfRangeError(
+                "means and variances of a joint normal distribution",
+                value=f"means {mean}, variances {variance}",
+                limit="finite means, variances >= 0, no covariance with a constant",
+                remedy="correct the diagonal of the covariance",
+            )
+        correlation = _correlation_of(covariance)
+        factor = np.zeros((mean.size, 0))
+        if not np.all(constant):
+            moving = np.flatnonzero(~constant)
+            inner = correlation_factor(correlation[np.ix_(moving, moving)])
+            factor = np.zeros((mean.size, inner.shape[1]))
+            factor[moving] = inner * spread[moving, None]
+        for key, value in (("mean", mean), ("covariance", covariance), ("_factor", factor)):
+            value.setflags(write=False)
+            object.__setattr__(self, key, value)
+
+    @classmethod
+    def from_correlation(
+        cls,
+        *,
+        name: str,
+        parameters: tuple[str, ...],
+        mean: FloatArray,
+        standard_deviation: FloatArray,
+        correlation: FloatArray,
+        error_class: ErrorClass,
+    ) -> JointNormal:
+        """Build the covariance from standard deviations (k,) and a correlation matrix (k, k)."""
+        deviation = np.array(standard_deviation, float)
+        matrix = _correlation_matrix(correlation, deviation.size)
+        return cls(
+            name=name,
+            parameters=parameters,
+            mean=mean,
+            covariance=matrix * np.outer(deviation, deviation),
+            error_class=error_class,
+        )
+
+    @property
+    def dimensions(self) -> int:
+        """Number of independent directions."""
+        return int(self._factor.shape[1])
+
+    @property
+    def nominal(self) -> FloatArray:
+        """The means."""
+        return self.mean
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation matrix."""
+        return _correlation_of(self.covariance)
+
+    def draw(self, uniform: FloatArray) -> FloatArray:
+        """Map uniform coordinates (dimensions, n) to draws (k, n)."""
+        return np.asarray(self.mean[:, None] + _mix(self._factor, ndtri(uniform)))
+
+    def marginal(self, index: int) -> Distribution:
+        """Return the normal distribution of one parameter alone."""
+        variance = float(self.covariance[index, index])
+        return Normal(mean=float(self.mean[index]), standard_deviation=float(np.sqrt(variance)))
+
+
+def _correlation_matrix(correlation: FloatArray, size: int) -> FloatArray:
+    matrix = _square("correlation", correlation, size)
+    if np.any(np.abs(np.diag(matrix) - 1.0) > 10.0 * _ROUNDING_OF_FILES) or np.any(
+        np.abs(matrix) > 1.0 + 10.0 * _ROUNDING_OF_FILES
+    ):
+        raise OutOfRangeError(
+            "the correlation matrix",
+            value=f"diagonal {np.diag(matrix)}, largest magnitude {np.max(np.abs(matrix)):.10g}",
+            limit="ones on the diagonal, -1 to 1 elsewhere",
+            remedy="give a covariance instead, or divide by the standard deviations",
+        )
+    return matrix
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GaussianCopula:
+    """Any marginal distributions, tied by a Gaussian copula: x_i = Q_i(Φ(z_i)), z jointly normal.
+
+    Parameters
+    ----------
+    name : str
+        Name of the group.
+    parameters : tuple of str, length k
+        Names of the parameters.
+    marginals : tuple of Distribution, length k
+        Distribution of each parameter.
+    correlation : array, shape (k, k)
+        Correlation of the normal scores z. A rank correlation ρ_S belongs to 2 sin(π ρ_S/6); the
+        correlation of the parameters themselves is a little smaller in magnitude.
+    error_class : ErrorClass
+        How often the group is drawn anew.
+
+    Raises
+    ------
+    OutOfRangeError
+        As for :class:`JointNormal`.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    marginals: tuple[Distribution, ...]
+    correlation: FloatArray
+    error_class: ErrorClass
+    _factor: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        _require_names(self.parameters, len(self.marginals))
+        matrix = _correlation_matrix(self.correlation, len(self.marginals))
+        matrix.setflags(write=False)
+        object.__setattr__(self, "correlation", matrix)
+        object.__setattr__(self, "_factor", correlation_factor(matrix))
+
+    @property
+    def dimensions(self) -> int:
+        """Number of independent directions."""
+        return int(self._factor.shape[1])
+
+    @property
+    def nominal(self) -> FloatArray:
+        """Mean of each parameter, or its median where no mean exists."""
+        return np.array([float(m.quantile(0.5)) if m.mean is None else m.mean for m in self.marginals])
+
+    @property
+    def covariance(self) -> FloatArray | None:
+        """Covariance of the parameters by Gauss-Hermite quadrature over pairs; None where one has none.
+
+        The diagonal is exact; off-diagonal entries are exact for normal marginals, and good to about 1e-4
+        of the two standard deviations for bounded ones.
+        """
+        deviations = [marginal.standard_deviation for marginal in self.marginals]
+        if any(deviation is None for deviation in deviations):
+            return None
+        nodes, weights = np.polynomial.hermite_e.hermegauss(64)
+        weights = weights / np.sum(weights)
+        covariance = np.diag([float(deviation or 0.0) ** 2 for deviation in deviations])
+        for i, first in enumerate(self.marginals):
+            for j in range(i):
+                rho = float(np.clip(self.correlation[i, j], -1.0, 1.0))
+                tied = rho * nodes[:, None] + np.sqrt(1.0 - rho * rho) * nodes[None, :]
+                x = first.quantile(ndtr(nodes)) - (first.mean or 0.0)
+                y = self.marginals[j].quantile(ndtr(tied)) - (self.marginals[j].mean or 0.0)
+                covariance[i, j] = covariance[j, i] = float(weights @ (x * (y @ weights)))
+        return covariance
+
+    def draw(self, uniform: FloatArray) -> FloatArray:
+        """Map uniform coordinates (dimensions, n) to draws (k, n)."""
+        scores = ndtr(_mix(self._factor, ndtri(uniform)))
+        # Φ rounds to 1 above 8.2 standard deviations; the last double below keeps unbounded marginals finite.
+        scores = np.clip(scores, np.finfo(float).tiny, 1.0 - np.finfo(float).epsneg)
+        return np.stack([marginal.quantile(u) for marginal, u in zip(self.marginals, scores, strict=True)])
+
+    def marginal(self, index: int) -> Distribution:
+        """Return the distribution of one parameter alone."""
+        return self.marginals[index]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointDraws:
+    """Equally weighted joint draws, as a posterior sampler returns them; a draw is one whole row.
+
+    Rows are ordered along their first principal component, so that even a short quasi-random sequence covers
+    them evenly; with n rows each is taken once in n.
+
+    Parameters
+    ----------
+    name : str
+        Name of the group.
+    parameters : tuple of str, length k
+        Names of the parameters.
+    draws : array, shape (n, k)
+        Finite joint draws [unit of each], n >= 2.
+    error_class : ErrorClass
+        How often the group is drawn anew.
+
+    Raises
+    ------
+    OutOfRangeError
+        Shapes do not match, fewer than two rows, or a value is not finite.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    draws: FloatArray
+    error_class: ErrorClass
+    _ordered: FloatArray = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        draws = np.array(self.draws, float)
+        if draws.ndim != 2 or draws.shape[0] < 2 or not np.all(np.isfinite(draws)):
+            bad = int(np.sum(~np.all(np.isfinite(np.atleast_2d(draws)), axis=-1)))
+            raise OutOfRangeError(
+                "joint draws",
+                value=f"shape {draws.shape}, {bad} rows not finite",
+                limit="at least two rows of finite values, one column per parameter",
+                remedy="remove the rows that are not finite, and say so in the study",
+            )
+        _require_names(self.parameters, draws.shape[1])
+        scale = np.std(draws, axis=0)
+        standard = (draws - np.mean(draws, axis=0)) / np.where(scale > 0.0, scale, 1.0)
+        principal = np.linalg.svd(standard, full_matrices=False)[2][0]
+        order = np.argsort(standard @ principal, kind="stable")
+        ordered = np.ascontiguousarray(draws[order].T)
+        for key, value in (("draws", draws), ("_ordered", ordered)):
+            value.setflags(write=False)
+            object.__setattr__(self, key, value)
+
+    @property
+    def dimensions(self) -> int:
+        """One: the row."""
+        return 1
+
+    @property
+    def nominal(self) -> FloatArray:
+        """Means of the draws."""
+        return np.asarray(np.mean(self.draws, axis=0))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of the draws taken as the whole distribution (divisor n)."""
+        return np.atleast_2d(np.cov(self.draws, rowvar=False, bias=True))
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation of the draws."""
+        return _correlation_of(self.covariance)
+
+    def draw(self, uniform: FloatArray) -> FloatArray:
+        """Map uniform coordinates (1, n) to draws (k, n)."""
+        rows = self._ordered.shape[1]
+        index = np.minimum((uniform[0] * rows).astype(np.int64), rows - 1)
+        return np.asarray(self._ordered[:, index])
+
+    def marginal(self, index: int) -> Distribution:
+        """Return the draws of one parameter alone."""
+        return Empirical(draws=self.draws[:, index])

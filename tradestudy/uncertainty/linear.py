@@ -1,0 +1,265 @@
+"""Linear propagation: in the output, in inverse depth with quantiles mapped back, and to second order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import ndtri
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty.distributions import FloatArray
+from tradestudy.uncertainty.evaluation import Model, depth_from_inverse, ranked
+from tradestudy.uncertainty.outputs import COVERAGE, Propagated
+from tradestudy.uncertainty.sources import Sources
+
+# Central differences over so many standard deviations: far above the rounding of the model, and with a
+# truncation error of a millionth of the third-order term.
+_FIRST_ORDER_STEP = 1e-3
+_SECOND_ORDER_STEP = 5e-2
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Linear:
+    """First-order estimate of each output; last axis: outputs.
+
+    ``estimate`` and ``standard_uncertainty`` are in the unit of the output (depth for an inverse-depth
+    model); NaN where the model fails at a point of the difference quotient. ``sensitivity`` has shape
+    (parameters, outputs).
+    """
+
+    estimate: FloatArray
+    standard_uncertainty: FloatArray
+    sensitivity: FloatArray
+    inverse_estimate: FloatArray | None
+    inverse_uncertainty: FloatArray | None
+    evaluations: int
+
+    @property
+    def symmetric_interval(self) -> FloatArray:
+        """Estimate ± 1.96 u, shape (2, outputs): what a normal output would have."""
+        half = float(ndtri(0.5 * (1.0 + COVERAGE))) * self.standard_uncertainty
+        return np.stack([self.estimate - half, self.estimate + half])
+
+    def mapped_quantiles(self, probabilities: ArrayLike) -> FloatArray:
+        """Quantiles of depth by the line in inverse depth, shape (probabilities, outputs).
+
+        Z_p = 1/(w₀ + Φ⁻¹(1 − p) u(w)): right where inverse depth is nearly linear in its sources and nearly
+        normal, which stereo disparity is; +∞ where the line has passed infinity.
+
+        Raises
+        ------
+        OutOfRangeError
+            The model was not one of inverse depth.
+        """
+        if self.inverse_estimate is None or self.inverse_uncertainty is None:
+            raise OutOfRangeError(
+                "quantiles mapped back from inverse depth",
+                value="a model of the output itself",
+                limit="models of inverse depth",
+                remedy="propagate inverse depth, with inverse_depth=True",
+            )
+        score = ndtri(1.0 - np.atleast_1d(np.asarray(probabilities, float)))[:, None]
+        return depth_from_inverse(self.inverse_estimate + score * self.inverse_uncertainty)
+
+
+def _covariance(sources: Sources) -> FloatArray:
+    covariance = sources.covariance()
+    if covariance is None:
+        missing = [group.name for group in sources.active_groups if group.covariance is None]
+        raise OutOfRangeError(
+            "linear propagation needs standard deviations",
+            value=f"{', '.join(missing)} has none",
+            limit="sources with a finite variance",
+            remedy="use Monte Carlo, whose quantiles exist",
+        )
+    return covariance
+
+
+def _evaluate(model: Model, sources: Sources, offsets: FloatArray) -> FloatArray:
+    """Outputs (points, outputs) at nominal + offsets (points, parameters); NaN where the model fails."""
+    nominal = sources.nominal()
+    parameters = {name: nominal[name] + offsets[:, [k]] for k, name in enumerate(sources.parameters)}
+    return ranked(model(parameters), inverse_depth=False, draws=offsets.shape[0])[0].T
+
+
+def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
+    """Law of propagation of uncertainty, u² = cᵀ V c, with the sensitivities c by central differences.
+
+    Parameters
+    ----------
+    model : Model
+        Vectorised model; it is evaluated 2 n + 1 times for n uncertain parameters (17 for eight).
+    sources : Sources
+        What is uncertain; their covariance V enters in full.
+    inverse_depth : bool
+        The model returns inverse depth; the result is for depth, u(Z) = Z² u(w).
+
+    Raises
+    ------
+    OutOfRangeError
+        A source has no variance.
+
+    Notes
+    -----
+    JCGM 100:2008, eq. 13. Whether the line is good enough is judged by :func:`validity`.
+    """
+    covariance = _covariance(sources)
+    deviation = np.sqrt(np.diag(covariance))
+    uncertain = np.flatnonzero(deviation > 0.0)
+    steps = np.zeros((uncertain.size, deviation.size))
+    steps[np.arange(uncertain.size), uncertain] = _FIRST_ORDER_STEP * deviation[uncertain]
+    offsets = np.concatenate([np.zeros((1, deviation.size)), steps, -steps])
+    values = _evaluate(model, sources, offsets)
+    above, below = values[1 : 1 + uncertain.size], values[1 + uncertain.size :]
+    sensitivity = np.zeros((deviation.size, values.shape[1]))
+    sensitivity[uncertain] = (above - below) / (2.0 * _FIRST_ORDER_STEP * deviation[uncertain, None])
+    variance = np.einsum("ko,kl,lo->o", sensitivity, covariance, sensitivity)
+    # A correlation of ±1 can cancel the variance to a rounding below zero.
+    estimate, uncertainty = values[0], np.sqrt(np.maximum(variance, 0.0))
+    if not inverse_depth:
+        return Linear(
+            estimate=estimate,
+            standard_uncertainty=uncertainty,
+            sensitivity=sensitivity,
+            inverse_estimate=None,
+            inverse_uncertainty=None,
+            evaluations=offsets.shape[0],
+        )
+    depth = depth_from_inverse(estimate)
+    return Linear(
+        estimate=depth,
+        standard_uncertainty=depth * depth * uncertainty,
+        sensitivity=-depth * depth * sensitivity,
+        inverse_estimate=estimate,
+        inverse_uncertainty=uncertainty,
+        evaluations=offsets.shape[0],
+    )
+
+
+def second_order_uncertainty(model: Model, sources: Sources) -> FloatArray:
+    """Add the second-order terms of JCGM 100:2008, 5.1.2 (note), to the variance; u of shape (outputs,).
+
+    u² = Σ c_i² u_i² + Σ_ij [½ f_ij² + f_i f_ijj] u_i² u_j². The terms are those of independent, symmetric
+    sources with normal fourth moments.
+
+    Parameters
+    ----------
+    model : Model
+        Vectorised model; it is evaluated 2 n² + 2 n + 1 times for n uncertain parameters.
+    sources : Sources
+        Independent sources.
+
+    Raises
+    ------
+    OutOfRangeError
+        A source has no variance, or sources are correlated.
+    """
+    covariance = _covariance(sources)
+    if np.any(covariance != np.diag(np.diag(covariance))):
+        raise OutOfRangeError(
+            "second-order propagation",
+            value="correlated sources",
+            limit="independent ones",
+            remedy="use Monte Carlo",
+        )
+    deviation = np.sqrt(np.diag(covariance))
+    uncertain = np.flatnonzero(deviation > 0.0)
+    h, count = _SECOND_ORDER_STEP, uncertain.size
+    # Stencil in units of standard deviations: the centre, ± and ± 2 along each axis, and the corners of
+    # each pair.
+    unit = np.zeros((count, deviation.size))
+    unit[np.arange(count), uncertain] = h * deviation[uncertain]
+    axis = np.concatenate([unit, -unit, 2.0 * unit, -2.0 * unit])
+    pairs = [(i, j) for i in range(count) for j in range(i)]
+    corners = [s * unit[i] + t * unit[j] for i, j in pairs for s in (1.0, -1.0) for t in (1.0, -1.0)]
+    offsets = np.concatenate([np.zeros((1, deviation.size)), axis, np.reshape(corners, (-1, deviation.size))])
+    values = _evaluate(model, sources, offsets)
+    centre, along = values[0], values[1 : 1 + 4 * count].reshape(4, count, -1)
+    plus, minus, plus2, minus2 = along
+    first = (plus - minus) / (2.0 * h)
+    second = (plus + minus - 2.0 * centre) / h**2
+    third = (plus2 - minus2 - 2.0 * (plus - minus)) / (2.0 * h**3)
+    variance = np.sum(first**2 + 0.5 * second**2 + first * third, axis=0)
+    for (i, j), (pp, pm, mp, mm) in zip(pairs, values[1 + 4 * count :].reshape(-1, 4, centre.size), strict=True):
+        mixed = (pp - pm - mp + mm) / (4.0 * h**2)
+        # f_ijj: the second difference along j of the first difference along i; and the same with i and j
+        # exchanged.
+        f_ijj = ((pp + pm - 2.0 * plus[i]) - (mp + mm - 2.0 * minus[i])) / (2.0 * h**3)
+        f_jii = ((pp + mp - 2.0 * plus[j]) - (pm + mm - 2.0 * minus[j])) / (2.0 * h**3)
+        variance = variance + mixed**2 + first[i] * f_ijj + first[j] * f_jii
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Validity:
+    """Whether a linear 95 % interval may be used, by comparison with Monte Carlo (JCGM 101:2008, clause 8).
+
+    ``verdict`` is, per output, ``valid``, ``invalid``, or ``undecided`` where the Monte Carlo error is
+    larger than a fifth of the tolerance and a verdict would be a guess. ``low_difference`` and
+    ``high_difference`` are |linear − Monte Carlo| of the interval ends; ``tolerance`` is what they are
+    compared with.
+    """
+
+    verdict: NDArray[np.str_]
+    low_difference: FloatArray
+    high_difference: FloatArray
+    tolerance: FloatArray
+
+
+def numerical_tolerance(standard_uncertainty: ArrayLike, significant_digits: int) -> FloatArray:
+    """Half a unit in the last significant digit of u (JCGM 101:2008, 7.9.2): u = c·10^l gives δ = ½·10^l.
+
+    Parameters
+    ----------
+    standard_uncertainty : array, any shape
+        u [unit of the output]; zero and NaN have no digits and give zero and NaN.
+    significant_digits : int
+        Digits of c, usually 1 or 2.
+    """
+    u = np.asarray(standard_uncertainty, float)
+    positive = np.where(u > 0.0, u, 1.0)
+    exponent = np.floor(np.log10(positive)) - (significant_digits - 1)
+    # 0.0999 written with two digits is 0.10: rounding can carry into the next power of ten.
+    carried = np.round(positive / 10.0**exponent) >= 10.0**significant_digits
+    tolerance = 0.5 * 10.0 ** (exponent + carried)
+    return np.where(u > 0.0, tolerance, np.where(np.isnan(u), np.nan, 0.0))
+
+
+def validity(
+    interval: FloatArray,
+    propagated: Propagated,
+    *,
+    standard_uncertainty: FloatArray,
+    significant_digits: int = 2,
+) -> Validity:
+    """Judge the ends of an analytic 95 % interval against Monte Carlo.
+
+    Parameters
+    ----------
+    interval : array, shape (2, outputs)
+        Ends of the linear interval, or of the one mapped back from inverse depth.
+    propagated : Propagated
+        Monte Carlo result for the same outputs.
+    standard_uncertainty : array, shape (outputs,)
+        u of the analytic method, from whose last digit the tolerance follows.
+    significant_digits : int
+        Digits of u that are meant.
+    """
+    tolerance = numerical_tolerance(standard_uncertainty, significant_digits)
+    reference = propagated.symmetric_interval
+    both_infinite = np.isinf(interval) & np.isinf(reference)
+    difference = np.zeros(reference.shape)
+    np.subtract(interval, reference, out=difference, where=~both_infinite)
+    difference = np.abs(difference)
+    error = np.max(propagated.quantiles_error[[0, 4]], axis=0)
+    worst = np.max(difference, axis=0)
+    agrees = np.where(worst <= tolerance, "valid", "invalid")
+    clear = (error <= tolerance / 5.0) | (worst > tolerance + 5.0 * error)
+    return Validity(
+        verdict=np.where(clear, agrees, "undecided"),
+        low_difference=difference[0],
+        high_difference=difference[1],
+        tolerance=tolerance,
+    )

@@ -1,0 +1,308 @@
+"""Monte Carlo propagation with scrambled Sobol points, stopped by the error of the quantiles."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import repeat
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.special import stdtrit
+
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.uncertainty.evaluation import CAUSES, Model, Replicate, evaluate_nominal
+from tradestudy.uncertainty.outputs import (
+    Propagated,
+    ReplicateStatistics,
+    RunningStatistics,
+    replicate_statistics,
+    summarise,
+)
+from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Sources
+from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
+
+FEWEST_REPLICATES = 8
+"""Fewer independent scrambles do not give a trustworthy standard error."""
+
+# Bytes per held number: the number itself, its copy while a replicate is lengthened, and the sorted copies.
+_BYTES_PER_DRAW = 4 * 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sampling:
+    """How many draws, and when to stop.
+
+    Parameters
+    ----------
+    absolute_tolerance : float or array, shape (outputs,)
+        Allowed error of each quantile [unit of the output].
+    relative_tolerance : float
+        Allowed error as a share of the quantile's magnitude, added to the absolute one.
+    budget_draws : int
+        Largest number of draws over all replicates. With both tolerances zero the whole budget is spent.
+    replicates : int
+        Independent scrambles, >= 8.
+    first_draws : int
+        Draws per replicate before the first look, a power of two >= 64.
+    batch_draws : int
+        Draws per call of the model, a power of two; changes memory and speed, never a result.
+    memory_bytes : int
+        Bound on the draws that are held. A replicate longer than this allows is not lengthened; more
+        replicates of the same length are added, whose quantiles stay exact.
+    workers : int
+        Threads over replicates; never changes a result.
+    sampler : Sampler
+        :func:`~tradestudy.uncertainty.streams.scrambled_sobol`, or
+        :func:`~tradestudy.uncertainty.streams.plain_random` as a comparison.
+
+    Raises
+    ------
+    OutOfRangeError
+        A number is outside its range or not a power of two where one is asked for.
+    """
+
+    absolute_tolerance: ArrayLike
+    relative_tolerance: float
+    budget_draws: int
+    replicates: int = FEWEST_REPLICATES
+    first_draws: int = 2**9
+    batch_draws: int = 2**14
+    memory_bytes: int = 2**29
+    workers: int = 1
+    sampler: Sampler = scrambled_sobol
+
+    def __post_init__(self) -> None:
+        for name, number, least in (
+            ("first_draws", self.first_draws, 64),
+            ("batch_draws", self.batch_draws, 1),
+        ):
+            if number < least or number & (number - 1):
+                raise OutOfRangeError(
+                    f"{name} of a Sobol sequence",
+                    value=str(number),
+                    limit=f"a power of two >= {least}",
+                    remedy="Sobol points are balanced in blocks of powers of two only",
+                )
+        if self.replicates < FEWEST_REPLICATES or self.workers < 1:
+            raise OutOfRangeError(
+                "replicates and workers",
+                value=f"{self.replicates}, {self.workers}",
+                limit=f"replicates >= {FEWEST_REPLICATES}, workers >= 1",
+                remedy="the standard error comes from the scatter of independent scrambles",
+            )
+        if self.budget_draws < self.replicates * self.first_draws:
+            raise OutOfRangeError(
+                "the budget of draws",
+                value=str(self.budget_draws),
+                limit=f">= replicates x first_draws = {self.replicates * self.first_draws}",
+                remedy="raise the budget or lower first_draws",
+            )
+        tolerances = np.asarray(self.absolute_tolerance, float)
+        if not (np.all(tolerances >= 0.0) and 0.0 <= self.relative_tolerance < np.inf):
+            raise OutOfRangeError(
+                "tolerances of the quantiles",
+                value=f"absolute {tolerances}, relative {self.relative_tolerance}",
+                limit=">= 0",
+                remedy="give the error that the result may have",
+            )
+
+
+def _longest(sampling: Sampling, outputs: int) -> int:
+    """Draws per replicate that memory allows, a power of two."""
+    needed = _BYTES_PER_DRAW * sampling.replicates * outputs
+    if needed * sampling.first_draws > sampling.memory_bytes:
+        raise UnaffordableError(
+            "holding the first draws of all replicates",
+            value=f"{needed * sampling.first_draws} bytes for {outputs} outputs",
+            limit=f"{sampling.memory_bytes} bytes",
+            remedy="propagate fewer outputs at a time, or raise memory_bytes",
+        )
+    return 1 << (sampling.memory_bytes // needed).bit_length() - 1
+
+
+def _converged(running: RunningStatistics, sampling: Sampling) -> NDArray[np.bool_]:
+    """Per output: t_0.975 times the standard error of every quantile is below the tolerance."""
+    quantiles = running["quantiles"]
+    error = float(stdtrit(quantiles.count - 1, 0.975)) * quantiles.standard_error
+    # An infinite quantile has no relative error: it is settled when all replicates agree on it.
+    size = np.where(np.isinf(quantiles.mean), 0.0, np.abs(quantiles.mean))
+    allowed = np.asarray(sampling.absolute_tolerance, float) + sampling.relative_tolerance * size
+    return np.asarray(np.all(error <= allowed, axis=0))
+
+
+def _status(running: RunningStatistics, failed: NDArray[np.int64], draws: int, sampling: Sampling) -> NDArray[np.str_]:
+    """Per output: converged, budget (so far), or unranked."""
+    settled = np.where(_converged(running, sampling), "converged", "budget")
+    return np.where(np.sum(failed, axis=0) == draws, "unranked", settled)
+
+
+@dataclass(kw_only=True)
+class _Progress:
+    """What is known so far: statistics over replicates of one length, and the draws that failed."""
+
+    running: RunningStatistics
+    failed: NDArray[np.int64]
+    status: NDArray[np.str_]
+    length: int
+
+    @property
+    def draws(self) -> int:
+        return self.length * self.running["quantiles"].count
+
+    @property
+    def wants_more(self) -> bool:
+        return bool(np.any(self.status == "budget"))
+
+
+Begin = Callable[[int], Replicate]
+Look = tuple[ReplicateStatistics, NDArray[np.int64]]
+
+
+def _add(progress: _Progress, looks: Iterable[Look], sampling: Sampling) -> None:
+    """Add replicates in their order and judge again."""
+    for statistics, failures in looks:
+        progress.running.add(statistics)
+        progress.failed = progress.failed + failures
+    progress.status = _status(progress.running, progress.failed, progress.draws, sampling)
+
+
+def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool, pool: ThreadPoolExecutor) -> _Progress:
+    """Lengthen the replicates while memory allows, then add more, until converged or out of budget."""
+
+    def look(replicate: Replicate, length: int) -> Look:
+        replicate.lengthen(length, sampling.batch_draws)
+        return replicate_statistics(replicate.values, replicate.failures, depth=depth), replicate.failures
+
+    def blank(length: int) -> _Progress:
+        none = np.zeros((len(CAUSES), outputs), np.int64)
+        return _Progress(running=RunningStatistics(), failed=none, status=np.empty(0, np.str_), length=length)
+
+    first = sampling.replicates
+    longest = min(_longest(sampling, outputs), sampling.budget_draws // first)
+    replicates = [begin(number) for number in range(first)]
+    progress = blank(sampling.first_draws)
+    _add(progress, pool.map(look, replicates, repeat(progress.length)), sampling)
+    while progress.wants_more and 2 * progress.length <= longest:
+        progress = blank(2 * progress.length)
+        _add(progress, pool.map(look, replicates, repeat(progress.length)), sampling)
+    replicates.clear()
+    done = first
+    while progress.wants_more and 2 * progress.draws <= sampling.budget_draws:
+        for number in range(done, 2 * done, first):
+            added = map(begin, range(number, number + first))
+            _add(progress, pool.map(look, added, repeat(progress.length)), sampling)
+        done *= 2
+    return progress
+
+
+def propagate(
+    model: Model,
+    sources: Sources,
+    sampling: Sampling,
+    *,
+    seed: int,
+    point: str,
+    inverse_depth: bool,
+) -> Propagated:
+    """Propagate uncertain inputs through a model to the distribution of its outputs.
+
+    Replicates are lengthened by doubling until t₀.₉₇₅(replicates − 1) times the replicate-to-replicate
+    standard error of every watched quantile (2.5, 15.9, 50, 84.1, 97.5 %) is within the tolerance, or the
+    budget is spent.
+
+    Parameters
+    ----------
+    model : Model
+        Vectorised: parameters (draws, 1) to an outcome (draws, outputs).
+    sources : Sources
+        What is uncertain.
+    sampling : Sampling
+        Tolerance, budget, sampler.
+    seed : int
+        Seed of the study, >= 0.
+    point : str
+        Identity of the study point: points have independent streams.
+    inverse_depth : bool
+        The model returns inverse depth [1/m]: results are depths, and w <= 0 is +∞. Otherwise outputs are
+        ranked as they come.
+
+    Returns
+    -------
+    Propagated
+        Quantiles, intervals, moments where they exist, errors, failures by cause.
+
+    Raises
+    ------
+    UnaffordableError
+        The first draws do not fit into ``memory_bytes``.
+    OutOfRangeError
+        The model returns an array of the wrong shape, or the seed is negative.
+
+    Notes
+    -----
+    The estimate of a quantile is the mean of the replicates' sample quantiles, each exact: no draw is
+    binned. Sample quantiles of n draws carry a bias of order 1/n. Results do not depend on ``batch_draws``
+    or ``workers``, bit for bit.
+    """
+    start = time.perf_counter()
+    nominal = evaluate_nominal(model, sources, inverse_depth=inverse_depth)
+
+    def begin(number: int) -> Replicate:
+        return Replicate(
+            model,
+            sources,
+            sampler=sampling.sampler,
+            seed=seed,
+            point=point,
+            replicate=number,
+            inverse_depth=inverse_depth,
+        )
+
+    with ThreadPoolExecutor(max_workers=sampling.workers) as pool:
+        progress = _run(begin, sampling, outputs=nominal.size, depth=inverse_depth, pool=pool)
+    return summarise(
+        progress.running,
+        nominal=nominal,
+        failed=progress.failed,
+        status=progress.status,
+        sources_have_variance=sources.covariance() is not None,
+        draws=progress.draws,
+        seconds=time.perf_counter() - start,
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Parts:
+    """The same propagation with only a part of the sources drawn, the rest at their nominal values."""
+
+    noise: Propagated
+    """One calibration without error, many readings."""
+    calibration: Propagated
+    """Readings without noise, over rigs, sessions and elements."""
+    both: Propagated
+    """One reading by one rig."""
+
+
+def propagate_parts(
+    model: Model, sources: Sources, sampling: Sampling, *, seed: int, point: str, inverse_depth: bool
+) -> Parts:
+    """Noise only, calibration only, and both; parameters as for :func:`propagate`."""
+
+    def part(name: str, classes: Collection[ErrorClass]) -> Propagated:
+        return propagate(
+            model,
+            sources.of_class(classes),
+            sampling,
+            seed=seed,
+            point=f"{point}/{name}",
+            inverse_depth=inverse_depth,
+        )
+
+    return Parts(
+        noise=part("noise", NOISE),
+        calibration=part("calibration", CALIBRATION),
+        both=part("both", (*NOISE, *CALIBRATION)),
+    )

@@ -1,0 +1,331 @@
+"""What is reported of a distribution of outputs, and its Monte Carlo error from replicate to replicate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from tradestudy.uncertainty.distributions import FloatArray
+from tradestudy.uncertainty.evaluation import BoolArray
+
+PROBABILITIES = (0.025, float(ndtr(-1.0)), 0.5, float(ndtr(1.0)), 0.975)
+"""Quantiles that are always computed: the ends of the central 95 % and 68.27 % intervals, and the median."""
+
+COVERAGE = 0.95
+"""Probability content of the shortest interval."""
+
+POLE_MARGIN = 6.0
+"""Mean and standard deviation of a depth are stated where infinity is at least so many normal standard
+deviations of inverse depth away (probability below 1e-9); nearer, they would be set by how many draws
+happened to be taken."""
+
+TAIL_SHAPE_LIMIT = 0.5
+"""Shape of the generalised Pareto tail from which on the variance does not exist."""
+
+_TAIL_PROBABILITY = 0.01
+_FEWEST_FOR_TAIL = 50
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReplicateStatistics:
+    """Statistics of one replicate, conditional on a draw having a rank; last axis: outputs."""
+
+    quantiles: FloatArray
+    half_width: FloatArray
+    shortest: FloatArray
+    shortest_width: FloatArray
+    mean: FloatArray
+    standard_deviation: FloatArray
+    tail_shape: FloatArray
+    pole_margin: FloatArray
+    infinite_fraction: FloatArray
+    failed_fraction: FloatArray
+
+
+def order_quantile(ascending: FloatArray, probability: float) -> FloatArray:
+    """Quantile of sorted rows, interpolated between order statistics at (k − ½)/n; +∞ next to a +∞ is +∞."""
+    n = ascending.shape[-1]
+    position = min(max(probability * n - 0.5, 0.0), n - 1.0)
+    low = int(position)
+    weight = position - low
+    if weight == 0.0:
+        return np.asarray(ascending[..., low])
+    return np.asarray((1.0 - weight) * ascending[..., low] + weight * ascending[..., low + 1])
+
+
+def shortest_interval(ascending: FloatArray, coverage: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
+    """Shortest interval with this share of sorted rows (JCGM 101, 7.7): ends (2, rows) and width (rows,).
+
+    Where more than the share left out is +∞, no interval is bounded: the ends are (NaN, +∞), the width +∞.
+    """
+    n = ascending.shape[-1]
+    steps = min(int(coverage * n + 0.5), n - 1)
+    upper, lower = ascending[..., steps:], ascending[..., : n - steps]
+    width = np.full(upper.shape, np.inf)
+    np.subtract(upper, lower, out=width, where=np.isfinite(upper))
+    best = np.argmin(width, axis=-1)[..., None]
+    width = np.take_along_axis(width, best, -1)[..., 0]
+    low = np.take_along_axis(lower, best, -1)[..., 0]
+    high = np.take_along_axis(upper, best, -1)[..., 0]
+    unbounded = np.isinf(width)
+    return np.stack([np.where(unbounded, np.nan, low), np.where(unbounded, np.inf, high)]), width
+
+
+def _upper_tail_shape(ascending: FloatArray) -> FloatArray:
+    """Shape ξ of a generalised Pareto tail by probability-weighted moments (Hosking and Wallis 1987)."""
+    n = ascending.shape[-1]
+    tail = min(n // 5, int(3.0 * np.sqrt(n)))
+    excess = ascending[..., n - tail :] - ascending[..., n - tail - 1, None]
+    weight = 1.0 - (np.arange(1, tail + 1) - 0.35) / tail
+    a0, a1 = np.mean(excess, axis=-1), np.mean(excess * weight, axis=-1)
+    denominator = a0 - 2.0 * a1
+    # A tail without spread has no excess at all: the shape of a bounded tail.
+    shape = np.full(a0.shape, -np.inf)
+    np.divide(a0, denominator, out=shape, where=denominator > 0.0)
+    return np.where(np.isfinite(shape), 2.0 - shape, -1.0)
+
+
+def _tail_shape(ascending: FloatArray, has_infinite: BoolArray) -> FloatArray:
+    """Heavier of both tails; +∞ with an infinite draw or where there are too few draws to tell."""
+    if ascending.shape[-1] < _FEWEST_FOR_TAIL:
+        return np.full(ascending.shape[0], np.inf)
+    finite = np.where(has_infinite[:, None], 0.0, ascending)
+    shape = np.maximum(_upper_tail_shape(finite), _upper_tail_shape(-finite[:, ::-1]))
+    return np.where(has_infinite, np.inf, shape)
+
+
+def _pole_margin(median: FloatArray, far: FloatArray) -> FloatArray:
+    """Normal standard deviations from inverse depth to zero, by its median and its 1 % quantile."""
+    w, w_far = 1.0 / median, 1.0 / far  # infinite depths are zeros, as they should
+    spread = (w - w_far) / -float(ndtri(_TAIL_PROBABILITY))
+    margin = np.where(w > 0.0, np.inf, 0.0)
+    np.divide(w, spread, out=margin, where=spread > 0.0)
+    return margin
+
+
+def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
+    """Statistics of sorted rows without NaN, in the order of the fields down to the infinite fraction."""
+    infinite = np.isinf(ascending)
+    has_infinite = infinite[:, -1]
+    finite = np.where(has_infinite[:, None], 0.0, ascending) if np.any(has_infinite) else ascending
+    quantiles = np.stack([order_quantile(ascending, p) for p in PROBABILITIES])
+    half_width = np.full(quantiles.shape[1], np.inf)
+    np.subtract(quantiles[3], quantiles[1], out=half_width, where=np.isfinite(quantiles[3]))
+    shortest, width = shortest_interval(ascending)
+    freedom = 1 if ascending.shape[-1] > 1 else 0
+    margin = (
+        _pole_margin(quantiles[2], order_quantile(ascending, 1.0 - _TAIL_PROBABILITY))
+        if depth
+        else np.full(quantiles.shape[1], np.inf)
+    )
+    return (
+        quantiles,
+        0.5 * half_width,
+        shortest,
+        width,
+        np.where(has_infinite, np.nan, np.mean(finite, axis=-1)),
+        np.where(has_infinite, np.nan, np.std(finite, axis=-1, ddof=freedom)),
+        _tail_shape(ascending, has_infinite),
+        margin,
+        np.mean(infinite, axis=-1),
+    )
+
+
+def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, depth: bool) -> ReplicateStatistics:
+    """Statistics of one replicate.
+
+    Parameters
+    ----------
+    values : array, shape (outputs, draws)
+        Draws; NaN has no rank, +∞ has the last.
+    failures : int array, shape (causes, outputs)
+        Draws without a rank, by cause.
+    depth : bool
+        The outputs are depths: the margin to the pole at infinity is judged.
+
+    Returns
+    -------
+    ReplicateStatistics
+        NaN for outputs without a single ranked draw.
+    """
+    outputs, draws = values.shape
+    ascending = np.sort(values, axis=-1)
+    counts = draws - np.sum(failures, axis=0)
+    columns = {
+        "quantiles": np.full((len(PROBABILITIES), outputs), np.nan),
+        "half_width": np.full(outputs, np.nan),
+        "shortest": np.full((2, outputs), np.nan),
+        "shortest_width": np.full(outputs, np.nan),
+        "mean": np.full(outputs, np.nan),
+        "standard_deviation": np.full(outputs, np.nan),
+        "tail_shape": np.full(outputs, np.nan),
+        "pole_margin": np.full(outputs, np.nan),
+        "infinite_fraction": np.full(outputs, np.nan),
+    }
+    for count in np.unique(counts[counts > 0]):
+        rows = np.flatnonzero(counts == count)
+        statistics = _of_ranked(ascending[rows, :count], depth=depth)
+        for column, statistic in zip(columns.values(), statistics, strict=True):
+            column[..., rows] = statistic
+    return ReplicateStatistics(**columns, failed_fraction=failures / draws)
+
+
+class RunningMean:
+    """Mean and standard error over replicates in constant memory, added in a fixed order (Welford)."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self._infinite: NDArray[np.int64] = np.zeros((), np.int64)
+        self._mean: FloatArray = np.zeros(())
+        self._squares: FloatArray = np.zeros(())
+
+    def add(self, value: FloatArray) -> None:
+        """Add the statistic of one more replicate."""
+        self.count += 1
+        infinite = np.isinf(value)
+        self._infinite = self._infinite + infinite
+        deviation = np.where(infinite, 0.0, value - np.where(infinite, 0.0, self._mean))
+        self._mean = self._mean + deviation / self.count
+        self._squares = self._squares + deviation * np.where(infinite, 0.0, value - self._mean)
+
+    @property
+    def mean(self) -> FloatArray:
+        """Mean over replicates; +∞ where any of them is infinite."""
+        return np.where(self._infinite > 0, np.inf, self._mean)
+
+    @property
+    def standard_error(self) -> FloatArray:
+        """Standard error of the mean; 0 where all are infinite, +∞ where some are, NaN for fewer than two."""
+        if self.count < 2:
+            return np.full(self._mean.shape, np.nan)
+        error = np.sqrt(self._squares / (self.count * (self.count - 1)))
+        mixed = np.where(self._infinite == self.count, 0.0, np.inf)
+        return np.where(self._infinite > 0, mixed, error)
+
+
+class RunningStatistics:
+    """:class:`RunningMean` of every replicate statistic."""
+
+    def __init__(self) -> None:
+        self._means = {field.name: RunningMean() for field in fields(ReplicateStatistics)}
+
+    def add(self, statistics: ReplicateStatistics) -> None:
+        """Add one more replicate."""
+        for name, running in self._means.items():
+            running.add(getattr(statistics, name))
+
+    def __getitem__(self, name: str) -> RunningMean:
+        return self._means[name]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Propagated:
+    """Distribution of each output; quantiles are conditional on a draw having a rank.
+
+    Last axis: outputs. Errors are standard errors from replicate to replicate. ``status`` is, per output,
+    ``converged``, ``budget`` (the tolerance was not reached), or ``unranked`` (not one draw has a rank).
+    """
+
+    nominal: FloatArray
+    quantiles: FloatArray
+    quantiles_error: FloatArray
+    half_width: FloatArray
+    half_width_error: FloatArray
+    shortest: FloatArray
+    shortest_error: FloatArray
+    shortest_width: FloatArray
+    shortest_width_error: FloatArray
+    moments_exist: BoolArray
+    mean: FloatArray
+    mean_error: FloatArray
+    standard_deviation: FloatArray
+    standard_deviation_error: FloatArray
+    tail_shape: FloatArray
+    pole_margin: FloatArray
+    infinite_fraction: FloatArray
+    infinite_fraction_error: FloatArray
+    failed_fraction: FloatArray
+    failed_fraction_error: FloatArray
+    failed: NDArray[np.int64]
+    status: NDArray[np.str_]
+    draws: int
+    replicates: int
+    seconds: float
+
+    @property
+    def median(self) -> FloatArray:
+        """Median of each output."""
+        return np.asarray(self.quantiles[2])
+
+    @property
+    def bias(self) -> FloatArray:
+        """Mean minus nominal; NaN where no mean is stated."""
+        return self.mean - self.nominal
+
+    @property
+    def symmetric_interval(self) -> FloatArray:
+        """Ends of the probabilistically symmetric 95 % interval, shape (2, outputs)."""
+        return self.quantiles[[0, 4]]
+
+    @property
+    def ranked_fraction(self) -> FloatArray:
+        """Probability that a draw has a rank: what the quantiles are conditional on."""
+        return np.asarray(1.0 - np.sum(self.failed_fraction, axis=0))
+
+    @property
+    def unbounded(self) -> BoolArray:
+        """The central 95 % interval reaches infinity."""
+        return np.asarray(np.isinf(self.quantiles[4]))
+
+
+def summarise(
+    running: RunningStatistics,
+    *,
+    nominal: FloatArray,
+    failed: NDArray[np.int64],
+    status: NDArray[np.str_],
+    sources_have_variance: bool,
+    draws: int,
+    seconds: float,
+) -> Propagated:
+    """Collect replicates into a result; mean and standard deviation only where second moments exist."""
+    exist = (
+        (running["tail_shape"].mean < TAIL_SHAPE_LIMIT)
+        & (running["pole_margin"].mean >= POLE_MARGIN)
+        & (running["infinite_fraction"].mean == 0.0)
+        & sources_have_variance
+    )
+
+    def stated(value: FloatArray) -> FloatArray:
+        return np.where(exist, value, np.nan)
+
+    return Propagated(
+        nominal=nominal,
+        quantiles=running["quantiles"].mean,
+        quantiles_error=running["quantiles"].standard_error,
+        half_width=running["half_width"].mean,
+        half_width_error=running["half_width"].standard_error,
+        shortest=running["shortest"].mean,
+        shortest_error=running["shortest"].standard_error,
+        shortest_width=running["shortest_width"].mean,
+        shortest_width_error=running["shortest_width"].standard_error,
+        moments_exist=exist,
+        mean=stated(running["mean"].mean),
+        mean_error=stated(running["mean"].standard_error),
+        standard_deviation=stated(running["standard_deviation"].mean),
+        standard_deviation_error=stated(running["standard_deviation"].standard_error),
+        tail_shape=running["tail_shape"].mean,
+        pole_margin=running["pole_margin"].mean,
+        infinite_fraction=running["infinite_fraction"].mean,
+        infinite_fraction_error=running["infinite_fraction"].standard_error,
+        failed_fraction=running["failed_fraction"].mean,
+        failed_fraction_error=running["failed_fraction"].standard_error,
+        failed=failed,
+        status=status,
+        draws=draws,
+        replicates=running["quantiles"].count,
+        seconds=seconds,
+    )

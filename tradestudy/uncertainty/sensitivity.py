@@ -1,0 +1,265 @@
+"""Which error drives the result: tornado by group of sources, and Sobol indices of independent groups."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty.distributions import FloatArray
+from tradestudy.uncertainty.evaluation import Model, ranked
+from tradestudy.uncertainty.monte_carlo import Sampling, propagate
+from tradestudy.uncertainty.outputs import Propagated, RunningMean
+from tradestudy.uncertainty.sources import Group, Source, Sources
+from tradestudy.uncertainty.streams import point_generator
+
+LARGEST_CORRELATION = 0.3
+"""Above this, varying one parameter alone describes rigs that the calibration has ruled out."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tornado:
+    """Distribution of the outputs with one bar's sources drawn and all others nominal.
+
+    ``bars`` is ordered as the sources are; the length of a bar is its ``symmetric_interval`` or
+    ``half_width``.
+    """
+
+    names: tuple[str, ...]
+    bars: tuple[Propagated, ...]
+
+    @property
+    def half_width(self) -> FloatArray:
+        """Half the central 68.27 % interval of each bar, shape (bars, outputs)."""
+        return np.stack([bar.half_width for bar in self.bars])
+
+
+def tornado(
+    model: Model, sources: Sources, sampling: Sampling, *, seed: int, point: str, inverse_depth: bool
+) -> Tornado:
+    """Vary each independent group alone, correlated parameters together; others stay nominal.
+
+    Parameters are those of :func:`tradestudy.uncertainty.monte_carlo.propagate`. Interactions between
+    groups are in no bar; the total Sobol index shows them.
+    """
+    names = tuple(group.name for group in sources.active_groups)
+    bars = tuple(
+        propagate(
+            model,
+            sources.only([name]),
+            sampling,
+            seed=seed,
+            point=f"{point}/{name}",
+            inverse_depth=inverse_depth,
+        )
+        for name in names
+    )
+    return Tornado(names=names, bars=bars)
+
+
+def parameter_tornado(
+    model: Model, sources: Sources, sampling: Sampling, *, seed: int, point: str, inverse_depth: bool
+) -> Tornado:
+    """Vary each parameter alone over its own marginal distribution.
+
+    Parameters are those of :func:`tradestudy.uncertainty.monte_carlo.propagate`.
+
+    Raises
+    ------
+    OutOfRangeError
+        Two parameters are correlated by more than 0.3: moving one alone would describe rigs that the
+        calibration has ruled out (a stereo yaw and principal point correlated by 0.996 inflate depth errors
+        31-fold).
+    """
+    for group in sources.active_groups:
+        _require_weak_correlation(group)
+    alone = Sources(
+        groups=tuple(
+            Source(name=name, distribution=group.marginal(index), error_class=group.error_class)
+            for group in sources.active_groups
+            for index, name in enumerate(group.parameters)
+        )
+    )
+    held = {name: value for name, value in sources.nominal().items() if name not in alone.parameters}
+    return tornado(
+        lambda values: model({**held, **values}),
+        alone,
+        sampling,
+        seed=seed,
+        point=point,
+        inverse_depth=inverse_depth,
+    )
+
+
+def _require_weak_correlation(group: Group) -> None:
+    if len(group.parameters) == 1:
+        return
+    correlation = group.correlation - np.eye(len(group.parameters))
+    i, j = np.unravel_index(int(np.argmax(np.abs(correlation))), correlation.shape)
+    if abs(correlation[i, j]) > LARGEST_CORRELATION:
+        raise OutOfRangeError(
+            f"a tornado by parameter would mislead in {group.name}",
+            value=f"{group.parameters[i]} and {group.parameters[j]} correlated by {correlation[i, j]:+.3f}",
+            limit=f"magnitudes up to {LARGEST_CORRELATION}",
+            remedy="use the tornado by group, which moves them together",
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SobolIndices:
+    """First-order and total Sobol indices, shape (groups, outputs), with standard errors over replicates.
+
+    ``refused`` says per output why its indices are NaN; it is empty where they are given.
+    """
+
+    names: tuple[str, ...]
+    first: FloatArray
+    first_error: FloatArray
+    total: FloatArray
+    total_error: FloatArray
+    refused: tuple[str, ...]
+    evaluations: int
+
+
+def sobol_indices(
+    model: Model, sources: Sources, sampling: Sampling, *, draws: int, seed: int, point: str
+) -> SobolIndices:
+    """Shares of the variance of each output due to each independent group, alone and with its interactions.
+
+    A group of correlated parameters is one input: its share is meaningful, the shares of its members are not.
+
+    Parameters
+    ----------
+    model : Model
+        Vectorised model. For depth give inverse depth as it comes: it is finite where depth is infinite,
+        and it has a variance where depth has none.
+    sources : Sources
+        Independent groups.
+    sampling : Sampling
+        Its sampler, batch size and number of replicates are used.
+    draws : int
+        Base draws per replicate, a power of two; the model is evaluated (groups + 2) times as often.
+    seed, point
+        Identity of the random streams.
+
+    Returns
+    -------
+    SobolIndices
+        NaN with a reason for outputs with a draw that is not finite, and for outputs without spread.
+
+    Raises
+    ------
+    OutOfRangeError
+        ``draws`` is not a power of two, no group is uncertain, or a source has no variance.
+
+    Notes
+    -----
+    Estimator of Saltelli et al. (2010) through ``scipy.stats.sobol_indices``, which returns zeros, not an
+    error, when a single output is not a number; therefore outputs are gated first.
+    """
+    names = tuple(group.name for group in sources.active_groups if group.dimensions > 0)
+    _require_indices_exist(sources, names, draws)
+    first, total = RunningMean(), RunningMean()
+    lost: dict[int, str] = {}
+    for replicate in range(sampling.replicates):
+        matrices = _saltelli_outputs(
+            model, sources, names, sampling, draws=draws, seed=seed, point=point, replicate=replicate
+        )
+        _gate(matrices, lost)
+        indices = _indices(matrices)
+        first.add(indices[0])
+        total.add(indices[1])
+    keep = np.array([column not in lost for column in range(first.mean.shape[1])])
+    return SobolIndices(
+        names=names,
+        first=np.where(keep, first.mean, np.nan),
+        first_error=np.where(keep, first.standard_error, np.nan),
+        total=np.where(keep, total.mean, np.nan),
+        total_error=np.where(keep, total.standard_error, np.nan),
+        refused=tuple(lost.get(column, "") for column in range(keep.size)),
+        evaluations=(len(names) + 2) * draws * sampling.replicates,
+    )
+
+
+def _require_indices_exist(sources: Sources, names: tuple[str, ...], draws: int) -> None:
+    if draws < 2 or draws & (draws - 1):
+        raise OutOfRangeError(
+            "base draws of Sobol indices",
+            value=str(draws),
+            limit="a power of two",
+            remedy="Sobol points are balanced in blocks of powers of two only",
+        )
+    if not names:
+        raise OutOfRangeError(
+            "Sobol indices without an uncertain source",
+            value="no active group",
+            limit="at least one group with a spread",
+            remedy="declare an uncertainty",
+        )
+    if sources.covariance() is None:
+        raise OutOfRangeError(
+            "Sobol indices share out a variance",
+            value="a source has none",
+            limit="sources with a finite variance",
+            remedy="use the tornado, whose quantiles exist",
+        )
+
+
+def _saltelli_outputs(
+    model: Model,
+    sources: Sources,
+    names: tuple[str, ...],
+    sampling: Sampling,
+    *,
+    draws: int,
+    seed: int,
+    point: str,
+    replicate: int,
+) -> FloatArray:
+    """Outputs of the matrices A, B and A with each group from B, shape (2 + groups, outputs, draws)."""
+    size, coordinates = sources.dimensions, sources.coordinates()
+    rng = point_generator(seed=seed, point=point, replicate=replicate)
+    stream = sampling.sampler(2 * size, rng)
+    blocks = []
+    for start in range(0, draws, sampling.batch_draws):
+        count = min(sampling.batch_draws, draws - start)
+        uniform = stream(count)
+        base, other = uniform[:size], uniform[size:]
+        designs = [base, other]
+        for name in names:
+            mixed = base.copy()
+            mixed[coordinates[name]] = other[coordinates[name]]
+            designs.append(mixed)
+        blocks.append(
+            np.stack([ranked(model(sources.draw(design)), inverse_depth=False, draws=count)[0] for design in designs])
+        )
+    return np.concatenate(blocks, axis=-1)
+
+
+def _gate(matrices: FloatArray, lost: dict[int, str]) -> None:
+    """Note the outputs whose indices would mislead, with the reason."""
+    unranked = np.sum(~np.isfinite(matrices), axis=(0, 2))
+    for column in np.flatnonzero(unranked):
+        share = unranked[column] / (matrices.shape[0] * matrices.shape[2])
+        lost[int(column)] = f"{share:.2g} of the draws are not finite; analyse inverse depth"
+    constant = np.ptp(np.where(np.isfinite(matrices), matrices, 0.0), axis=(0, 2)) == 0.0
+    for column in np.flatnonzero(constant & (unranked == 0)):
+        lost.setdefault(int(column), "the output does not vary: there is no variance to share out")
+
+
+def _indices(matrices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """First and total indices, each (groups, outputs), of one replicate."""
+    from scipy.stats import sobol_indices as saltelli  # a second of import that only this analysis pays
+
+    finite = np.where(np.isfinite(matrices), matrices, 0.0)
+    designs, outputs, draws = finite.shape
+    # One output at a time: scipy centres all outputs on a common mean, which costs digits where they differ
+    # in size.
+    pairs = [
+        saltelli(func={"f_A": finite[0, [k]], "f_B": finite[1, [k]], "f_AB": finite[2:, [k]]}, n=draws)
+        for k in range(outputs)
+    ]
+    first = np.stack([np.reshape(pair.first_order, designs - 2) for pair in pairs], axis=1)
+    total = np.stack([np.reshape(pair.total_order, designs - 2) for pair in pairs], axis=1)
+    return first, total

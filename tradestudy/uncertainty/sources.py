@@ -1,0 +1,238 @@
+"""Error sources: what is uncertain, how, and how often it is drawn anew."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty.distributions import Distribution, FloatArray
+
+
+class ErrorClass(Enum):
+    """How often an error is drawn anew: averaging readings shrinks only what is drawn per measurement."""
+
+    RIG = "per rig"
+    """One draw per built and calibrated rig: calibration."""
+    SESSION = "per session"
+    """One draw per time of use: temperature, pressure, drift."""
+    ELEMENT = "per lens or pixel"
+    """One draw per microlens or pixel: fixed pattern."""
+    MEASUREMENT = "per measurement"
+    """One draw per reading: pixel noise."""
+
+
+NOISE = (ErrorClass.MEASUREMENT,)
+"""What differs from one reading to the next."""
+CALIBRATION = (ErrorClass.RIG, ErrorClass.SESSION, ErrorClass.ELEMENT)
+"""What stays when a reading is repeated at once with the same rig."""
+
+
+class Group(Protocol):
+    """Parameters that are drawn together; different groups are independent."""
+
+    @property
+    def name(self) -> str:
+        """Name of the group."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters, in order."""
+
+    @property
+    def error_class(self) -> ErrorClass:
+        """How often the group is drawn anew."""
+
+    @property
+    def dimensions(self) -> int:
+        """How many uniform coordinates one draw takes."""
+
+    @property
+    def nominal(self) -> FloatArray:
+        """Nominal values, shape (parameters,)."""
+
+    @property
+    def covariance(self) -> FloatArray | None:
+        """Covariance, shape (parameters, parameters); None where it does not exist."""
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation of the parameters (for a copula, of their normal scores), square."""
+
+    def draw(self, uniform: FloatArray) -> FloatArray:
+        """Map uniform coordinates (dimensions, n) to draws (parameters, n)."""
+
+    def marginal(self, index: int) -> Distribution:
+        """Return the distribution of one parameter alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """One parameter with its own, independent distribution: a group of one.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter, as the model expects it.
+    distribution : Distribution
+        Its distribution, in SI units.
+    error_class : ErrorClass
+        How often it is drawn anew.
+    """
+
+    name: str
+    distribution: Distribution
+    error_class: ErrorClass
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The one name."""
+        return (self.name,)
+
+    @property
+    def dimensions(self) -> int:
+        """One, or none for a constant."""
+        return 0 if self.distribution.standard_deviation == 0.0 else 1
+
+    @property
+    def nominal(self) -> FloatArray:
+        """The mean, or the median where no mean exists, shape (1,)."""
+        mean = self.distribution.mean
+        return np.array([float(self.distribution.quantile(0.5)) if mean is None else mean])
+
+    @property
+    def covariance(self) -> FloatArray | None:
+        """The variance, shape (1, 1); None where it does not exist."""
+        sd = self.distribution.standard_deviation
+        return None if sd is None else np.array([[sd * sd]])
+
+    @property
+    def correlation(self) -> FloatArray:
+        """One by one, and one."""
+        return np.ones((1, 1))
+
+    def draw(self, uniform: FloatArray) -> FloatArray:
+        """Map uniform coordinates (dimensions, n) to draws (1, n)."""
+        if self.dimensions == 0:
+            return np.broadcast_to(self.nominal[:, None], (1, uniform.shape[1]))
+        return self.distribution.quantile(uniform)
+
+    def marginal(self, index: int) -> Distribution:
+        """Return the distribution itself."""
+        return (self.distribution,)[index]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sources:
+    """Independent groups of parameters: everything that a model takes as uncertain.
+
+    Parameters
+    ----------
+    groups : tuple of Group
+        The groups; parameter names and group names are unique.
+
+    Raises
+    ------
+    OutOfRangeError
+        A name occurs twice.
+    """
+
+    groups: tuple[Group, ...]
+    _frozen: frozenset[str] = frozenset()
+
+    def __post_init__(self) -> None:
+        for what, names in (("parameter", self.parameters), ("group", tuple(g.name for g in self.groups))):
+            repeated = sorted({name for name in names if names.count(name) > 1})
+            if repeated:
+                raise OutOfRangeError(
+                    f"error sources name the same {what} more than once",
+                    value=", ".join(repeated),
+                    limit="each name once",
+                    remedy="rename one of them, or join their distributions",
+                )
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters, group by group."""
+        return tuple(name for group in self.groups for name in group.parameters)
+
+    @property
+    def active_groups(self) -> tuple[Group, ...]:
+        """The groups that are drawn; the others stay at their nominal values."""
+        return tuple(group for group in self.groups if group.name not in self._frozen)
+
+    @property
+    def dimensions(self) -> int:
+        """How many uniform coordinates one draw takes."""
+        return sum(group.dimensions for group in self.active_groups)
+
+    def only(self, names: Collection[str]) -> Sources:
+        """Return the same sources with only these groups drawn and every other one held at its nominal value.
+
+        Raises
+        ------
+        OutOfRangeError
+            There is no group of that name.
+        """
+        known = {group.name for group in self.groups}
+        unknown = sorted(set(names) - known)
+        if unknown:
+            raise OutOfRangeError(
+                "there is no group of error sources with this name",
+                value=", ".join(unknown),
+                limit=", ".join(sorted(known)),
+                remedy="use one of the declared groups",
+            )
+        return Sources(groups=self.groups, _frozen=self._frozen | (known - set(names)))
+
+    def of_class(self, classes: Collection[ErrorClass]) -> Sources:
+        """Return the same sources with only the groups of these error classes drawn."""
+        return self.only([group.name for group in self.groups if group.error_class in classes])
+
+    def nominal(self) -> dict[str, FloatArray]:
+        """Nominal value of every parameter, each of shape (1, 1)."""
+        return {
+            name: value.reshape(1, 1)
+            for group in self.groups
+            for name, value in zip(group.parameters, group.nominal, strict=True)
+        }
+
+    def draw(self, uniform: FloatArray) -> dict[str, FloatArray]:
+        """Map uniform coordinates (dimensions, n) to draws of every parameter, each of shape (n, 1)."""
+        values: dict[str, FloatArray] = {}
+        first, n = 0, uniform.shape[1]
+        for group in self.groups:
+            if group.name in self._frozen:
+                drawn = np.broadcast_to(group.nominal[:, None], (len(group.parameters), n))
+            else:
+                drawn = group.draw(uniform[first : first + group.dimensions])
+                first += group.dimensions
+            values |= {name: row[:, None] for name, row in zip(group.parameters, drawn, strict=True)}
+        return values
+
+    def coordinates(self) -> Mapping[str, slice]:
+        """Which uniform coordinates belong to which active group."""
+        slices: dict[str, slice] = {}
+        first = 0
+        for group in self.active_groups:
+            slices[group.name] = slice(first, first + group.dimensions)
+            first += group.dimensions
+        return slices
+
+    def covariance(self) -> FloatArray | None:
+        """Block covariance of the active groups, zero for the others; None where one group has none."""
+        total = np.zeros((len(self.parameters), len(self.parameters)))
+        first = 0
+        for group in self.groups:
+            size = len(group.parameters)
+            if group.name not in self._frozen:
+                block = group.covariance
+                if block is None:
+                    return None
+                total[first : first + size, first : first + size] = block
+            first += size
+        return total
