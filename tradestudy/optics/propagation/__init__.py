@@ -1,0 +1,54 @@
+"""Light behind one aperture: geometric, boundary wave, Fresnel, Kirchhoff, each with an error bar."""
+
+from tradestudy.optics.propagation.aperture import METHODS, aperture_field, lens_wave, nodes_for, sample_wave
+from tradestudy.optics.propagation.direct import ApertureSamples, Kernel, direct_sum
+from tradestudy.optics.propagation.fresnel import FresnelKernel
+from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.lens import (
+    LENS_PHASES,
+    OBLIQUITIES,
+    CircularLens,
+    LensPhase,
+    LensWave,
+    Obliquity,
+    PointSource,
+    image_distance,
+)
+from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, needed_nodes
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
+from tradestudy.optics.propagation.wave_optics import Accuracy, propagate_samples, propagate_wave
+
+__all__ = [
+    "LENS_PHASES",
+    "METHODS",
+    "OBLIQUITIES",
+    "Accuracy",
+    "ApertureField",
+    "ApertureSamples",
+    "CircularLens",
+    "Effort",
+    "FresnelKernel",
+    "Kernel",
+    "KirchhoffKernel",
+    "LensPhase",
+    "LensWave",
+    "Limits",
+    "Method",
+    "NodeCounts",
+    "NumericalError",
+    "Obliquity",
+    "PointSource",
+    "TargetGrid",
+    "TargetPoints",
+    "Targets",
+    "aperture_field",
+    "direct_sum",
+    "image_distance",
+    "lens_wave",
+    "needed_nodes",
+    "nodes_for",
+    "propagate_samples",
+    "propagate_wave",
+    "sample_wave",
+]

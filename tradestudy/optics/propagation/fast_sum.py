@@ -1,0 +1,367 @@
+"""The same sum by one nonuniform Fourier transform per term of a low-rank factor.
+
+Seen from a base target B in the middle of the targets, the path from node q to target P is
+
+    s(q, P) = s(q, B) + e(q)·(P − B) + rest(q, P),
+
+with e the transverse direction cosines from the node to B. The first two terms, linear in the target, are one NUFFT; the
+rest, and the amplitude, vary slowly: exp(i k rest) · amplitude is a sum of a few products of a function of the node
+and a function of the target, found by singular values on Chebyshev points of the targets' box.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import finufft
+import numpy as np
+import scipy.linalg
+
+from tradestudy.errors import NotConvergedError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.direct import (
+    ApertureSamples,
+    ComplexArray,
+    Kernel,
+    check_cosine,
+    direct_sum,
+    unit_phasor,
+)
+from tradestudy.optics.propagation.paths import Array
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
+
+_DIRECT_PAIRS = 60_000  # below this many node–target pairs the plain sum is the faster one
+_MAX_RANK = 30  # a larger factor means that the targets are better split in two
+_SAMPLE_NODES = 120  # rows on which the low-rank factor is found; ≥ 4 per unit of rank
+_DEGREES = (3, 5, 8, 12, 17, 24)  # Chebyshev points per axis that are tried in turn
+
+
+@dataclass(frozen=True, kw_only=True)
+class FastField:
+    """Field on flat targets, and what it took.
+
+    Attributes
+    ----------
+    field
+        Complex field, shape (m,).
+    rank
+        Largest rank of the low-rank factor over the tiles; 0 where every tile was summed directly.
+    tiles
+        Number of parts into which the targets were split.
+    low_rank_error
+        Largest error of the factor met on nodes and targets kept out of its making, relative to its size.
+    """
+
+    field: ComplexArray
+    rank: int
+    tiles: int
+    low_rank_error: float
+
+
+def fast_sum(
+    samples: ApertureSamples,
+    kernel: Kernel,
+    targets: Targets,
+    *,
+    low_rank_tolerance: float,
+    nufft_tolerance: float,
+) -> FastField:
+    """Field of every node at every target, to the tolerances given.
+
+    Parameters
+    ----------
+    samples
+        Field on the aperture.
+    kernel
+        `KirchhoffKernel` or `FresnelKernel`.
+    targets
+        Points or a grid.
+    low_rank_tolerance, nufft_tolerance
+        Relative to the largest field that the nodes could give together, in 1e-14 … 0.1.
+
+    Returns
+    -------
+    FastField
+        Field in the order of ``targets.coordinates()``.
+
+    Raises
+    ------
+    OutOfRangeError
+        The kernel needs directions that `samples` does not have.
+    NotConvergedError
+        The slow part needs more terms than splitting can reduce.
+    """
+    check_cosine(samples, kernel)
+    problem = _Problem(samples=samples, kernel=kernel, low_rank=low_rank_tolerance, nufft=max(nufft_tolerance, 1e-14))
+    if isinstance(targets, TargetGrid):
+        return _grid_tiles(problem, targets)
+    return _point_tiles(problem, *targets.coordinates())
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Problem:
+    samples: ApertureSamples
+    kernel: Kernel
+    low_rank: float
+    nufft: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _SlowFactor:
+    """exp(i k rest) amplitude ≈ Σ_t node(q, t) · target(P, t) · common(P)."""
+
+    node: ComplexArray  # (n, rank)
+    coefficients: ComplexArray  # (rank, nx, ny, nz) on Chebyshev points
+    error: float
+
+
+class _Split(Exception):  # noqa: N818  (a signal inside this file, not an error)
+    """The targets are too far apart for a small factor."""
+
+
+def _grid_tiles(problem: _Problem, grid: TargetGrid) -> FastField:
+    """Sum a grid, halved along its longer side until each part has a small factor."""
+    try:
+        return _grid(problem, grid)
+    except _Split:
+        along_x = grid.x_count * grid.x_pitch >= grid.y_count * grid.y_pitch
+        count = grid.x_count if along_x else grid.y_count
+        cut = count // 2
+        parts = [_grid_tiles(problem, _subgrid(grid, along_x, *ends)) for ends in ((0, cut), (cut, count))]
+        shaped = [part.field.reshape(grid.y_count, -1) if along_x else part.field for part in parts]
+        field = np.concatenate(shaped, axis=1).ravel() if along_x else np.concatenate(shaped)
+        return _merged(field, parts)
+
+
+def _subgrid(grid: TargetGrid, along_x: bool, start: int, stop: int) -> TargetGrid:
+    return TargetGrid(
+        x_start=grid.x_start + (start * grid.x_pitch if along_x else 0.0),
+        y_start=grid.y_start + (0.0 if along_x else start * grid.y_pitch),
+        x_pitch=grid.x_pitch,
+        y_pitch=grid.y_pitch,
+        x_count=stop - start if along_x else grid.x_count,
+        y_count=grid.y_count if along_x else stop - start,
+        distance=grid.distance,
+    )
+
+
+def _point_tiles(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
+    """Sum points, halved at the median of their widest coordinate until each part has a small factor."""
+    try:
+        return _points(problem, x, y, z)
+    except _Split:
+        axes = (x, y, z)
+        order = np.argsort(axes[int(np.argmax([np.ptp(c) for c in axes]))], kind="stable")
+        halves = np.array_split(order, 2)
+        parts = [_point_tiles(problem, x[h], y[h], z[h]) for h in halves]
+        field = np.empty(x.size, dtype=np.complex128)
+        for half, part in zip(halves, parts, strict=True):
+            field[half] = part.field
+        return _merged(field, parts)
+
+
+def _merged(field: ComplexArray, parts: list[FastField]) -> FastField:
+    return FastField(
+        field=field,
+        rank=max(p.rank for p in parts),
+        tiles=sum(p.tiles for p in parts),
+        low_rank_error=max(p.low_rank_error for p in parts),
+    )
+
+
+def _direct(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
+    field = direct_sum(problem.samples, problem.kernel, x, y, z)
+    return FastField(field=field, rank=0, tiles=1, low_rank_error=0.0)
+
+
+def _grid(problem: _Problem, grid: TargetGrid) -> FastField:
+    """One grid: NUFFT of type 1, nodes to regular targets."""
+    if grid.x_count * grid.y_count * problem.samples.nodes.count <= _DIRECT_PAIRS:
+        return _direct(problem, *grid.coordinates())
+    centre = problem.samples.nodes.centre
+    x, y = grid.x_axis - centre[0], grid.y_axis - centre[1]
+    z = np.asarray([grid.distance])
+    base = (float(x[x.size // 2]), float(y[y.size // 2]), grid.distance)  # finufft's mode 0
+    factor = _slow_factor(problem, base, (x, y, z))
+    strength, (along_x, along_y) = _node_side(problem, base, factor)
+    k = problem.kernel.wavenumber
+    sums = finufft.nufft2d1(
+        k * grid.y_pitch * along_y,
+        k * grid.x_pitch * along_x,
+        strength,
+        (y.size, x.size),
+        eps=problem.nufft,
+        isign=1,
+    )
+    on_x, on_y = (_lagrange(c, factor.coefficients.shape[i + 1]) for i, c in enumerate((x, y)))
+    slow = on_y @ np.swapaxes(factor.coefficients[..., 0], 1, 2) @ on_x.T
+    total = np.einsum("tyx,tyx->yx", slow, sums.reshape(slow.shape))
+    return FastField(
+        field=(total * _common(problem.kernel, base, x[None, :], y[:, None], z)).ravel(),
+        rank=strength.shape[0],
+        tiles=1,
+        low_rank_error=factor.error,
+    )
+
+
+def _points(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
+    """Scattered points: NUFFT of type 3, nodes to nonuniform targets."""
+    if x.size * problem.samples.nodes.count <= _DIRECT_PAIRS:
+        return _direct(problem, x, y, z)
+    centre = problem.samples.nodes.centre
+    x, y = x - centre[0], y - centre[1]
+    base = (_middle(x), _middle(y), _middle(z))
+    factor = _slow_factor(problem, base, (x, y, z))
+    strength, (along_x, along_y) = _node_side(problem, base, factor)
+    k = problem.kernel.wavenumber
+    sums = finufft.nufft2d3(
+        k * along_x, k * along_y, strength, x - base[0], y - base[1], eps=problem.nufft, isign=1
+    ).reshape(strength.shape[0], -1)
+    rank, n_x, n_y, n_z = factor.coefficients.shape
+    slow = factor.coefficients.reshape(rank * n_x * n_y, n_z) @ _lagrange(z, n_z).T
+    slow = np.einsum("tabm,mb->tam", slow.reshape(rank, n_x, n_y, -1), _lagrange(y, n_y))
+    slow = np.einsum("tam,ma->tm", slow, _lagrange(x, n_x))
+    return FastField(
+        field=np.einsum("tm,tm->m", slow, sums) * _common(problem.kernel, base, x, y, z),
+        rank=rank,
+        tiles=1,
+        low_rank_error=factor.error,
+    )
+
+
+def _node_side(
+    problem: _Problem, base: tuple[float, float, float], factor: _SlowFactor
+) -> tuple[ComplexArray, tuple[FloatArray, FloatArray]]:
+    """Strengths of the nodes, one row per term, and their direction cosines."""
+    u, v, strength = problem.samples.local()
+    kernel = problem.kernel
+    to_base = kernel.path_from_node(u, v, *(np.asarray(c) for c in base))
+    slope_x, slope_y, _ = kernel.slope_at_target(u, v, *base)
+    carrier = strength * unit_phasor(kernel.wavenumber * to_base)
+    return np.ascontiguousarray(factor.node.T * carrier), (slope_x, slope_y)
+
+
+def _common(kernel: Kernel, base: tuple[float, float, float], x: Array, y: Array, z: Array) -> ComplexArray:
+    """Phase at the targets that does not depend on the node: the exact path from the centre of the aperture."""
+    centre = np.zeros(1)
+    slope_x, slope_y, _ = kernel.slope_at_target(centre, centre, *base)
+    path = kernel.path(x, y, z) - slope_x[0] * (x - base[0]) - slope_y[0] * (y - base[1])
+    return unit_phasor(kernel.wavenumber * np.asarray(path))
+
+
+def _slow_factor(
+    problem: _Problem, base: tuple[float, float, float], box: tuple[FloatArray, FloatArray, FloatArray]
+) -> _SlowFactor:
+    """Interpolative low-rank factor of the slow part over the nodes and the box of the targets."""
+    u, v, _ = problem.samples.local()
+    rng = np.random.default_rng(0)  # fixed: the same request gives the same digits
+    shuffled = rng.permutation(u.size)
+    fit, held = shuffled[:_SAMPLE_NODES], shuffled[-_SAMPLE_NODES // 2 :]
+    probes = tuple(c.min() + np.ptp(c) * rng.random(32) for c in box)
+    wanted = _slow(problem, base, fit, probes)
+    _refuse_wide(problem, base, fit, box)
+    for degree in _DEGREES:
+        counts = tuple(degree if np.ptp(c) > 0 else 1 for c in box)
+        axes = [_chebyshev(c, n) for c, n in zip(box, counts, strict=True)]
+        mesh = tuple(m.ravel() for m in np.meshgrid(*axes, indexing="ij"))
+        onto = _tensor_lagrange(probes, box, counts)
+        sampled = _slow(problem, base, fit, mesh)
+        error = _relative(sampled @ onto - wanted, wanted)
+        if error <= problem.low_rank:
+            break
+    else:
+        raise _Split
+    columns, mixing = _interpolative(sampled, problem.low_rank)
+    if columns.size > _MAX_RANK:
+        raise _Split
+    chosen = tuple(m[columns] for m in mesh)
+    apart = _slow(problem, base, held, chosen) @ mixing @ onto - _slow(problem, base, held, probes)
+    return _SlowFactor(
+        node=_slow(problem, base, np.arange(u.size), chosen),
+        coefficients=mixing.reshape(columns.size, *counts),
+        error=_relative(apart, wanted),
+    )
+
+
+def _slow(
+    problem: _Problem,
+    base: tuple[float, float, float],
+    rows: Array,
+    targets: tuple[FloatArray, ...],
+) -> ComplexArray:
+    """exp(i k (rest(q, P) − rest(centre, P))) · amplitude(q, P) between some nodes and some targets."""
+    u, v, _ = problem.samples.local()
+    u, v = u[rows, None], v[rows, None]
+    x, y, z = targets
+    cosine = None if problem.samples.axial_cosine is None else problem.samples.axial_cosine[rows, None]
+    kernel = problem.kernel
+    centre = np.zeros((1, 1))
+    away = (x - base[0], y - base[1], z - base[2])
+    rest = kernel.path_beyond_linear(u, v, base, *away) - kernel.path_beyond_linear(centre, centre, base, *away)
+    return np.asarray(unit_phasor(kernel.wavenumber * rest) * kernel.amplitude(u, v, cosine, x, y, z))
+
+
+def _refuse_wide(problem: _Problem, base: tuple[float, float, float], rows: Array, box: tuple[FloatArray, ...]) -> None:
+    """Split at once where the slow phase at the corners of the box is plainly too large for a small factor."""
+    u, v, _ = problem.samples.local()
+    corners = np.meshgrid(*(np.asarray([c.min(), c.max()]) for c in box), indexing="ij")
+    away = tuple(c.ravel() - b for c, b in zip(corners, base, strict=True))
+    rest = problem.kernel.path_beyond_linear(u[rows, None], v[rows, None], base, *away)
+    if problem.kernel.wavenumber * np.ptp(rest, axis=0).max() > 2.5 * _DEGREES[-1]:
+        raise _Split
+
+
+def _interpolative(matrix: ComplexArray, tolerance: float) -> tuple[Array, ComplexArray]:
+    """Columns of a matrix, and the mixing that rebuilds all columns from them to a tolerance."""
+    _, r, order = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
+    size = np.abs(np.diag(r))
+    # The diagonal underestimates the tail; a factor 0.1 keeps the rebuilt columns within the tolerance.
+    rank = max(1, int(np.count_nonzero(size > 0.1 * tolerance * size[0])))
+    mixing = np.zeros((rank, matrix.shape[1]), dtype=np.complex128)
+    mixing[:, order[:rank]] = np.eye(rank)
+    mixing[:, order[rank:]] = scipy.linalg.solve_triangular(r[:rank, :rank], r[:rank, rank:])
+    return order[:rank], mixing
+
+
+def _relative(difference: ComplexArray, to: ComplexArray) -> float:
+    return float(np.abs(difference).max() / np.abs(to).max())
+
+
+def _chebyshev(values: FloatArray, count: int) -> FloatArray:
+    """Chebyshev points of the first kind on the range of `values`."""
+    middle, half = 0.5 * (values.min() + values.max()), 0.5 * np.ptp(values)
+    return np.asarray(middle + half * _unit_chebyshev(count))
+
+
+@lru_cache(maxsize=32)
+def _unit_chebyshev(count: int) -> FloatArray:
+    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
+
+
+def _lagrange(values: FloatArray, count: int, box: FloatArray | None = None) -> FloatArray:
+    """Values of the Lagrange polynomials of the Chebyshev points, shape (values, count).
+
+    The Chebyshev series of each polynomial is summed by a recurrence: no division by small differences.
+    """
+    over = values if box is None else box
+    if count == 1:
+        return np.ones((values.size, 1))
+    middle, half = 0.5 * (over.min() + over.max()), 0.5 * np.ptp(over)
+    angle = np.arccos(np.clip((values - middle) / half, -1.0, 1.0))
+    order = np.arange(count)
+    weights = np.where(order == 0, 1.0, 2.0) / count
+    at_points = np.cos(np.multiply.outer(np.pi * (order + 0.5) / count, order))
+    return np.asarray(np.cos(np.multiply.outer(angle, order)) @ (weights[:, None] * at_points.T))
+
+
+def _tensor_lagrange(
+    points: tuple[FloatArray, ...], box: tuple[FloatArray, ...], counts: tuple[int, ...]
+) -> FloatArray:
+    """Interpolation from the tensor of Chebyshev points to scattered points, shape (tensor, points)."""
+    a, b, c = (_lagrange(p, n, over) for p, n, over in zip(points, counts, box, strict=True))
+    return np.einsum("mi,mj,mk->ijkm", a, b, c).reshape(-1, points[0].size)
+
+
+def _middle(values: FloatArray) -> float:
+    return float(0.5 * (values.min() + values.max()))

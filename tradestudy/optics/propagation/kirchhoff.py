@@ -1,0 +1,92 @@
+"""Exact paths and cosines from the aperture to a target: the paper's Kirchhoff integral and its relatives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.optics.propagation.lens import Obliquity
+from tradestudy.optics.propagation.paths import Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class KirchhoffKernel:
+    """U(P) = ∬ U(q) exp(i k s)/(iλ s) · obliquity dq with the exact path s = |P − q|.
+
+    * ``paper``: z/s, the single cosine of eqs. 9–16. The paper calls it Kirchhoff; in the literature it is the
+      far-zone form of the first Rayleigh–Sommerfeld integral.
+    * ``textbook``: (cos θ of the arriving wave + z/s)/2, the Fresnel–Kirchhoff obliquity.
+    * ``rayleigh-sommerfeld-1``: z/s (1 + i/(k s)), exact for a known field in the plane.
+
+    They differ by the order of the squared aperture angle (textbook) and of 1/(k s) (the last): 0.4 % of the intensity
+    in the focus of an f/3.8 lens, and 1e-4 of the field one millimetre behind the aperture.
+
+    Parameters
+    ----------
+    wavelength
+        Wavelength [m].
+    obliquity
+        Which of the three.
+
+    References
+    ----------
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 9–16; M. Born and E. Wolf,
+    "Principles of Optics", 8.3.2; J. W. Goodman, "Introduction to Fourier Optics", 3.4–3.5.
+    """
+
+    wavelength: float
+    obliquity: Obliquity
+
+    @property
+    def wavenumber(self) -> float:
+        """2π/λ [rad/m]."""
+        return 2 * math.pi / self.wavelength
+
+    def path(self, x: Array, y: Array, z: Array) -> Array:
+        """Path from the centre of the aperture to a target [m]."""
+        return np.asarray(np.sqrt(x * x + y * y + z * z))
+
+    def path_from_node(self, u: Array, v: Array, x: Array, y: Array, z: Array) -> Array:
+        """Path from a node less the path from the centre [m], without cancellation."""
+        a, b = x - u, y - v
+        s = np.sqrt(a * a + b * b + z * z)
+        return np.asarray((u * (u - 2 * x) + v * (v - 2 * y)) / (s + np.sqrt(x * x + y * y + z * z)))
+
+    def slope_at_target(self, u: Array, v: Array, x: float, y: float, z: float) -> tuple[Array, Array, Array]:
+        """Gradient of the path with respect to the target: the direction cosines from the node."""
+        a, b = x - u, y - v
+        s = np.sqrt(a * a + b * b + z * z)
+        return a / s, b / s, z / s
+
+    def path_beyond_linear(
+        self, u: Array, v: Array, base: tuple[float, float, float], dx: Array, dy: Array, dz: Array
+    ) -> Array:
+        """Change of the path from `base` to `base` + d beyond its transverse linear part [m], without cancellation.
+
+        With e the unit vector from the node to the base, s and t the paths to base and target:
+        t − s − e·d = (|d|² − (e·d)(t − s))/(s + t).
+        """
+        a, b, c = base[0] - u, base[1] - v, base[2]
+        s = np.sqrt(a * a + b * b + c * c)
+        along = (a * dx + b * dy + c * dz) / s
+        squared = dx * dx + dy * dy + dz * dz
+        t = np.sqrt((a + dx) ** 2 + (b + dy) ** 2 + (c + dz) ** 2)
+        change = (2 * s * along + squared) / (s + t)
+        return np.asarray((squared - along * change) / (s + t) + c / s * dz)
+
+    def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
+        """Everything but the phase: obliquity/(iλ s) [1/m²].
+
+        `cosine` is the axial cosine of the wave that arrives at the node, which only the textbook obliquity uses.
+        """
+        a, b = x - u, y - v
+        s2 = a * a + b * b + z * z
+        if self.obliquity == "paper":
+            return np.asarray(z / s2 * (-1j / self.wavelength))
+        s = np.sqrt(s2)
+        if self.obliquity == "textbook":
+            assert cosine is not None  # guaranteed by ApertureSamples
+            return np.asarray((cosine / s + z / s2) * (-0.5j / self.wavelength))
+        return np.asarray(z / s2 * (1 + 1j / (self.wavenumber * s)) * (-1j / self.wavelength))

@@ -1,0 +1,125 @@
+"""Optical paths over a lens plane: spherical waves, parabolas, and their sums.
+
+Every term is a path *difference* from the vertex of the plane, in a form that does not cancel:
+√(d² + |q − c|²) − √(d² + |c|²) = (|q|² − 2 q·c) / (their sum). The formulas are analytic, so that positions may be
+complex: the boundary-diffracted wave looks for poles beside the real edge.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[Any]
+
+
+class PathTerm(Protocol):
+    """A path over the lens plane with its first and second derivatives."""
+
+    def value(self, x: Array, y: Array) -> Array:
+        """Path relative to the vertex [m]."""
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Gradient of the path: transverse direction cosines."""
+
+    def curvature(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Second derivatives xx, xy, yy of the path [1/m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphericalPath:
+    """Path of a spherical wave from a point at (x, y), a signed distance before the plane.
+
+    Parameters
+    ----------
+    x, y
+        Transverse position of the centre of the wave [m].
+    distance
+        Distance from the centre to the plane [m]; > 0 diverging from before it, < 0 converging behind it.
+    weight
+        +1 to add the path, −1 to take it away (a lens that cancels it).
+    """
+
+    x: float
+    y: float
+    distance: float
+    weight: float = 1.0
+
+    def value(self, x: Array, y: Array) -> Array:
+        """Path relative to the vertex [m]."""
+        vertex = math.hypot(self.distance, self.x, self.y)
+        return self._sign() * ((x - 2 * self.x) * x + (y - 2 * self.y) * y) / (self._range(x, y) + vertex)
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Gradient of the path: transverse direction cosines."""
+        scale = self._sign() / self._range(x, y)
+        return scale * (x - self.x), scale * (y - self.y)
+
+    def curvature(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Second derivatives xx, xy, yy of the path [1/m]."""
+        r = self._range(x, y)
+        cos_x, cos_y = (x - self.x) / r, (y - self.y) / r
+        scale = self._sign() / r
+        return scale * (1 - cos_x**2), -scale * cos_x * cos_y, scale * (1 - cos_y**2)
+
+    def _range(self, x: Array, y: Array) -> Array:
+        return np.asarray(np.sqrt(self.distance**2 + (x - self.x) ** 2 + (y - self.y) ** 2))
+
+    def _sign(self) -> float:
+        return math.copysign(self.weight, self.weight * self.distance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ParabolicPath:
+    """The second-order path of a spherical wave: (|q|² − 2 q·c)/(2 d); a thin parabolic lens has d = −f, c = 0.
+
+    Parameters
+    ----------
+    x, y
+        Transverse position of the centre of the wave [m].
+    distance
+        Signed distance from the centre to the plane [m], as in `SphericalPath`.
+    """
+
+    x: float
+    y: float
+    distance: float
+
+    def value(self, x: Array, y: Array) -> Array:
+        """Path relative to the vertex [m]."""
+        return ((x - 2 * self.x) * x + (y - 2 * self.y) * y) / (2 * self.distance)
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Gradient of the path: transverse direction cosines."""
+        return (x - self.x) / self.distance, (y - self.y) / self.distance
+
+    def curvature(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Second derivatives xx, xy, yy of the path [1/m]."""
+        constant = np.full(np.broadcast(x, y).shape, 1.0 / self.distance)
+        return constant, np.zeros_like(constant), constant
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathSum:
+    """The sum of path terms over one lens plane."""
+
+    terms: tuple[PathTerm, ...]
+
+    def value(self, x: Array, y: Array) -> Array:
+        """Path relative to the vertex [m]."""
+        return np.asarray(sum(term.value(x, y) for term in self.terms))
+
+    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Gradient of the path: transverse direction cosines."""
+        parts = [term.slope(x, y) for term in self.terms]
+        return np.asarray(sum(p[0] for p in parts)), np.asarray(sum(p[1] for p in parts))
+
+    def curvature(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Second derivatives xx, xy, yy of the path [1/m]."""
+        parts = [term.curvature(x, y) for term in self.terms]
+        xx, xy, yy = (np.asarray(sum(p[i] for p in parts)) for i in range(3))
+        return xx, xy, yy

@@ -1,0 +1,149 @@
+"""How many nodes an aperture needs: from the slope of the net path over the actual geometry, never guessed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.paths import PathTerm
+
+_BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
+_BYTES_PER_TARGET = 16 * 40
+_PAIRS_PER_SECOND = 2.0e7  # node–target pairs of the direct check on a slow core
+_TERMS_PER_SECOND = 4.0e5  # (nodes + targets) × 10 terms of the fast path on a slow core
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """What a computation may take; it is refused beforehand if it needs more.
+
+    Parameters
+    ----------
+    nodes
+        Quadrature nodes on one aperture.
+    memory_bytes
+        Peak memory.
+    seconds
+        Predicted wall time.
+    """
+
+    nodes: int = 20_000_000
+    memory_bytes: float = 2.0e9
+    seconds: float = 600.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NodeCounts:
+    """Rings and nodes per ring on a disc."""
+
+    radial: int
+    angular: int
+
+    def __post_init__(self) -> None:
+        if self.radial < 1 or self.angular < 1:
+            raise OutOfRangeError("node counts", value=f"{self.radial} × {self.angular}", limit="≥ 1 × 1")
+
+    @property
+    def total(self) -> int:
+        """Number of nodes."""
+        return self.radial * self.angular
+
+    def scaled(self, factor: float) -> NodeCounts:
+        """Both counts times a factor, rounded up."""
+        return NodeCounts(radial=math.ceil(self.radial * factor), angular=math.ceil(self.angular * factor))
+
+
+def needed_nodes(
+    paths: PathTerm,
+    *,
+    radius: float,
+    wavenumber: float,
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    tolerance: float,
+) -> NodeCounts:
+    """Node counts that resolve exp(i k (path(q) + |P − q|)) on a disc for every given target.
+
+    A ring needs more nodes than the highest angular frequency on it; the rings need half as many nodes as the phase
+    turns along the squared radius. Both get the margin m^⅓ (3/2 ln 1/tolerance)^⅔/2^⅓ over which a Bessel function
+    of argument m falls to the tolerance.
+
+    Parameters
+    ----------
+    paths
+        Path of the wave behind the aperture, in coordinates relative to its centre.
+    radius
+        Radius of the aperture [m].
+    wavenumber
+        2π/λ [rad/m].
+    x, y, z
+        Targets relative to the centre of the aperture [m]: those on the outline of the set are enough.
+    tolerance
+        Error allowed relative to the largest field that the aperture could give.
+
+    Returns
+    -------
+    NodeCounts
+        For `tradestudy.optics.quadrature.disc_nodes`.
+    """
+    ring = radius * (np.arange(24) + 1.0) / 24.0
+    angle = 2 * np.pi * np.arange(48) / 48.0
+    u = np.multiply.outer(ring, np.cos(angle))
+    v = np.multiply.outer(ring, np.sin(angle))
+    p_x, p_y = paths.slope(u, v)
+    a, b = u - x[:, None, None], v - y[:, None, None]
+    s = np.sqrt(a * a + b * b + z[:, None, None] ** 2)
+    slope_x, slope_y = p_x + a / s, p_y + b / s
+    radial = slope_x * np.cos(angle) + slope_y * np.sin(angle)
+    tangential = slope_y * np.cos(angle) - slope_x * np.sin(angle)
+    turns = wavenumber * radius * float(np.max(np.abs(tangential) * (ring / radius)[:, None]))
+    relative = np.maximum(ring / radius, 0.5)[:, None]
+    half_range = wavenumber * radius * float(np.max(np.abs(radial) / (4 * relative)))
+    return NodeCounts(
+        radial=math.ceil((half_range + _margin(half_range, tolerance)) / 2) + 1,
+        angular=math.ceil(turns + _margin(turns, tolerance)) + 1,
+    )
+
+
+def outline(x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Corners, edge middles and centre of the box around targets, where path slopes are extreme."""
+    mesh = np.meshgrid(*(_three(c) for c in (x, y, z)), indexing="ij")
+    return mesh[0].ravel(), mesh[1].ravel(), mesh[2].ravel()
+
+
+def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, limits: Limits) -> None:
+    """Refuse what memory or time cannot afford.
+
+    Raises
+    ------
+    UnaffordableError
+        With the node count, the bytes, the seconds, and the knob to turn.
+    """
+    memory = _BYTES_PER_NODE * counts.total + _BYTES_PER_TARGET * targets
+    seconds = (counts.total + targets) / _TERMS_PER_SECOND + 5.0 * counts.total * check_targets / _PAIRS_PER_SECOND
+    if counts.total > limits.nodes or memory > limits.memory_bytes or seconds > limits.seconds:
+        raise UnaffordableError(
+            "the phase over the aperture needs more nodes than the limits allow",
+            value=f"{counts.radial} × {counts.angular} = {counts.total} nodes for {targets} targets, "
+            f"{memory:.3g} bytes, {seconds:.3g} s",
+            limit=f"{limits.nodes} nodes, {limits.memory_bytes:.3g} bytes, {limits.seconds:.3g} s",
+            remedy="raise limits=Limits(nodes, memory_bytes, seconds), take fewer or less distant targets, or use "
+            "method='boundary_wave', whose nodes lie on the edge only",
+        )
+
+
+def _margin(turns: float, tolerance: float) -> float:
+    """Orders beyond the argument until a Bessel function has fallen to the tolerance."""
+    decay = math.log(1.0 / tolerance)
+    airy = (1.5 * decay) ** (2.0 / 3.0) / 2.0 ** (1.0 / 3.0) * max(turns, 1.0) ** (1.0 / 3.0)
+    return airy + 2.0
+
+
+def _three(values: FloatArray) -> FloatArray:
+    low, high = float(values.min()), float(values.max())
+    return np.asarray([low]) if low == high else np.asarray([low, 0.5 * (low + high), high])

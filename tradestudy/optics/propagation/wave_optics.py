@@ -1,0 +1,318 @@
+"""A wave on an aperture to its field on targets, with a stated error: the building block of every diffraction leg."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum
+from tradestudy.optics.propagation.fast_sum import FastField, fast_sum
+from tradestudy.optics.propagation.result import (
+    ApertureField,
+    Effort,
+    Method,
+    NumericalError,
+    squared_magnitude,
+)
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, check_affordable
+from tradestudy.optics.propagation.targets import Targets
+
+_SAFETY = 2.0  # a root mean square over a dozen check targets scatters by a third
+_MAX_ROUNDS = 5
+_SMALLEST_CHECK = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Accuracy:
+    """How well, and how it is checked.
+
+    Parameters
+    ----------
+    tolerance
+        Relative L2 error allowed for the intensity over the targets, in 1e-10 … 0.1.
+    check_targets
+        Random targets at which the result is compared with direct quadrature on twice the nodes in each direction, ≥ 4;
+        the corners of the set are checked besides.
+    seed
+        Seed of the choice of check targets: the same request gives the same digits.
+
+    Raises
+    ------
+    OutOfRangeError
+        A value is outside its range.
+    """
+
+    tolerance: float
+    check_targets: int = 16
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not 1e-10 <= self.tolerance <= 0.1:
+            raise OutOfRangeError(
+                "tolerance of the intensity",
+                value=f"{self.tolerance:g}",
+                limit="1e-10 … 0.1",
+                remedy="double precision ends near 1e-11; beyond 0.1 a picture is not a result",
+            )
+        if self.check_targets < _SMALLEST_CHECK:
+            raise OutOfRangeError(
+                "check_targets",
+                value=str(self.check_targets),
+                limit=f"≥ {_SMALLEST_CHECK}",
+                remedy="the stated error is measured there",
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Check:
+    """Errors at the check targets [field], root mean square."""
+
+    nodes: float
+    sums: float
+    total: float
+    seconds: float
+    targets: int
+
+
+def propagate_samples(
+    *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: Accuracy, limits: Limits | None = None
+) -> ApertureField:
+    """Field on targets of a wave known only as an array on quadrature nodes.
+
+    Parameters
+    ----------
+    samples
+        The wave on the aperture.
+    kernel
+        `KirchhoffKernel` or `FresnelKernel`.
+    targets
+        Points or grid.
+    accuracy
+        Tolerance of the sum. **The nodes themselves cannot be doubled here**: `error.nodes` is NaN, and whether the array
+        samples the wave finely enough for these targets is the caller's to know (see `needed_nodes`); a wave that can be
+        evaluated anywhere belongs in `propagate_wave`.
+    limits
+        Memory and time allowed.
+
+    Returns
+    -------
+    ApertureField
+        With the error of the summation.
+
+    Raises
+    ------
+    OutOfRangeError
+        The kernel needs directions that `samples` does not have.
+    UnaffordableError
+        The limits do not allow it.
+    NotConvergedError
+        The tolerance is below what double precision gives at these targets.
+    """
+    counts = NodeCounts(radial=1, angular=samples.nodes.count)
+    return _refined(
+        sample=lambda _: samples,
+        counts=counts,
+        kernel=kernel,
+        targets=targets,
+        accuracy=accuracy,
+        limits=limits or Limits(),
+        method=_method(kernel),
+        fixed_nodes=True,
+        doubling=False,
+    )
+
+
+def propagate_wave(
+    *,
+    sample: Callable[[NodeCounts], ApertureSamples],
+    counts: NodeCounts,
+    kernel: Kernel,
+    targets: Targets,
+    accuracy: Accuracy,
+    limits: Limits | None = None,
+    fixed_nodes: bool = False,
+) -> ApertureField:
+    """Field on targets of a wave that can be sampled on any number of nodes.
+
+    Parameters
+    ----------
+    sample
+        Gives the wave on nodes of the counts asked for: twice as many in each direction are asked for in the check.
+    counts
+        Node counts to begin with, from `needed_nodes`.
+    kernel
+        `KirchhoffKernel` or `FresnelKernel`.
+    targets
+        Points or grid.
+    accuracy
+        Tolerance and check.
+    limits
+        Memory and time allowed.
+    fixed_nodes
+        Keep `counts` and state the error, whatever it is, in place of refining.
+
+    Returns
+    -------
+    ApertureField
+        The stated errors meet ``accuracy.tolerance`` unless `fixed_nodes`.
+
+    Raises
+    ------
+    UnaffordableError
+        The nodes needed exceed the limits.
+    NotConvergedError
+        The tolerance is not reached, by rounding or because `sample` does not converge.
+    """
+    return _refined(
+        sample=sample,
+        counts=counts,
+        kernel=kernel,
+        targets=targets,
+        accuracy=accuracy,
+        limits=limits or Limits(),
+        method=_method(kernel),
+        fixed_nodes=fixed_nodes,
+        doubling=True,
+    )
+
+
+def _method(kernel: Kernel) -> Method:
+    from tradestudy.optics.propagation.fresnel import FresnelKernel
+
+    return "fresnel" if isinstance(kernel, FresnelKernel) else "kirchhoff"
+
+
+def _refined(
+    *,
+    sample: Callable[[NodeCounts], ApertureSamples],
+    counts: NodeCounts,
+    kernel: Kernel,
+    targets: Targets,
+    accuracy: Accuracy,
+    limits: Limits,
+    method: Method,
+    fixed_nodes: bool,
+    doubling: bool,
+) -> ApertureField:
+    """Compute, check against direct quadrature, and refine what limits the result until it meets the tolerance."""
+    share = 0.01 * accuracy.tolerance
+    seconds = check_seconds = 0.0
+    size = math.prod(targets.shape)
+    for round_number in range(1, _MAX_ROUNDS + 1):
+        check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=limits)
+        started = time.perf_counter()
+        samples = sample(counts)
+        fast = fast_sum(samples, kernel, targets, low_rank_tolerance=share, nufft_tolerance=share)
+        seconds += time.perf_counter() - started
+        finer = sample(counts.scaled(2.0)) if doubling else None
+        check = _check(samples, finer, kernel, targets, fast.field, accuracy)
+        check_seconds += check.seconds
+        error = _stated(fast, check, share, samples, kernel, targets)
+        good = error.intensity <= accuracy.tolerance
+        if good or (fixed_nodes and (check.nodes > check.sums or share < 1e-13)):
+            break
+        if not check.nodes <= check.sums:
+            counts = counts.scaled(1.3)
+        else:
+            share = max(share * min(0.1, 0.3 * accuracy.tolerance / error.intensity), 1e-15)
+    else:
+        raise NotConvergedError(
+            "the intensity does not reach its tolerance",
+            value=f"stated relative L2 error {error.intensity:.2g} with {counts.total} nodes",
+            limit=f"{accuracy.tolerance:g}",
+            remedy="raise the tolerance, or take targets that are not in the dark only",
+        )
+    field = fast.field.reshape(targets.shape)
+    return ApertureField(
+        field=field,
+        intensity=squared_magnitude(field),
+        error=error,
+        effort=Effort(
+            nodes=samples.nodes.count,
+            radial_nodes=counts.radial,
+            angular_nodes=counts.angular,
+            rank=fast.rank,
+            tiles=fast.tiles,
+            rounds=round_number,
+            seconds=seconds,
+            check_seconds=check_seconds,
+            check_targets=check.targets,
+        ),
+        method=method,
+    )
+
+
+def check_points(targets: Targets, accuracy: Accuracy) -> tuple[np.ndarray, FloatArray, FloatArray, FloatArray]:
+    """Choose random targets, and those nearest to the corners of the set; indices and coordinates."""
+    x, y, z = targets.coordinates()
+    rng = np.random.default_rng(accuracy.seed)
+    chosen = rng.choice(x.size, size=min(accuracy.check_targets, x.size), replace=False)
+    corners = [int(np.argmax(sx * x + sy * y)) for sx in (-1, 1) for sy in (-1, 1)]
+    index = np.concatenate([chosen, np.asarray(corners)])
+    return index, x[index], y[index], z[index]
+
+
+def _check(
+    samples: ApertureSamples,
+    finer: ApertureSamples | None,
+    kernel: Kernel,
+    targets: Targets,
+    field: ComplexArray,
+    accuracy: Accuracy,
+) -> _Check:
+    """Compare with direct quadrature on the same nodes and on twice as many in each direction."""
+    started = time.perf_counter()
+    index, x, y, z = check_points(targets, accuracy)
+    same = direct_sum(samples, kernel, x, y, z)
+    best = same if finer is None else direct_sum(finer, kernel, x, y, z)
+    return _Check(
+        nodes=_rms(same - best) if finer is not None else math.nan,
+        sums=_rms(field[index] - same),
+        total=_rms(field[index] - best),
+        seconds=time.perf_counter() - started,
+        targets=index.size,
+    )
+
+
+def _stated(
+    fast: FastField, check: _Check, share: float, samples: ApertureSamples, kernel: Kernel, targets: Targets
+) -> NumericalError:
+    """Relative errors over all targets from root mean square errors at the check targets."""
+    typical = _rms(fast.field)
+    intensity = squared_magnitude(fast.field)
+    bright = math.sqrt(float(np.mean(intensity**2)))
+    if typical == 0.0:
+        nothing = math.inf if check.total > 0 else 0.0
+        return NumericalError(
+            field=nothing, intensity=nothing, nodes=nothing, low_rank=nothing, nufft=nothing, check=nothing
+        )
+    absolute = _SAFETY * check.total
+    scale = _largest_field(samples, kernel, targets) / typical
+    return NumericalError(
+        field=absolute / typical,
+        intensity=(2 * absolute * typical + absolute**2) / bright,
+        nodes=check.nodes / typical,
+        low_rank=fast.low_rank_error * scale,
+        nufft=(share if fast.rank else 0.0) * scale,
+        check=check.total / typical,
+    )
+
+
+def _largest_field(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
+    """Field that the nodes could give together if all were in phase."""
+    u, v, strength = samples.local()
+    x, y, z = (np.asarray([float(np.mean(c))]) for c in targets.coordinates())
+    amplitude = kernel.amplitude(
+        u, v, samples.axial_cosine, x - samples.nodes.centre[0], y - samples.nodes.centre[1], z
+    )
+    return float(np.sum(np.abs(strength * amplitude)))
+
+
+def _rms(values: ComplexArray) -> float:
+    return float(np.sqrt(np.mean(squared_magnitude(values))))
