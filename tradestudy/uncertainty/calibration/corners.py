@@ -1,0 +1,253 @@
+"""Corner files: what two cameras saw of a flat board, read and distrusted before anything is fitted."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError, TradestudyError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+MINIMUM_CORNERS = 6  # four fix the pose of a plane; two more let a wrong corner show
+MINIMUM_VIEWS = 3  # two conditions per view for four intrinsic parameters, and one view to spare
+
+_IMAGE_COLUMNS = ("left_x_px", "left_y_px", "right_x_px", "right_y_px")
+_BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
+
+
+class CornerFileError(TradestudyError):
+    """A corner file cannot be what it says it is."""
+
+    exit_status = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class StereoCorners:
+    """Corners of a flat board in both images of every view, padded to the fullest view.
+
+    Parameters
+    ----------
+    views : tuple of int, length V
+        Numbers of the views as in the file.
+    board : array (V, N, 2)
+        Corners on the board, x to the right and y downwards as the board is seen from its front [m].
+    left, right : array (V, N, 2)
+        Corners in the images [px].
+    present : bool array (V, N)
+        False where a view has no such corner; coordinates are zero there.
+    """
+
+    views: tuple[int, ...]
+    board: FloatArray
+    left: FloatArray
+    right: FloatArray
+    present: BoolArray
+
+    @property
+    def corner_count(self) -> int:
+        """Number of corners over all views."""
+        return int(self.present.sum())
+
+
+def read_corners(path: str | Path) -> StereoCorners:
+    """Read a corner file and refuse one that contradicts itself.
+
+    Parameters
+    ----------
+    path : path
+        CSV with the columns ``view, corner, board_x_mm, board_y_mm, left_x_px, left_y_px, right_x_px, right_y_px``
+        in any order; the board may be in ``_m`` instead of ``_mm``. Board x to the right and y downwards as the
+        board is seen from its front; image x to the right and y downwards.
+
+    Returns
+    -------
+    StereoCorners
+        Corners in metres and pixels.
+
+    Raises
+    ------
+    CornerFileError
+        A column is missing; a cell is no number; a corner stands twice; a view has too few corners or all in a line; there are
+        too few views; the board is mirrored, an image is mirrored, or x and y columns are swapped. Left and right
+        exchanged, and units that contradict the baseline, need a fit: see ``bundle_adjustment.check_rig``.
+    """
+    table, scale = _read_table(Path(path))
+    groups = _group_views(table)
+    size = max(len(group) for group in groups.values())
+    board, left, right = (np.zeros((len(groups), size, 2)) for _ in range(3))
+    present = np.zeros((len(groups), size), dtype=bool)
+    for row, group in enumerate(groups.values()):
+        count = len(group)
+        board[row, :count] = group[:, 2:4] * scale
+        left[row, :count], right[row, :count] = group[:, 4:6], group[:, 6:8]
+        present[row, :count] = True
+    corners = StereoCorners(views=tuple(groups), board=board, left=left, right=right, present=present)
+    _check_counts(corners)
+    _check_handedness(corners)
+    return corners
+
+
+def _read_table(path: Path) -> tuple[FloatArray, float]:
+    """Rows of the file in the canonical order of columns, and the board's unit in metres."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        reader = csv.DictReader(stream)
+        header = [name.strip() for name in reader.fieldnames or ()]
+        reader.fieldnames = header
+        unit = next((u for u in _BOARD_UNITS if f"board_x_{u}" in header and f"board_y_{u}" in header), "mm")
+        wanted = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
+        missing = [name for name in wanted if name not in header]
+        if missing:
+            raise CornerFileError(
+                f"{path.name} lacks columns",
+                value=", ".join(missing),
+                limit=", ".join(wanted),
+                remedy="name the columns in the first line",
+            )
+        rows = [_numbers(path, line, row, wanted) for line, row in enumerate(reader, start=2)]
+    if not rows:
+        raise CornerFileError(
+            f"{path.name} has no corners", value="0 rows", limit=">= 1", remedy="give one row per corner and view"
+        )
+    return np.array(rows), _BOARD_UNITS[unit]
+
+
+def _numbers(path: Path, line: int, row: dict[str, str | None], wanted: Sequence[str]) -> list[float]:
+    """Cells of one row as finite numbers."""
+    numbers = []
+    for name in wanted:
+        try:
+            number = float(row[name] or "")
+        except ValueError:
+            number = float("nan")
+        if not np.isfinite(number):
+            raise CornerFileError(
+                f"{path.name}:{line}: {name} is not a finite number",
+                value=repr(row[name]),
+                limit="a number",
+                remedy="leave out the row of a corner that was not found",
+            )
+        numbers.append(number)
+    return numbers
+
+
+def _group_views(table: FloatArray) -> dict[int, FloatArray]:
+    """Rows by view, each corner once."""
+    groups = {}
+    for view in np.unique(table[:, 0]):
+        group = table[table[:, 0] == view]
+        numbers, counts = np.unique(group[:, 1], return_counts=True)
+        if np.any(counts > 1):
+            raise CornerFileError(
+                f"view {view:g} names a corner more than once",
+                value=f"corner {numbers[counts > 1][0]:g}",
+                limit="each corner once per view",
+                remedy="remove the repeated row",
+            )
+        groups[int(view)] = group
+    return groups
+
+
+def _check_counts(corners: StereoCorners) -> None:
+    """Enough views, and in each enough corners spread over the plane."""
+    if len(corners.views) < MINIMUM_VIEWS:
+        raise CornerFileError(
+            "too few views to calibrate from",
+            value=str(len(corners.views)),
+            limit=f">= {MINIMUM_VIEWS}",
+            remedy="add views with the board tilted differently",
+        )
+    for row, view in enumerate(corners.views):
+        count = int(corners.present[row].sum())
+        if count < MINIMUM_CORNERS:
+            raise CornerFileError(
+                f"view {view} has too few corners",
+                value=str(count),
+                limit=f">= {MINIMUM_CORNERS}",
+                remedy="remove the view or add corners",
+            )
+        for what, plane in (("on the board", corners.board), ("left", corners.left), ("right", corners.right)):
+            spread = np.linalg.svd(
+                plane[row, :count] - plane[row, :count].mean(axis=0), compute_uv=False
+            )
+            if spread[1] < 1e-3 * spread[0]:
+                raise CornerFileError(
+                    f"view {view}: the corners ({what}) lie on a line",
+                    value=f"width/length {spread[1] / max(spread[0], 1e-300):.1e}",
+                    limit=">= 1e-3",
+                    remedy="check the columns, or remove the view",
+                )
+
+
+def handedness(board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
+    """Sign of the determinant of the affine map from board to image per view, shape (V,): −1 is a mirror image."""
+    signs = np.empty(len(board))
+    for row, there in enumerate(present):
+        design = np.column_stack([board[row, there], np.ones(int(there.sum()))])
+        affine = np.linalg.lstsq(design, image[row, there], rcond=None)[0][:2]
+        signs[row] = np.sign(np.linalg.det(affine))
+    return signs
+
+
+def _check_handedness(corners: StereoCorners) -> None:
+    """No mirror between board and images: a plane cannot tell in a fit, a sign can tell before it."""
+    left = handedness(corners.board, corners.left, corners.present) < 0
+    right = handedness(corners.board, corners.right, corners.present) < 0
+    if not (left.any() or right.any()):
+        return
+    total = len(corners.views)
+    value = f"{int(left.sum())} of {total} views in the left image, {int(right.sum())} in the right"
+    limit = "board x to the right, board y downwards as seen from the front; image y downwards"
+    if left.all() and right.all():
+        what = "the board is mirrored"
+        remedy = "turn the sign of the board's y, or exchange its x and y columns if those are swapped"
+    elif left.all() and not right.any():
+        what, remedy = _mirrored_image("left", corners.left, corners.right, corners.present)
+    elif right.all() and not left.any():
+        what, remedy = _mirrored_image("right", corners.right, corners.left, corners.present)
+    else:
+        views = [v for v, bad in zip(corners.views, left | right, strict=True) if bad]
+        what = f"the order of the corners is mirrored in view {', '.join(map(str, views[:5]))}"
+        remedy = "number the corners alike in every view, or remove these views"
+    raise CornerFileError(what, value=value, limit=limit, remedy=remedy)
+
+
+def _mirrored_image(
+    side: str, image: FloatArray, other: FloatArray, present: BoolArray
+) -> tuple[str, str]:
+    """Swapped columns or a flipped picture: whichever brings the rows of both cameras closer."""
+    flipped = image.copy()
+    flipped[..., 0] = image[present][:, 0].max() + image[present][:, 0].min() - image[..., 0]
+    swapped_fits = _shape_mismatch(image[..., ::-1], other, present)
+    flipped_fits = _shape_mismatch(flipped, other, present)
+    if swapped_fits < flipped_fits:
+        return (
+            f"the columns {side}_x_px and {side}_y_px are swapped",
+            f"exchange {side}_x_px and {side}_y_px",
+        )
+    return (
+        f"the {side} image is mirrored",
+        f"turn off the {side} camera's mirror mode, or subtract {side}_x_px from the image width",
+    )
+
+
+def _shape_mismatch(first: FloatArray, second: FloatArray, present: BoolArray) -> float:
+    """Mean square distance of the corners of both images after removal of each view's means [px²]."""
+    weight = present[..., None] / present.sum(axis=1)[:, None, None]
+    difference = first - second
+    difference = difference - (difference * weight).sum(axis=1, keepdims=True)
+    return float((difference**2 * weight).sum() / len(present))
+
+
+def require_positive_baseline(declared_baseline: float) -> None:
+    """Refuse a declared baseline that is no length."""
+    if not (np.isfinite(declared_baseline) and declared_baseline > 0.0):
+        raise OutOfRangeError(
+            "the declared baseline is no length",
+            value=f"{declared_baseline:g} m",
+            limit="> 0 m",
+            remedy="give the distance between the cameras, or none",
+        )

@@ -1,0 +1,235 @@
+"""The pinhole camera with two radial distortion terms, and rigid motions, with analytic derivatives.
+
+Intrinsic parameters travel as the last axis of an array, in the order of ``INTRINSIC_NAMES``; rotations as rotation
+vectors (axis times angle). Everything broadcasts over leading axes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tradestudy.errors import NotConvergedError
+from tradestudy.optics.arrays import FloatArray
+
+INTRINSIC_NAMES = (
+    "focal_length_x_px",
+    "focal_length_y_px",
+    "principal_point_x_px",
+    "principal_point_y_px",
+    "radial_distortion_k1",
+    "radial_distortion_k2",
+)
+
+
+def project(intrinsics: FloatArray, points: FloatArray) -> FloatArray:
+    """Image of points in front of a camera: u = f x (1 + k1 r² + k2 r⁴) + c, with x = X/Z, r² = x² + y².
+
+    Parameters
+    ----------
+    intrinsics : array (..., 6)
+        Focal lengths and principal point [px], distortion [1], in the order of ``INTRINSIC_NAMES``.
+    points : array (..., N, 3)
+        Points in the camera's frame: x right, y down, z along the optical axis [m].
+
+    Returns
+    -------
+    array (..., N, 2)
+        Image coordinates [px]; NaN for points at or behind the camera (Z <= 0).
+
+    Notes
+    -----
+    D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37 (1971) 855, radial terms only.
+    """
+    x, y = _normalised(points)
+    radius_squared = x * x + y * y
+    factor = 1.0 + radius_squared * (
+        intrinsics[..., 4, None] + radius_squared * intrinsics[..., 5, None]
+    )
+    return np.stack(
+        [
+            intrinsics[..., 0, None] * x * factor + intrinsics[..., 2, None],
+            intrinsics[..., 1, None] * y * factor + intrinsics[..., 3, None],
+        ],
+        axis=-1,
+    )
+
+
+def project_with_jacobians(
+    intrinsics: FloatArray, points: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Image of points with its derivatives by the intrinsic parameters and by the points.
+
+    Parameters
+    ----------
+    intrinsics : array (..., 6)
+        As for ``project`` [px, 1].
+    points : array (..., N, 3)
+        Points in the camera's frame [m].
+
+    Returns
+    -------
+    image : array (..., N, 2)
+        Image coordinates [px]; NaN at or behind the camera, as are the derivatives there.
+    by_intrinsics : array (..., N, 2, 6)
+        Derivatives by the intrinsic parameters.
+    by_points : array (..., N, 2, 3)
+        Derivatives by the points [px/m].
+    """
+    x, y = _normalised(points)
+    focal_x, focal_y, centre_x, centre_y, k1, k2 = (intrinsics[..., i, None] for i in range(6))
+    r2 = x * x + y * y
+    factor = 1.0 + r2 * (k1 + r2 * k2)
+    slope = 2.0 * (k1 + 2.0 * r2 * k2)  # d factor / d x = slope * x
+    zero, one = np.zeros_like(factor), np.ones_like(factor)
+    image = np.stack([focal_x * x * factor + centre_x, focal_y * y * factor + centre_y], axis=-1)
+    by_intrinsics = np.stack(
+        [
+            np.stack([x * factor, zero, one, zero, focal_x * x * r2, focal_x * x * r2 * r2], axis=-1),
+            np.stack([zero, y * factor, zero, one, focal_y * y * r2, focal_y * y * r2 * r2], axis=-1),
+        ],
+        axis=-2,
+    )
+    u_x, u_y = focal_x * (factor + slope * x * x), focal_x * slope * x * y
+    v_x, v_y = focal_y * slope * x * y, focal_y * (factor + slope * y * y)
+    inverse_depth = 1.0 / np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
+    by_points = inverse_depth[..., None, None] * np.stack(
+        [
+            np.stack([u_x, u_y, -(u_x * x + u_y * y)], axis=-1),
+            np.stack([v_x, v_y, -(v_x * x + v_y * y)], axis=-1),
+        ],
+        axis=-2,
+    )
+    return image, by_intrinsics, by_points
+
+
+def ray_slopes(intrinsics: FloatArray, image: FloatArray, *, iterations: int = 20) -> FloatArray:
+    """Slopes (X/Z, Y/Z) of the ray that a camera images at a place: the inverse of ``project``.
+
+    Newton's method on the radius, r_d = r (1 + k1 r² + k2 r⁴).
+
+    Parameters
+    ----------
+    intrinsics : array (..., 6)
+        As for ``project``.
+    image : array (..., N, 2)
+        Image coordinates [px].
+    iterations : int
+        Newton steps allowed.
+
+    Returns
+    -------
+    array (..., N, 2)
+        Slopes of the rays [1]; NaN where the image coordinates are.
+
+    Raises
+    ------
+    NotConvergedError
+        The distortion polynomial has no inverse there (too far outside the calibrated field).
+    """
+    x = (image[..., 0] - intrinsics[..., 2, None]) / intrinsics[..., 0, None]
+    y = (image[..., 1] - intrinsics[..., 3, None]) / intrinsics[..., 1, None]
+    k1, k2 = intrinsics[..., 4, None], intrinsics[..., 5, None]
+    distorted = np.hypot(x, y)
+    radius = distorted.copy()
+    for _ in range(iterations):
+        r2 = radius * radius
+        step = (radius * (1.0 + r2 * (k1 + r2 * k2)) - distorted) / (1.0 + r2 * (3.0 * k1 + 5.0 * r2 * k2))
+        radius = radius - step
+        if np.nanmax(np.abs(step), initial=0.0) < 1e-14:
+            break
+    else:
+        raise NotConvergedError(
+            "the radial distortion cannot be inverted at an image point",
+            value=f"r = {np.nanmax(distorted):.3g} focal lengths from the principal point",
+            limit="the part of the field where the distortion polynomial rises",
+            remedy="use points inside the calibrated field",
+        )
+    scale = np.where(distorted > 0.0, radius / np.where(distorted > 0.0, distorted, 1.0), 1.0)
+    return np.stack([x * scale, y * scale], axis=-1)
+
+
+def cross_matrix(vector: FloatArray) -> FloatArray:
+    """Matrix [a]× with [a]× b = a × b, shape (..., 3, 3)."""
+    a, b, c = vector[..., 0], vector[..., 1], vector[..., 2]
+    zero = np.zeros_like(a)
+    rows = [[zero, -c, b], [c, zero, -a], [-b, a, zero]]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def rotation_matrix(rotation_vector: FloatArray) -> FloatArray:
+    """Rotation matrix of a rotation vector (Rodrigues): R = I + sinc θ [ω]× + (1 − cos θ)/θ² [ω]×².
+
+    Parameters
+    ----------
+    rotation_vector : array (..., 3)
+        Axis times angle [rad]; any size.
+
+    Returns
+    -------
+    array (..., 3, 3)
+        Proper orthogonal matrices.
+    """
+    angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
+    generator = cross_matrix(rotation_vector)
+    half = np.sinc(angle / (2.0 * np.pi))  # (1 - cos θ)/θ² = sinc²(θ/2)/2: no cancellation at small angles
+    return np.eye(3) + np.sinc(angle / np.pi) * generator + 0.5 * half**2 * (generator @ generator)
+
+
+def rotation_vector(matrix: FloatArray) -> FloatArray:
+    """Rotation vector of a rotation matrix, shape (..., 3) [rad]; angles in [0, π]."""
+    from scipy.spatial.transform import Rotation
+
+    vectors: FloatArray = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec()
+    return vectors.reshape(matrix.shape[:-1])
+
+
+def right_jacobian(rotation_vector: FloatArray) -> FloatArray:
+    """Matrix J_r with R(ω + δ) = R(ω) R(J_r δ) to first order in δ, shape (..., 3, 3).
+
+    J_r = I − (1 − cos θ)/θ² [ω]× + (θ − sin θ)/θ³ [ω]×² (G. Chirikjian, "Stochastic Models, Information Theory,
+    and Lie Groups" 2, 2012, section 10.6).
+    """
+    angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
+    generator = cross_matrix(rotation_vector)
+    first = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    small = angle < 1e-2  # the series is exact to 1e-16 there, the closed form loses digits
+    safe = np.where(small, 1.0, angle)
+    second = np.where(
+        small,
+        1.0 / 6.0 - angle**2 / 120.0 + angle**4 / 5040.0,
+        (safe - np.sin(safe)) / safe**3,
+    )
+    return np.eye(3) - first * generator + second * (generator @ generator)
+
+
+def move(pose: FloatArray, points: FloatArray) -> FloatArray:
+    """Points carried by rigid motions, R x + t.
+
+    Parameters
+    ----------
+    pose : array (..., 6)
+        Rotation vector [rad] and translation [m].
+    points : array (..., N, 3)
+        Points [m].
+
+    Returns
+    -------
+    array (..., N, 3)
+        The moved points [m].
+    """
+    moved: FloatArray = points @ np.swapaxes(rotation_matrix(pose[..., :3]), -1, -2) + pose[..., None, 3:]
+    return moved
+
+
+def move_jacobian(pose: FloatArray, points: FloatArray) -> FloatArray:
+    """Derivative of ``move`` by the pose, shape (..., N, 3, 6): −R [x]× J_r beside the identity."""
+    rotation = rotation_matrix(pose[..., :3])[..., None, :, :]
+    by_rotation = -rotation @ cross_matrix(points) @ right_jacobian(pose[..., :3])[..., None, :, :]
+    identity = np.broadcast_to(np.eye(3), by_rotation.shape)
+    return np.concatenate([by_rotation, identity], axis=-1)
+
+
+def _normalised(points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Slopes of the rays to points; NaN at or behind the camera."""
+    depth = np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
+    return points[..., 0] / depth, points[..., 1] / depth
