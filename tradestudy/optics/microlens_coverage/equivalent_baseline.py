@@ -176,9 +176,7 @@ def _table(layout: Layout, estimator: str) -> _Table:
     chosen = _ESTIMATORS[estimator]
     fine, coarse = (_sums(layout, chosen, nodes) for nodes in (_NODES, _COARSE_NODES))
     radius = np.linspace(0.5, _TABLE_RADIUS, 200)[1:]
-    ratios = [
-        np.interp(radius**2, q, share) / np.interp(radius**2, q, total) for q, total, share in (fine, coarse)
-    ]
+    ratios = [np.interp(radius**2, q, share) / np.interp(radius**2, q, total) for q, total, share in (fine, coarse)]
     error = np.maximum.accumulate(np.abs(np.sqrt(ratios[1] / ratios[0]) - 1))
     return _Table(
         squared_radius=fine[0],
@@ -195,9 +193,7 @@ def _sums(layout: Layout, estimator: _Estimator, nodes: int) -> tuple[FloatArray
     """Squared radii; over them the mean of 1/B² (0 without a pair) and the share of positions with a pair."""
     positions, squared_reach, weight = _rays(layout, nodes)
     gain = estimator.gain(positions)
-    has_pair = np.zeros_like(
-        gain
-    )  # the second lens of a position makes the pair: it is lost again as the third comes
+    has_pair = np.zeros_like(gain)  # the second lens of a position makes the pair: it is lost again as the third comes
     has_pair[:, 0] = 1.0
     return _integrate(squared_reach, weight, gain, has_pair)
 
@@ -236,9 +232,7 @@ def _widest_pair_gain(positions: FloatArray) -> FloatArray:
     """1/B² of the longest pair with the lens at the origin less that without it (0 without a pair)."""
     with_origin = np.maximum.accumulate(np.sum(positions**2, axis=-1), axis=-1)
     newest = np.empty_like(with_origin)
-    for ray, (x, y) in enumerate(
-        np.moveaxis(positions, -1, 1)
-    ):  # one ray at a time keeps the pairs in the cache
+    for ray, (x, y) in enumerate(np.moveaxis(positions, -1, 1)):  # one ray at a time keeps the pairs in the cache
         squared = (x[:, np.newaxis] - x) ** 2 + (y[:, np.newaxis] - y) ** 2
         newest[ray] = np.max(np.tril(squared), axis=-1)
     without = np.maximum.accumulate(newest, axis=-1)
@@ -261,9 +255,7 @@ def _inverse(value: FloatArray) -> FloatArray:
 
 
 _ESTIMATORS: Final = {
-    "widest pair": _Estimator(
-        gain=_widest_pair_gain, limit=lambda radius, _: 2 * radius, deficit_exponent=8 / 5
-    ),
+    "widest pair": _Estimator(gain=_widest_pair_gain, limit=lambda radius, _: 2 * radius, deficit_exponent=8 / 5),
     "least squares": _Estimator(
         gain=_least_squares_gain,
         limit=lambda radius, cell_area: radius**2 * math.sqrt(math.pi / cell_area),

@@ -18,10 +18,7 @@ def distance_to_bisector(positions: FloatArray, direction: FloatArray) -> FloatA
 
     Infinite for a lens that never is.
     """
-    along = (
-        np.cos(direction)[:, np.newaxis] * positions[:, 0]
-        + np.sin(direction)[:, np.newaxis] * positions[:, 1]
-    )
+    along = np.cos(direction)[:, np.newaxis] * positions[:, 0] + np.sin(direction)[:, np.newaxis] * positions[:, 1]
     squared = np.sum(positions**2, axis=-1)
     never = np.full(along.shape, np.inf)
     return np.asarray(np.divide(squared, 2 * along, out=never, where=along > 1e-9))

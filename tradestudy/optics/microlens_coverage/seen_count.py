@@ -109,9 +109,7 @@ def covering_radius_over_pitch(
     return _shell(layout, counted, at_least).covering_radius * spacing
 
 
-def mean_seen_count(
-    radius_over_pitch: ArrayLike, *, layout: Layout = "hexagonal", types: int = 1
-) -> FloatArray:
+def mean_seen_count(radius_over_pitch: ArrayLike, *, layout: Layout = "hexagonal", types: int = 1) -> FloatArray:
     """Mean number of microlenses of one type that see a point: area of the disc over that of the type's cell.
 
     On a hexagonal array of one type with matched f-numbers it is 0.907 v² for b ≈ z. Exact at every radius,
@@ -227,9 +225,7 @@ def _reach(lattice: Lattice, counting: Counting, at_least: int) -> float:
     return spacing * (lattice.cell_circumradius + math.sqrt(at_least * lattice.cell_area / math.pi)) + 1e-9
 
 
-def _bounds(
-    reached: FloatArray, colours: Integers, counting: Counting, at_least: int
-) -> tuple[Integers, Integers]:
+def _bounds(reached: FloatArray, colours: Integers, counting: Counting, at_least: int) -> tuple[Integers, Integers]:
     """Find the lenses whose bisectors bound the zone from inside (`_ORIGIN`: none does) and from outside."""
     own = colours >= 0 if counting == "all_lenses" else colours == 0
     before, after = _ranked(reached, own, at_least - 1), _ranked(reached, own, at_least)

@@ -1,0 +1,174 @@
+"""A stack of images at different focus: what they keep sharp together, and how few are enough."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field.interval_union import IntervalUnion, union
+from tradestudy.optics.depth_of_field.limits import DepthOfField
+from tradestudy.optics.depth_of_field.single_lens import depth_of_field
+from tradestudy.optics.thin_lens import focus_shift, object_distance
+
+
+@dataclass(frozen=True, kw_only=True)
+class FocusStack:
+    """The images of a stack and what they cover."""
+
+    focus_distances: FloatArray
+    """Where each image is focused [m], nearest first."""
+    slices: DepthOfField
+    """Depth of field of each image."""
+    union: IntervalUnion
+    """Covered stretches, gaps and overlaps."""
+
+    @property
+    def images(self) -> int:
+        """Number of exposures."""
+        return len(self.focus_distances)
+
+
+def focus_stack(
+    focus_distances: ArrayLike, *, focal_length: float, pupil_diameter: float, blur_diameter: ArrayLike
+) -> FocusStack:
+    """What a stack focused at given distances keeps sharp.
+
+    Parameters
+    ----------
+    focus_distances
+        One per image, > f [m], shape (images,), in any order.
+    focal_length, pupil_diameter
+        f and A, the same for all images [m].
+    blur_diameter
+        Geometric blur that counts as sharp, on the sensor [m]: one, or one per image (in the order of the
+        images).
+
+    Returns
+    -------
+    The stack, nearest focus first, with gaps and overlaps.
+
+    Raises
+    ------
+    OutOfRangeError
+        As `depth_of_field`.
+    """
+    focus = np.atleast_1d(np.asarray(focus_distances, dtype=np.float64))
+    blur = np.broadcast_to(np.asarray(blur_diameter, dtype=np.float64), focus.shape)
+    order = np.argsort(focus)
+    slices = depth_of_field(focus[order], focal_length, pupil_diameter, blur[order])
+    return FocusStack(focus_distances=focus[order], slices=slices, union=union(slices))
+
+
+def images_needed(near: float, far: float, *, focal_length: float, pupil_diameter: float, blur_diameter: float) -> int:
+    """Fewest images whose depths of field cover a range: ⌈ln(b_near/b_far) / ln((1 + κ)/(1 − κ))⌉, κ = c/A.
+
+    An image focused at b₀ is sharp for image distances from b₀/(1 + κ) to b₀/(1 − κ), a fixed ratio, so a
+    touching stack is a geometric progression of image distances.
+
+    Parameters
+    ----------
+    near, far
+        Range to cover, f < near ≤ far [m]; far may be ∞.
+    focal_length, pupil_diameter
+        f and A [m].
+    blur_diameter
+        c, geometric blur that counts as sharp, on the sensor, 0 < c [m]. With diffraction, the allowance at
+        ``near``, where the spot is largest, is safe for all images.
+
+    Returns
+    -------
+    Number of images, at least 1; one is enough for any range if c ≥ A.
+
+    Raises
+    ------
+    OutOfRangeError
+        For an empty or reversed range, a range that reaches into the focal length, no blur allowed.
+    """
+    _require_range(near, far, focal_length, blur_diameter)
+    if blur_diameter >= pupil_diameter:
+        return 1
+    ratio = blur_diameter / pupil_diameter
+    images = _image_distance_range(near, far, focal_length) / (2 * math.atanh(ratio))
+    return max(1, math.ceil(images * (1 - 1e-12)))  # a range that one image just covers needs one
+
+
+def plan_focus_stack(
+    near: float,
+    far: float,
+    *,
+    images: int,
+    focal_length: float,
+    pupil_diameter: float,
+    blur_diameter: float,
+) -> FocusStack:
+    """Spread the focus of a given number of images evenly over a range.
+
+    The range is cut into as many stretches of equal ratio of image distance as there are images, and each
+    image is focused so that its depth of field has the middle of its stretch in its own middle. With
+    `images_needed` images or more the range is covered with equal overlaps; with fewer, the gaps are equal
+    too and are reported.
+
+    Parameters
+    ----------
+    near, far
+        Range to cover, f < near ≤ far [m]; far may be ∞.
+    images
+        How many to take, ≥ 1 (8 for MAHLI's stacks).
+    focal_length, pupil_diameter, blur_diameter
+        f, A and c < A [m].
+
+    Returns
+    -------
+    The stack.
+
+    Raises
+    ------
+    OutOfRangeError
+        For an empty or reversed range, a range that reaches into the focal length, c ≥ A or ≤ 0, no image at
+        all.
+    """
+    _require_range(near, far, focal_length, blur_diameter)
+    if images < 1:
+        raise OutOfRangeError("number of images in a focus stack", value=str(images), limit="≥ 1", remedy="take one")
+    if blur_diameter >= pupil_diameter:
+        raise OutOfRangeError(
+            "blur that counts as sharp",
+            value=f"{blur_diameter:g} m",
+            limit=f"below the pupil diameter, {pupil_diameter:g} m",
+            remedy="everything is sharp by this criterion: take a single image",
+        )
+    ratio = blur_diameter / pupil_diameter
+    total = _image_distance_range(near, far, focal_length)
+    middle = (np.arange(images) + 0.5) * (total / images)
+    # Image distance over that of the near end, less one: written so that far focus keeps its digits.
+    fall = np.expm1(-middle + 0.5 * math.log1p(-(ratio**2)))
+    near_shift = float(focus_shift(near, focal_length))
+    shift = near_shift + (focal_length + near_shift) * fall
+    focus = object_distance(np.maximum(shift, 0.0), focal_length)  # a focus beyond infinity is focus at infinity
+    return focus_stack(focus, focal_length=focal_length, pupil_diameter=pupil_diameter, blur_diameter=blur_diameter)
+
+
+def _image_distance_range(near: float, far: float, focal_length: float) -> float:
+    """ln(b_near/b_far), from the focus shifts so that no digit is lost for distant ranges."""
+    s_near, s_far = (float(focus_shift(a, focal_length)) for a in (near, far))
+    return math.log1p((s_near - s_far) / (focal_length + s_far))
+
+
+def _require_range(near: float, far: float, focal_length: float, blur_diameter: float) -> None:
+    """Refuse ranges that no stack can cover."""
+    if not focal_length < near <= far:
+        raise OutOfRangeError(
+            "range of a focus stack",
+            value=f"{near:g} to {far:g} m",
+            limit=f"focal length ({focal_length:g} m) < near ≤ far",
+            remedy="order the range and keep it outside the focal length",
+        )
+    if not blur_diameter > 0:
+        raise OutOfRangeError(
+            "blur that counts as sharp", value=f"{blur_diameter:g} m", limit="> 0 m", remedy="declare a larger blur"
+        )
