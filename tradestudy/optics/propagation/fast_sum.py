@@ -29,9 +29,11 @@ from tradestudy.optics.propagation.direct import (
     unit_phasor,
 )
 from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
+from tradestudy.optics.propagation.targets import TargetGrid, Targets
+from tradestudy.optics.propagation.upsampling import Upsampling, apply_along_rows, upsampling
 
 _DIRECT_PAIRS = 60_000  # below this many node–target pairs the plain sum is the faster one
+_THREAD_WORTH = 1_000_000  # terms × (nodes + targets) from which a second thread pays
 _MAX_RANK = 30  # a larger factor means that the targets are better split in two
 _SAMPLE_NODES = 120  # rows on which the low-rank factor is found; ≥ 4 per unit of rank
 _DEGREES = (3, 5, 8, 12, 17, 24)  # Chebyshev points per axis that are tried in turn
@@ -176,9 +178,59 @@ def _direct(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> F
 
 
 def _grid(problem: _Problem, grid: TargetGrid) -> FastField:
-    """One grid: NUFFT of type 1, nodes to regular targets."""
+    """One grid: NUFFT of type 1, nodes to regular targets, on no finer a pitch than the field needs."""
     if grid.x_count * grid.y_count * problem.samples.nodes.count <= _DIRECT_PAIRS:
         return _direct(problem, *grid.coordinates())
+    columns, rows = _axis_plans(problem, grid)
+    coarse = TargetGrid(
+        x_start=grid.x_start + (columns.first * grid.x_pitch if columns else 0.0),
+        y_start=grid.y_start + (rows.first * grid.y_pitch if rows else 0.0),
+        x_pitch=grid.x_pitch * (columns.step if columns else 1),
+        y_pitch=grid.y_pitch * (rows.step if rows else 1),
+        x_count=columns.count if columns else grid.x_count,
+        y_count=rows.count if rows else grid.y_count,
+        distance=grid.distance,
+    )
+    total, rank, error = _grid_without_common_phase(problem, coarse)
+    if rows:
+        total = apply_along_rows(rows.matrix, total)
+    if columns:
+        total = apply_along_rows(columns.matrix, total.T).T
+    centre = problem.samples.nodes.centre
+    x, y = grid.x_axis - centre[0], grid.y_axis - centre[1]
+    phase = problem.kernel.wavenumber * problem.kernel.path(x[None, :], y[:, None], np.asarray(grid.distance))
+    return FastField(field=(total * unit_phasor(phase)).ravel(), rank=rank, tiles=1, low_rank_error=error)
+
+
+def _axis_plans(problem: _Problem, grid: TargetGrid) -> tuple[Upsampling | None, Upsampling | None]:
+    """Where the field, freed of the path from the centre, is oversampled along x and y."""
+    u, v, _ = problem.samples.local()
+    centre = problem.samples.nodes.centre
+    x, y = grid.x_axis[[0, 0, -1, -1]] - centre[0], grid.y_axis[[0, -1, 0, -1]] - centre[1]
+    # The direction cosines from the rim, less those from the centre, at the corners of the grid bound the band.
+    rim = _rim(u, v)
+    here = np.zeros(1)
+    widest = np.zeros(2)
+    for corner in zip(x, y, strict=True):
+        to = problem.kernel.slope_at_target(u[rim], v[rim], *corner, grid.distance)
+        middle = problem.kernel.slope_at_target(here, here, *corner, grid.distance)
+        widest = np.maximum(widest, [np.abs(to[0] - middle[0]).max(), np.abs(to[1] - middle[1]).max()])
+    oversampling = np.pi / (problem.kernel.wavenumber * np.asarray([grid.x_pitch, grid.y_pitch]) * widest)
+    plans = [
+        upsampling(fine_count=n, oversampling=float(o), tolerance=0.1 * problem.nufft)
+        for n, o in zip((grid.x_count, grid.y_count), oversampling, strict=True)
+    ]
+    return plans[0], plans[1]
+
+
+def _rim(u: FloatArray, v: FloatArray) -> Array:
+    """Indices of the nodes that lie outermost in 32 directions."""
+    angle = 2 * np.pi * np.arange(32) / 32
+    return np.unique(np.argmax(np.outer(np.cos(angle), u) + np.outer(np.sin(angle), v), axis=1))
+
+
+def _grid_without_common_phase(problem: _Problem, grid: TargetGrid) -> tuple[ComplexArray, int, float]:
+    """Field on a grid less the phase of the path from the centre of the aperture; rank; error of the factor."""
     centre = problem.samples.nodes.centre
     x, y = grid.x_axis - centre[0], grid.y_axis - centre[1]
     z = np.asarray([grid.distance])
@@ -193,16 +245,12 @@ def _grid(problem: _Problem, grid: TargetGrid) -> FastField:
         (y.size, x.size),
         eps=problem.nufft,
         isign=1,
+        nthreads=_threads(strength, x.size * y.size),
     )
     on_x, on_y = (_lagrange(c, factor.coefficients.shape[i + 1]) for i, c in enumerate((x, y)))
     slow = on_y @ np.swapaxes(factor.coefficients[..., 0], 1, 2) @ on_x.T
     total = np.einsum("tyx,tyx->yx", slow, sums.reshape(slow.shape))
-    return FastField(
-        field=(total * _common(problem.kernel, base, x[None, :], y[:, None], z)).ravel(),
-        rank=strength.shape[0],
-        tiles=1,
-        low_rank_error=factor.error,
-    )
+    return np.asarray(total), strength.shape[0], factor.error
 
 
 def _points(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
@@ -216,14 +264,21 @@ def _points(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> F
     strength, (along_x, along_y) = _node_side(problem, base, factor)
     k = problem.kernel.wavenumber
     sums = finufft.nufft2d3(
-        k * along_x, k * along_y, strength, x - base[0], y - base[1], eps=problem.nufft, isign=1
+        k * along_x,
+        k * along_y,
+        strength,
+        x - base[0],
+        y - base[1],
+        eps=problem.nufft,
+        isign=1,
+        nthreads=_threads(strength, x.size),
     ).reshape(strength.shape[0], -1)
     rank, n_x, n_y, n_z = factor.coefficients.shape
     slow = factor.coefficients.reshape(rank * n_x * n_y, n_z) @ _lagrange(z, n_z).T
     slow = np.einsum("tabm,mb->tam", slow.reshape(rank, n_x, n_y, -1), _lagrange(y, n_y))
     slow = np.einsum("tam,ma->tm", slow, _lagrange(x, n_x))
     return FastField(
-        field=np.einsum("tm,tm->m", slow, sums) * _common(problem.kernel, base, x, y, z),
+        field=np.einsum("tm,tm->m", slow, sums) * unit_phasor(k * problem.kernel.path(x, y, z)),
         rank=rank,
         tiles=1,
         low_rank_error=factor.error,
@@ -233,21 +288,20 @@ def _points(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> F
 def _node_side(
     problem: _Problem, base: tuple[float, float, float], factor: _SlowFactor
 ) -> tuple[ComplexArray, tuple[FloatArray, FloatArray]]:
-    """Strengths of the nodes, one row per term, and their direction cosines."""
+    """Strengths of the nodes, one row per term, and their direction cosines less those of the centre."""
     u, v, strength = problem.samples.local()
     kernel = problem.kernel
     to_base = kernel.path_from_node(u, v, *(np.asarray(c) for c in base))
-    slope_x, slope_y, _ = kernel.slope_at_target(u, v, *base)
+    here = np.zeros(1)
+    along_x, along_y, _ = kernel.slope_at_target(u, v, *base)
+    centre_x, centre_y, _ = kernel.slope_at_target(here, here, *base)
     carrier = strength * unit_phasor(kernel.wavenumber * to_base)
-    return np.ascontiguousarray(factor.node.T * carrier), (slope_x, slope_y)
+    return np.ascontiguousarray(factor.node.T * carrier), (along_x - centre_x, along_y - centre_y)
 
 
-def _common(kernel: Kernel, base: tuple[float, float, float], x: Array, y: Array, z: Array) -> ComplexArray:
-    """Phase at the targets that does not depend on the node: the exact path from the centre of the aperture."""
-    centre = np.zeros(1)
-    slope_x, slope_y, _ = kernel.slope_at_target(centre, centre, *base)
-    path = kernel.path(x, y, z) - slope_x[0] * (x - base[0]) - slope_y[0] * (y - base[1])
-    return unit_phasor(kernel.wavenumber * np.asarray(path))
+def _threads(strength: ComplexArray, targets: int) -> int:
+    """One thread for small transforms, where starting more costs more than they save; 0 lets finufft decide."""
+    return 1 if strength.shape[0] * (strength.shape[1] + targets) < _THREAD_WORTH else 0
 
 
 def _slow_factor(
@@ -313,15 +367,32 @@ def _refuse_wide(problem: _Problem, base: tuple[float, float, float], rows: Arra
 
 
 def _interpolative(matrix: ComplexArray, tolerance: float) -> tuple[Array, ComplexArray]:
-    """Columns of a matrix, and the mixing that rebuilds all columns from them to a tolerance."""
-    _, r, order = scipy.linalg.qr(matrix, mode="economic", pivoting=True)
-    size = np.abs(np.diag(r))
-    # The diagonal underestimates the tail; a factor 0.1 keeps the rebuilt columns within the tolerance.
-    rank = max(1, int(np.count_nonzero(size > 0.1 * tolerance * size[0])))
-    mixing = np.zeros((rank, matrix.shape[1]), dtype=np.complex128)
-    mixing[:, order[:rank]] = np.eye(rank)
-    mixing[:, order[rank:]] = scipy.linalg.solve_triangular(r[:rank, :rank], r[:rank, rank:])
-    return order[:rank], mixing
+    """Columns of a matrix, and the mixing that rebuilds all columns from them to a tolerance.
+
+    Gram–Schmidt with column pivots, each direction orthogonalised twice. A threaded LAPACK factorisation of so small a
+    matrix takes a millisecond alone and hundreds where cores are shared.
+    """
+    rest = matrix.copy()
+    size = np.einsum("ij,ij->j", rest.conj(), rest).real
+    stop = tolerance**2 * size.max()
+    columns: list[int] = []
+    directions: list[ComplexArray] = []
+    while len(columns) <= _MAX_RANK and len(columns) < min(matrix.shape):
+        pivot = int(np.argmax(size))
+        if size[pivot] <= stop:
+            break
+        direction = rest[:, pivot].copy()
+        for earlier in directions:
+            direction -= np.vdot(earlier, direction) * earlier
+        direction /= np.sqrt(np.vdot(direction, direction).real)
+        rest -= np.multiply.outer(direction, np.einsum("i,ij->j", direction.conj(), rest))
+        size = np.einsum("ij,ij->j", rest.conj(), rest).real
+        columns.append(pivot)
+        directions.append(direction)
+    basis = np.stack(directions)
+    weights = np.einsum("ri,ij->rj", basis.conj(), matrix)
+    mixing = scipy.linalg.solve_triangular(np.triu(weights[:, columns]), weights)
+    return np.asarray(columns), np.asarray(mixing)
 
 
 def _relative(difference: ComplexArray, to: ComplexArray) -> float:

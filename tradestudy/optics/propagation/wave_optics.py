@@ -201,14 +201,14 @@ def _refined(
     doubling: bool,
 ) -> ApertureField:
     """Compute, check against direct quadrature, and refine what limits the result until it meets the tolerance."""
-    share = 0.01 * accuracy.tolerance
+    share = 0.2 * accuracy.tolerance
     seconds = check_seconds = 0.0
     size = math.prod(targets.shape)
     for round_number in range(1, _MAX_ROUNDS + 1):
         check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=limits)
         started = time.perf_counter()
         samples = sample(counts)
-        fast = fast_sum(samples, kernel, targets, low_rank_tolerance=share, nufft_tolerance=share)
+        fast = fast_sum(samples, kernel, targets, low_rank_tolerance=share, nufft_tolerance=0.3 * share)
         seconds += time.perf_counter() - started
         finer = sample(counts.scaled(2.0)) if doubling else None
         check = _check(samples, finer, kernel, targets, fast.field, accuracy)
@@ -299,7 +299,7 @@ def _stated(
         intensity=(2 * absolute * typical + absolute**2) / bright,
         nodes=check.nodes / typical,
         low_rank=fast.low_rank_error * scale,
-        nufft=(share if fast.rank else 0.0) * scale,
+        nufft=(0.3 * share if fast.rank else 0.0) * scale,
         check=check.total / typical,
     )
 
