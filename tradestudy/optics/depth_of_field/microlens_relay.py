@@ -52,7 +52,7 @@ def relay_blur_diameter(
         D > 0 [m]; the pitch for a full fill factor.
 
     Returns ------- Diameter [m], broadcast; ∞ for an image on the array. Holds while the light fills the
-    microlens, for \|v\| ≥ 1 with matched f-numbers.
+    microlens, for |v| ≥ 1 with matched f-numbers.
     """
     v, w0, D = as_floats(v=virtual_depth, w0=inverse_focus_virtual_depth, D=microlens_aperture)
     require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
@@ -160,7 +160,7 @@ def touching_inverse_virtual_depths(
     pixels_per_lens
         Pixels across the aperture of a microlens, D in pixels.
     nearest_virtual_depth
-        \|v\| of the total covering plane, where the first type begins, > 0 [1].
+        |v| of the total covering plane, where the first type begins, > 0 [1].
     types
         How many, ≥ 1.
     blur_px
