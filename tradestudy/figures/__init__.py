@@ -30,9 +30,9 @@ def build(tree: xr.DataTree) -> Mapping[str, Drawing]:
     mapping of str to Drawing
         Call a drawing to get its matplotlib figure; it also carries caption and alternative text.
     """
-    from tradestudy.figures import gallery
+    from tradestudy.figures.gallery import drawings
 
-    return gallery.drawings(tree)
+    return drawings(tree)
 
 
 def figure(tree: xr.DataTree, name: str) -> StudyFigure:

@@ -54,7 +54,7 @@ def nominal(tree: xr.DataTree) -> xr.Dataset:
 
 def of_camera(depth: xr.Dataset, variable: str, camera: Camera, **where: str) -> FloatArray:
     """One variable of one camera, over distance."""
-    return np.asarray(depth[variable].sel(camera=camera.key, **where).values, dtype=float)
+    return np.asarray(depth[variable].sel({"camera": camera.key, **where}).values, dtype=np.float64)
 
 
 def usable_intervals(depth: xr.Dataset, camera: Camera) -> tuple[tuple[float, float], ...]:
@@ -68,7 +68,7 @@ def winners(tree: xr.DataTree, way: str = "both") -> Iterator[tuple[float, float
 
     The stretch ends half way (in logarithm) between two computed distances.
     """
-    best = tree["decision"]["best_camera"].sel(way=way)
+    best = tree["decision"].to_dataset()["best_camera"].sel(way=way)
     names = [str(name) for name in best.values]
     distance = np.asarray(best["distance"].values, dtype=float)
     edges = np.concatenate([distance[:1], np.sqrt(distance[1:] * distance[:-1]), distance[-1:]])

@@ -47,8 +47,8 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), cameras(tree)
     caption = (
         "Depth uncertainty (half the central 68.27 % interval of one measurement) over the whole range, noise and "
-        "calibration together; bold where the camera is usable, thin elsewhere. Grey lines: equal shares of the distance."
-        " Bars: usable distances."
+        "calibration together; bold where the camera is usable, thin elsewhere. Grey lines: equal shares of the "
+        "distance. Bars: usable distances."
     )
     if "decision" in tree.children:
         caption += (
@@ -96,10 +96,11 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float, of_pa
     span = f"{pretty(near, LENGTH) if near else '0'} to {pretty(far, LENGTH)}"
     return Drawing(
         name=name,
-        caption=f"Depth discriminating power and depth uncertainty from {span} ({of_paper}). Discrimination is the change "
-        "of depth that moves the disparity by its declared step, without noise or calibration errors; uncertainty has both.",
-        alt=f"Two charts against distance from {span}, depth in millimetres on a logarithmic axis: discriminating power "
-        f"and uncertainty. Uncertainty at {pretty(far, LENGTH)}: {_values_at(depth, shown, far)}.",
+        caption=f"Depth discriminating power and depth uncertainty from {span} ({of_paper}). Discrimination is the "
+        "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
+        "uncertainty has both.",
+        alt=f"Two charts against distance from {span}, depth in millimetres on a logarithmic axis: discriminating "
+        f"power and uncertainty. Uncertainty at {pretty(far, LENGTH)}: {_values_at(depth, shown, far)}.",
         draw=partial(depth_curves.discrimination_and_uncertainty, tree, near, far),
     )
 
@@ -149,12 +150,14 @@ def _readings(tree: xr.DataTree) -> Drawing:
         if finite.size:
             sentences.append(
                 f"At {pretty(float(place), LENGTH)} the ratio runs from {significant(float(finite.min()))} to "
-                f"{significant(float(finite.max()))} and is above 1 in {int((finite > 1).sum())} of {finite.size} readings. "
+                f"{significant(float(finite.max()))} and is above 1 in {int((finite > 1).sum())} of {finite.size} "
+                "readings. "
             )
     return Drawing(
         name="readings",
-        caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under every "
-        f"reading of what the sources leave open. Left of 1 (shaded) {numerator} is better, right of it {denominator}.",
+        caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under "
+        f"every reading of what the sources leave open. Left of 1 (shaded) {numerator} is better, right of it "
+        f"{denominator}.",
         alt="Dot chart of the ratio of uncertainties, one row per reading, one panel per distance. "
         + "".join(sentences),
         draw=partial(readings.readings, tree),
@@ -177,6 +180,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         name="pareto",
         caption=f"All swept designs: nearest usable distance against depth uncertainty at {place}. The line joins the "
         "designs that no other beats in both.",
-        alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}, with the frontier of best designs.",
+        alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}, with the frontier of "
+        "best designs.",
         draw=partial(sweeps.pareto, tree),
     )

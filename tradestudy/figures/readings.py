@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 
 WAY_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
 _WAY_MARKERS = {"both": "D", "noise": "o", "calibration": "s"}
-_ROW = 0.24  # inches
+_ROW = 0.3  # inches
 
 
 def readings(tree: xr.DataTree) -> StudyFigure:
     """One panel per declared distance, one row per reading: the ratio of the uncertainties, 1 marked."""
     with styled():
-        ratio = tree["decision"]["decision_ratio"]
+        ratio = tree["decision"].to_dataset()["decision_ratio"]
         names = [str(name) for name in ratio["reading"].values]
         places = np.asarray(ratio["place"].values, dtype=float)
-        figure = new_figure(1.25 + _ROW * len(names))
+        figure = new_figure(1.75 + _ROW * len(names))
         panels = figure.subplots(1, len(places), sharex=True, sharey=True, squeeze=False)[0]
         finite = ratio.values[np.isfinite(ratio.values) & (ratio.values > 0)]
         reach = 1.3 * max(float(np.exp(np.abs(np.log(finite)).max())), 3.0) if finite.size else 3.0
@@ -51,12 +51,12 @@ def readings(tree: xr.DataTree) -> StudyFigure:
             printable(str(ratio.attrs["numerator"])),
             printable(str(ratio.attrs["denominator"])),
         )
-        figure.supxlabel(f"uncertainty of {numerator} / uncertainty of {denominator}", fontsize=7.5)
+        panels[len(panels) // 2].set_xlabel(f"uncertainty of {numerator} / uncertainty of {denominator}")
         ways = [str(way) for way in ratio["way"].values]
         handles = [_marker(way) for way in ways]
         handles.append(Line2D([], [], color=SOFT, marker=_WAY_MARKERS["both"], markerfacecolor="white", linestyle=""))
         labels = [*(WAY_TITLES[way] for way in ways), "open: other winner than in the first reading"]
-        legend(figure, handles, labels, columns=4)
+        legend(figure, handles, labels, columns=2)
     return figure
 
 
@@ -79,6 +79,8 @@ def _panel(axes: Axes, ratio: xr.DataArray, reach: float) -> None:
         color = _marker(way).get_color()
         for subset, face in ((~flipped, color), (flipped, "white")):
             keep = subset & np.isfinite(values)
+            if not keep.any():
+                continue  # an empty line that is not clipped would count as a point at the origin in the layout
             axes.plot(
                 values[keep],
                 rows[keep],

@@ -14,7 +14,6 @@ from typing import Any
 import matplotlib
 from matplotlib import font_manager, ft2font
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
@@ -30,7 +29,7 @@ _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.4, 1.2, 1.4)), (0, (9, 2.5)))
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")
 
-_RC: dict[str, Any] = {
+_RC: dict[Any, Any] = {
     "svg.hashsalt": "tradestudy",  # identifiers inside the SVG are the same in every run
     "svg.fonttype": "path",  # letters look the same everywhere and need no font
     "text.parse_math": False,  # a "$" in a camera's name is a dollar
@@ -106,7 +105,7 @@ class StudyFigure(Figure):
         buffer = io.BytesIO()
         with styled():
             nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
-            FigureCanvasSVG(self).print_svg(buffer, metadata=nothing)
+            self.savefig(buffer, format="svg", metadata=nothing)
         return buffer.getvalue()
 
     def _repr_svg_(self) -> str:

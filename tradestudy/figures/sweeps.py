@@ -34,8 +34,8 @@ _COLUMNS = 3
 def reference_distance(tree: xr.DataTree) -> float:
     """The distance [m] at which designs are compared: the first declared place, or the middle of the range."""
     if "decision" in tree.children and "place" in tree["decision"].coords:
-        return float(tree["decision"]["place"].values[0])
-    distance = tree["depth"]["distance"].values
+        return float(tree["decision"].to_dataset()["place"].values[0])
+    distance = tree["depth"].to_dataset()["distance"].values
     return float(np.sqrt(distance[0] * distance[-1]))
 
 

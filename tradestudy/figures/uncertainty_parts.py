@@ -32,8 +32,8 @@ _COLUMNS = 3
 def part_names(depth: xr.Dataset) -> tuple[str, ...]:
     """The sources of error that at least one camera has."""
     part = depth["depth_uncertainty_part"]
-    present = np.isfinite(part).any([d for d in part.dims if d != "part"])
-    return tuple(str(name) for name in part["part"].values[present.values])
+    present = np.isfinite(part.transpose("part", ...).values.reshape(part.sizes["part"], -1)).any(axis=1)
+    return tuple(str(name) for name in part["part"].values[present])
 
 
 def uncertainty_parts(tree: xr.DataTree) -> StudyFigure:

@@ -157,7 +157,7 @@ class Column:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A table with a caption above it and notes below."""
+    """A table with a caption above it and notes below; a row of one cell is a heading over the rows that follow."""
 
     name: str
     caption: Text
@@ -167,7 +167,7 @@ class Table:
 
     def __post_init__(self) -> None:
         for row in self.rows:
-            if len(row) != len(self.columns):
+            if len(row) not in (1, len(self.columns)):
                 raise ValueError(f"table {self.name}: a row has {len(row)} cells, not {len(self.columns)}")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, TEMPERATURE_DIFFERENCE, pretty
+from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, TEMPERATURE_DIFFERENCE, pretty, significant
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,6 +52,24 @@ def in_words(name: str) -> str:
 def length(value: float) -> str:
     """Write a length with the unit a person expects, not broken between number and unit."""
     return pretty(value, LENGTH).replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def distance(value: float) -> str:
+    """Write a distance in metres, as on the axes of the figures; below 0.1 m in millimetres."""
+    if not 0.1 <= abs(value) < np.inf:
+        return length(value)
+    return f"{significant(value)}\N{NO-BREAK SPACE}m"
+
+
+def interval(low: float, high: float) -> str:
+    """Write the ends of an interval of distances [m], in one unit, with the digits that tell them apart."""
+    if not np.isfinite([low, high]).all():
+        return f"{distance(low)} – {distance(high)}"
+    size, unit = (1.0, "m") if high >= 0.1 else (1e-3, "mm")
+    width = (high - low) / size
+    finest = min(width, low / size)
+    decimals = max(0, 1 - int(np.floor(np.log10(finest)))) if finest > 0 else 3
+    return f"{low / size:.{decimals}f} – {high / size:.{decimals}f}\N{NO-BREAK SPACE}{unit}"
 
 
 def share(value: float) -> str:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import jinja2
+import markupsafe
 
 from tradestudy.report.document import Document, Equation, Heading, flattened, plain, spans
 from tradestudy.report.typesetting import template, typeset
@@ -40,7 +41,7 @@ def render(document: Document, pictures: Mapping[str, bytes]) -> bytes:
         document=document,
         numbers=document.numbers,
         headings=[block for block in blocks if isinstance(block, Heading)],
-        style=jinja2.utils.markupsafe.Markup(template("report.css")),
+        style=markupsafe.Markup(template("report.css")),
         spans=spans,
         plain=plain,
         zip=zip,

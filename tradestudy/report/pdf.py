@@ -44,8 +44,9 @@ def render(document: Document, pictures: Mapping[str, bytes]) -> bytes:
         "subtitle": figures.printable(document.subtitle),
         "blocks": [_block(block, document.numbers) for block in document.blocks],
     }
-    shown = {f"picture:{name}": svg.decode() for name, svg in pictures.items()}
-    return typeset("report.typ", {"document": content} | shown, "pdf")[0]
+    inputs: dict[str, object] = {"document": content}
+    inputs |= {f"picture:{name}": svg.decode() for name, svg in pictures.items()}
+    return typeset("report.typ", inputs, "pdf")[0]
 
 
 def _text(text: Text, numbers: Mapping[str, str]) -> list[Json]:

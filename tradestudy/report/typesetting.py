@@ -6,14 +6,14 @@ import functools
 import importlib.resources
 import json
 from collections.abc import Mapping
-from typing import Literal
+from typing import Final, Literal
 
 import typst
 
 from tradestudy import figures
 from tradestudy.errors import TradestudyError
 
-PDF_STANDARD = "ua-1"  # accessible PDF: tagged, every figure and equation with its alternative text
+PDF_STANDARD: Final = "ua-1"  # accessible PDF: tagged, every figure and equation with its alternative text
 
 
 def template(name: str) -> str:

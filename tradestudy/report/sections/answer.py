@@ -9,7 +9,7 @@ import numpy as np
 
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Bullets, Callout, Heading, KeyFigure, KeyFigures, Picture, Spans, say
-from tradestudy.report.facts import in_words, length, quantity, share
+from tradestudy.report.facts import distance, in_words, length, quantity, share
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,7 +36,7 @@ def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
 
     titles, depth = facts.titles(tree), nominal(tree)
     for start, end, key in winners(tree):
-        span = f"{length(start)} to {length(end)}"
+        span = f"{distance(start)} to {distance(end)}"
         if not key:
             yield say("**{span}: no camera is usable.**", span=span)
             continue
@@ -45,8 +45,8 @@ def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
         first, last = float(inside[0]), float(inside[-1])
         ends = [float(inside["distance"][0]), float(inside["distance"][-1])]
         yield say(
-            "**{span}: {camera}**, uncertain by {first} ({first_share}) at the near end and {last} ({last_share}) at the "
-            "far end; {part} decides.",
+            "**{span}: {camera}**, uncertain by {first} ({first_share}) at the near end and {last} ({last_share}) "
+            "at the far end; {part} decides.",
             span=span,
             camera=titles[key],
             first=length(first),
@@ -61,8 +61,8 @@ def _deciding_part(depth: xr.Dataset, camera: str, ends: list[float]) -> str:
     """The largest part of the uncertainty at both ends of a stretch."""
     parts = depth["depth_uncertainty_part"].sel(camera=camera)
     names = []
-    for distance in ends:
-        values = np.asarray(parts.sel(distance=distance, method="nearest").values, dtype=float)
+    for end in ends:
+        values = np.asarray(parts.sel(distance=end, method="nearest").values, dtype=float)
         names.append(in_words(str(parts["part"].values[int(np.nanargmax(values))])))
     return names[0] if names[0] == names[1] else f"first {names[0]}, then {names[1]}"
 
@@ -73,7 +73,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Spans]:
         if one.flipped:
             yield say(
                 "At {place} the verdict **flips under {count} of {all} readings**: {names}.",
-                place=length(one.place),
+                place=distance(one.place),
                 count=str(len(one.flipped)),
                 all=str(one.alternatives),
                 names=", ".join(one.flipped),
@@ -81,7 +81,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Spans]:
         else:
             yield say(
                 "At {place} the verdict holds under all {all} other readings.",
-                place=length(one.place),
+                place=distance(one.place),
                 all=str(one.alternatives),
             )
 

@@ -30,37 +30,39 @@ def _plenoptic() -> Iterator[Block]:
     yield Heading(text="Depth from a focused plenoptic camera", anchor="method-plenoptic", level=2)
     yield Paragraph(
         say(
-            "The main lens (focal length *f*~M~) images a point at distance *a*~M~ in front of or behind the microlens array at "
-            "distance *z*; every microlens that sees this image repeats it on the detector, a gap *b*~L~ behind the array. The "
-            "virtual depth *v* = *a*~L~/*b*~L~ is positive for a Keplerian relay (image before the array) and negative for a "
-            "Galilean one. Micro-image coordinates σ count from the centre of their own microlens."
+            "The main lens (focal length *f*~M~) images a point at distance *a*~M~ in front of or behind the "
+            "microlens array at distance *z*; every microlens that sees this image repeats it on the detector, a "
+            "gap *b*~L~ behind the array. The virtual depth *v* = *a*~L~/*b*~L~ is positive for a Keplerian relay "
+            "(image before the array) and negative for a Galilean one. Micro-image coordinates σ count from the "
+            "centre of their own microlens."
         )
     )
     yield Equation(
         typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
-        alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the two microlens "
-        "centres over the difference of the two micro-image coordinates.",
+        alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the "
+        "two microlens centres over the difference of the two micro-image coordinates.",
         reference="paper, eq. 8",
     )
     yield Paragraph(
         say(
-            "It is evaluated through the focus shift *s* = *f*~M~²/(*a*~M~ − *f*~M~), an inverse depth that loses no digits at large "
-            "distances. An error of the virtual depth and errors of *z* and *f*~M~ move depth by"
+            "It is evaluated through the focus shift *s* = *f*~M~²/(*a*~M~ − *f*~M~), an inverse depth that loses "
+            "no digits at large distances. An error of the virtual depth and errors of *z* and *f*~M~ move depth by"
         )
     )
     yield Equation(
         typst="sigma_(a_M) = ((a_M - f_M) / f_M)^2 b_L sigma_v, quad"
         " (partial a_M) / (partial z) = -((a_M - f_M) / f_M)^2, quad"
         " (partial a_M) / (partial f_M) = (a_M / f_M)^2",
-        alt="The standard deviation of a M equals the square of a M minus f M over f M, times b L, times the standard deviation of v. "
-        "The derivative of a M with respect to z is minus the square of a M minus f M over f M; with respect to f M it is the "
-        "square of a M over f M.",
+        alt="The standard deviation of a M equals the square of a M minus f M over f M, times b L, times the "
+        "standard deviation of v. The derivative of a M with respect to z is minus the square of a M minus f M over "
+        "f M; with respect to f M it is the square of a M over f M.",
     )
     yield Paragraph(
         say(
-            "The last two have opposite signs: what matters is *z* − *f*~M~, so both are drawn jointly. How the error of one "
-            "disparity becomes that of *v* depends on the declared estimator: it grows with *v*² for an adjacent pair (of "
-            "any lenses, or of the same type), with *v* for the widest pair, and stays flat for all lenses in least squares."
+            "The last two have opposite signs: what matters is *z* − *f*~M~, so both are drawn jointly. How the "
+            "error of one disparity becomes that of *v* depends on the declared estimator: it grows with *v*² for "
+            "an adjacent pair (of any lenses, or of the same type), with *v* for the widest pair, and stays flat "
+            "for all lenses in least squares."
         )
     )
 
@@ -69,20 +71,20 @@ def _stereo() -> Iterator[Block]:
     yield Heading(text="Depth from a stereo rig", anchor="method-stereo", level=2)
     yield Paragraph(
         say(
-            "Two cameras of focal length *f* a baseline *B* apart see a point at distance *Z* with disparity *d*; a yaw ψ between them "
-            "adds *f*ψ to the disparity."
+            "Two cameras of focal length *f* a baseline *B* apart see a point at distance *Z* with disparity *d*; a "
+            "yaw ψ between them adds *f*ψ to the disparity."
         )
     )
     yield Equation(
         typst="Z = (f B) / d, quad delta Z = Z^2 / (f B) thin delta d, quad delta Z approx Z^2 / B (1 + x^2 / f^2) psi",
-        alt="Z equals f times B over d. The change of Z equals Z squared over f B times the change of d. A yaw psi changes Z by about Z "
-        "squared over B, times one plus x squared over f squared, times psi.",
+        alt="Z equals f times B over d. The change of Z equals Z squared over f B times the change of d. A yaw psi "
+        "changes Z by about Z squared over B, times one plus x squared over f squared, times psi.",
     )
     yield Paragraph(
         say(
-            "These linear forms explain the sizes; the numbers come from the exact law, which has a pole where the yaw eats the "
-            "whole disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with *W* = 2 *Z* tan(FOV/2), "
-            "bounds the near range."
+            "These linear forms explain the sizes; the numbers come from the exact law, which has a pole where the "
+            "yaw eats the whole disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with "
+            "*W* = 2 *Z* tan(FOV/2), bounds the near range."
         )
     )
 
@@ -92,35 +94,38 @@ def _uncertainty() -> Iterator[Block]:
     yield Bullets(
         (
             say(
-                "**Depth discrimination**: the change of true depth that moves the disparity of the declared estimator by the "
-                "declared step, nearer and farther. There is no noise and no calibration in it, and the step farther can be "
-                "infinite."
+                "**Depth discrimination**: the change of true depth that moves the disparity of the declared "
+                "estimator by the declared step, nearer and farther. There is no noise and no calibration in it, "
+                "and the step farther can be infinite."
             ),
             say(
-                "**Depth uncertainty**: half the central 68.27 % interval of the depth from one measurement by a rig drawn from its "
-                "calibration. It is stated three ways: pixel noise only, calibration only, and both."
+                "**Depth uncertainty**: half the central 68.27 % interval of the depth from one measurement by a "
+                "rig drawn from its calibration. It is stated three ways: pixel noise only, calibration only, and "
+                "both."
             ),
             say(
-                "**Quantiles, not standard deviations.** Depth is one over something that can reach zero, so its variance may "
-                "not exist. Errors are nearly normal in inverse depth; quantiles are taken there and mapped back exactly. "
-                "An inverse depth of zero or less is a depth of ∞ and stays in the quantiles."
+                "**Quantiles, not standard deviations.** Depth is one over something that can reach zero, so its "
+                "variance may not exist. Errors are nearly normal in inverse depth; quantiles are taken there and "
+                "mapped back exactly. An inverse depth of zero or less is a depth of ∞ and stays in the quantiles."
             ),
         )
     )
     yield Equation(
-        typst='q_p (a) = 1 / (1/a_0 + Phi^(-1)(1 - p) thin u_(1\\/a)), quad q_p = infinity " where the denominator is " <= 0',
-        alt="The p quantile of the depth a is one over the sum of one over a zero and the normal quantile of one minus p times the "
-        "uncertainty u of inverse depth; it is infinite where the denominator is not positive.",
+        typst="q_p (a) = 1 / (1/a_0 + Phi^(-1)(1 - p) thin u_(1\\/a)),"
+        ' quad q_p = infinity " where the denominator is " <= 0',
+        alt="The p quantile of the depth a is one over the sum of one over a zero and the normal quantile of one "
+        "minus p times the uncertainty u of inverse depth; it is infinite where the denominator is not positive.",
     )
     yield Paragraph(
-        "A calibration error is one draw per rig, pixel noise one draw per measurement: averaging many measurements shrinks the "
-        "second, never the first."
+        "A calibration error is one draw per rig, pixel noise one draw per measurement: averaging many measurements "
+        "shrinks the second, never the first."
     )
 
 
 def _ranges() -> Iterator[Block]:
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
-        "A distance is usable where geometry (overlap), the estimator's lenses, focus, the share of failed measurements and the "
-        "relative uncertainty each meet the limit that the study declares. At each end of the range the limit that binds is named."
+        "A distance is usable where geometry (overlap), the estimator's lenses, focus, the share of failed "
+        "measurements and the relative uncertainty each meet the limit that the study declares. At each end of the "
+        "range the limit that binds is named."
     )

@@ -1,4 +1,4 @@
-"""Lists kept with every study: assumptions, contradictions found in the sources, claims, requirements, trade criteria."""
+"""Lists kept with every study: assumptions, contradictions, claims, requirements, trade criteria."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def assumptions(tree: xr.DataTree) -> Iterator[Block]:
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Paragraph(
         say(
-            "Every value that does not speak for itself carries its basis: {counts}. What is assumed comes first, because a "
-            "verdict can rest on it.",
+            "Every value that does not speak for itself carries its basis: {counts}. What is assumed comes first, "
+            "because a verdict can rest on it.",
             counts=", ".join(f"{counts[basis]} {basis}" for basis in known),
         )
     )
@@ -55,8 +55,8 @@ def contradictions(tree: xr.DataTree) -> Iterator[Block]:
         return
     yield Heading(text="Contradictions found", anchor="contradictions")
     yield Paragraph(
-        "Inputs that are given more than once were checked against each other. Where they disagree, nothing was resolved "
-        "silently: this is what was stated, what the other inputs imply, and what this study uses."
+        "Inputs that are given more than once were checked against each other. Where they disagree, nothing was "
+        "resolved silently: this is what was stated, what the other inputs imply, and what this study uses."
     )
     columns = tuple(Column(title=t, weight=2) for t in ("Camera", "What", "Stated", "Implied", "Used"))
     titles = facts.titles(tree)
@@ -81,8 +81,8 @@ def claims(tree: xr.DataTree) -> Iterator[Block]:
         return
     yield Heading(text="Claims", anchor="claims")
     yield Paragraph(
-        "Claims were declared in the study file, with their tolerances, before anything was computed. Nothing was tuned to "
-        "meet them."
+        "Claims were declared in the study file, with their tolerances, before anything was computed. Nothing was "
+        "tuned to meet them."
     )
     yield Table(
         name="claim-verdicts",

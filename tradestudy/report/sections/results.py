@@ -9,7 +9,7 @@ import numpy as np
 
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Picture, Table, Text, say
-from tradestudy.report.facts import in_words, length, quantity, share
+from tradestudy.report.facts import distance, in_words, interval, length, quantity, share
 from tradestudy.report.sections.registers import criteria
 from tradestudy.units import significant
 
@@ -47,7 +47,7 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
     for key, title in facts.titles(tree).items():
         camera = depth.sel(camera=key)
         intervals = [
-            (length(float(near)), in_words(str(near_limit)), length(float(far)), in_words(str(far_limit)))
+            (distance(float(near)), in_words(str(near_limit)), distance(float(far)), in_words(str(far_limit)))
             for near, far, near_limit, far_limit in zip(
                 camera["usable_near"].values,
                 camera["usable_far"].values,
@@ -88,27 +88,26 @@ def _values_at_places(tree: xr.DataTree) -> Table:
     rows: list[tuple[Text, ...]] = []
     for place in facts.places(tree):
         there = depth.sel(distance=place, method="nearest")
-        for index, (key, title) in enumerate(facts.titles(tree).items()):
+        rows.append((f"At {distance(float(place))}",))
+        for key, title in facts.titles(tree).items():
             camera = there.sel(camera=key)
             sigma = {way: float(camera["depth_uncertainty_way"].sel(way=way)) for way in WAYS}
             nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
             low, high = (float(camera["depth_quantile"].sel(way="both", quantile=q)) for q in (0.025, 0.975))
             rows.append(
                 (
-                    length(float(place)) if index == 0 else "",
                     title,
                     "yes" if bool(camera["usable"]) else "no",
                     length(nearer) if length(nearer) == length(farther) else f"{length(nearer)} / {length(farther)}",
                     *(length(sigma[way]) for way in WAYS),
                     share(sigma["both"] / float(place)),
-                    f"{length(low)} – {length(high)}",
+                    interval(low, high),
                 )
             )
     return Table(
         name="depth-table",
         caption="Depth discrimination and uncertainty at the declared distances.",
         columns=(
-            Column(title="At", align="right"),
             Column(title="Camera", weight=1),
             Column(title="Usable"),
             Column(title="Discrim­ination", align="right"),
@@ -118,9 +117,9 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Discrimination: the change of depth per declared step of disparity (nearer / farther where they differ). σ: half "
-            "the central 68.27 % interval of one measurement, for noise only, calibration only, and both. ∞: the interval has "
-            "no far end.",
+            "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
+            "differ). σ: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
+            "and both. ∞: the interval has no far end.",
         ),
     )
 
@@ -139,15 +138,15 @@ def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bl
     both = decision.sel(way="both")
     yield Heading(text="The decision under every reading", anchor="decision", level=2)
     yield Paragraph(
-        "The sources leave questions open. Each reading below answers one of them differently from the study's own (the first "
-        "row); everything else stays."
+        "The sources leave questions open. Each reading below answers one of them differently from the study's own "
+        "(the first row); everything else stays."
     )
     yield from _pictures(drawings, "readings")
     place_columns = tuple(
         column
         for place in decision["place"].values
         for column in (
-            Column(title=f"Best at {length(float(place))}", weight=2),
+            Column(title=f"Best at {distance(float(place))}", weight=2),
             Column(title="ratio", align="right"),
         )
     )
@@ -170,8 +169,8 @@ def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bl
     ratio = decision["decision_ratio"].attrs
     yield Table(
         name="reading-table",
-        caption="The camera with the smallest uncertainty (noise and calibration) under every reading; bold where it differs "
-        "from the first row.",
+        caption="The camera with the smallest uncertainty (noise and calibration) under every reading; bold where "
+        "it differs from the first row.",
         columns=(Column(title="Reading", weight=4), *place_columns),
         rows=tuple(rows),
         notes=(f"Ratio: uncertainty of {ratio['numerator']} over that of {ratio['denominator']}.",),
@@ -190,14 +189,14 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     values = np.asarray(decision["crossover_distance"].values, dtype=float)
     finite = values[np.isfinite(values)]
     if finite.size:
-        own = [length(float(v)) for v in values[0] if np.isfinite(v)]
+        own = [distance(float(v)) for v in values[0] if np.isfinite(v)]
         yield Paragraph(
             say(
-                "In the study's own reading the better family changes at {own}. Over all readings the crossovers lie between "
-                "{low} and {high}; this is a range of assumptions, not a confidence interval.",
+                "In the study's own reading the better family changes at {own}. Over all readings the crossovers "
+                "lie between {low} and {high}; this is a range of assumptions, not a confidence interval.",
                 own=" and ".join(own) or "no distance",
-                low=length(float(finite.min())),
-                high=length(float(finite.max())),
+                low=distance(float(finite.min())),
+                high=distance(float(finite.max())),
             )
         )
 

@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+import hashlib
+import itertools
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from collections.abc import Callable
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+import xarray as xr
+
+from tradestudy import figures
+from tradestudy.errors import OutOfRangeError
+from tradestudy.figures.depth_data import cameras, winners
+from tradestudy.figures.style import line_style, plain_number
+from tradestudy.figures.sweeps import frontier
+
+HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
+
+
+def test_what_can_be_drawn_follows_from_the_groups(tree: xr.DataTree, make_tree: Callable[..., xr.DataTree]) -> None:
+    base = ["whole-range", "close-range", "mid-range", "uncertainty-parts"]
+    assert list(figures.build(tree)) == [*base, "readings"]
+    only_depth = xr.DataTree.from_dict({"/cameras": tree["cameras"].to_dataset(), "/depth": tree["depth"].to_dataset()})
+    assert list(figures.build(only_depth)) == base
+    assert not figures.build(xr.DataTree())
+    with_sweep = make_tree(sweep={"baseline": [0.05, 0.1, 0.2]})
+    assert list(figures.build(with_sweep)) == [*base, "sweep-map", "pareto", "readings"]
+
+
+def test_a_figure_that_does_not_exist_is_refused_with_those_that_do(tree: xr.DataTree) -> None:
+    with pytest.raises(OutOfRangeError, match=r"figure-9.*whole-range, close-range"):
+        figures.figure(tree, "figure-9")
+
+
+@pytest.mark.parametrize("sweep", [{}, {"b": [1.0, 2.0]}, {"b": [1.0, 2.0, 3.0], "f": [1.0, 4.0], "g": [1.0, 2.0]}])
+def test_hostile_names_are_drawn_as_they_are(
+    make_tree: Callable[..., xr.DataTree], sweep: dict[str, list[float]]
+) -> None:
+    tree = make_tree(titles={"r5": HOSTILE}, sweep=sweep)
+    names = ("sweep-map", "pareto") if sweep else ("whole-range", "close-range", "uncertainty-parts", "readings")
+    for drawing in (figures.build(tree)[name] for name in names):
+        ET.fromstring(drawing.draw().svg())  # well formed, and no warning about letters or layout on the way
+
+
+def test_a_title_that_starts_with_an_underscore_stands_in_the_legend(make_tree: Callable[..., xr.DataTree]) -> None:
+    figure = figures.figure(make_tree(titles={"r5": "_hidden $a$"}), "close-range")
+    assert figure.legends[0].get_texts()[0].get_text() == "_hidden $a$"
+    assert not figure.legends[0].get_texts()[0].get_parse_math()
+
+
+def test_letters_that_the_font_lacks_are_named() -> None:
+    assert figures.printable("α 日 µ") == "α ⟨U+65E5⟩ µ"
+
+
+def test_the_same_bytes_in_another_process(tree: xr.DataTree) -> None:
+    here = hashlib.sha256(figures.figure(tree, "whole-range").svg()).hexdigest()
+    program = (
+        "import hashlib, importlib.util, sys; "
+        "s = importlib.util.spec_from_file_location('s', sys.argv[1]); m = importlib.util.module_from_spec(s); "
+        "s.loader.exec_module(m); from tradestudy import figures; "
+        "print(hashlib.sha256(figures.figure(m.tree(), 'whole-range').svg()).hexdigest())"
+    )
+    path = __file__.replace("test_figures", "synthetic")
+    there = subprocess.run([sys.executable, "-c", program, path], capture_output=True, text=True, check=True)
+    assert there.stdout.strip() == here
+
+
+def test_the_settings_of_the_caller_neither_leak_in_nor_change(tree: xr.DataTree) -> None:
+    usual = figures.figure(tree, "readings").svg()
+    with mpl.rc_context({"font.size": 31.0, "lines.linewidth": 9.0, "svg.hashsalt": "other"}):
+        before = dict(mpl.rcParams)
+        assert figures.figure(tree, "readings").svg() == usual
+        assert dict(mpl.rcParams) == before
+
+
+def test_importing_the_package_does_not_import_matplotlib() -> None:
+    program = (
+        "import sys, tradestudy.figures, tradestudy.report; print('matplotlib' in sys.modules, 'typst' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "False"]
+
+
+def test_pairs_of_colour_and_line_style_do_not_repeat() -> None:
+    pairs = [(line_style(order).color, str(line_style(order).dash)) for order in range(35)]
+    assert len(set(pairs)) == len(pairs)
+
+
+def _seen_by(rgb: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    linear = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return np.clip(linear @ matrix.T, 0, 1)
+
+
+# Machado, Oliveira and Fernandes (2009), full severity, linear RGB.
+_DEFICIENCIES = {
+    "protan": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "deutan": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]],
+    "tritan": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.303900]],
+}
+
+
+@pytest.mark.parametrize("deficiency", _DEFICIENCIES)
+def test_the_first_six_colours_differ_for_colour_blind_readers(deficiency: str) -> None:
+    rgb = np.array([[int(line_style(n).color[i : i + 2], 16) / 255 for i in (1, 3, 5)] for n in range(6)])
+    seen = _cielab(_seen_by(rgb, np.array(_DEFICIENCIES[deficiency])))
+    closest = min(float(np.linalg.norm(a - b)) for a, b in itertools.combinations(seen, 2))
+    assert closest > 9.0  # a difference of 2.3 is just noticeable
+
+
+def _cielab(linear: np.ndarray) -> np.ndarray:
+    to_xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]])
+    ratio = (linear @ to_xyz.T) / np.array([0.9505, 1.0, 1.089])
+    f = np.where(ratio > (6 / 29) ** 3, np.cbrt(ratio), ratio / (3 * (6 / 29) ** 2) + 4 / 29)
+    return np.stack([116 * f[:, 1] - 16, 500 * (f[:, 0] - f[:, 1]), 200 * (f[:, 1] - f[:, 2])], axis=1)
+
+
+def test_a_camera_keeps_its_style_on_every_figure(tree: xr.DataTree) -> None:
+    for name in ("whole-range", "close-range", "mid-range"):
+        lines = figures.figure(tree, name).axes[0].get_lines()
+        for camera in cameras(tree):
+            of_camera = [line for line in lines if line.get_color() == camera.style.color]
+            assert len(of_camera) == 2  # bold where usable, thin elsewhere
+            assert len({line.get_linestyle() for line in of_camera}) == 1
+
+
+def test_bold_curves_hold_the_uncertainty_where_usable_in_millimetres(tree: xr.DataTree) -> None:
+    figure = figures.figure(tree, "close-range")
+    camera = cameras(tree)[2]
+    bold = max(
+        (line for line in figure.axes[1].get_lines() if line.get_color() == camera.style.color),
+        key=lambda line: line.get_linewidth(),
+    )
+    x, y = (np.asarray(values, dtype=float) for values in bold.get_data())
+    drawn = np.isfinite(y)
+    assert x[drawn].min() == pytest.approx(0.391, abs=0.01)
+    np.testing.assert_allclose(y[drawn], 1e3 * np.hypot(6.9e-4, 0.0349) * x[drawn] ** 2, rtol=1e-12)
+
+
+def test_an_unbounded_step_shades_to_the_top_and_an_infinite_uncertainty_ends_the_curve(
+    make_tree: Callable[..., xr.DataTree],
+) -> None:
+    tree = make_tree()
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    depth["depth_uncertainty"][0, -60:] = np.inf
+    tree["depth"] = xr.DataTree(depth)
+    figure = figures.figure(tree, "mid-range")
+    line = next(line for line in figure.axes[1].get_lines() if line.get_color() == cameras(tree)[0].style.color)
+    assert not np.isfinite(np.asarray(line.get_ydata(), dtype=float)[-60:]).any()
+    assert np.isfinite(figure.axes[0].get_ylim()).all()
+
+
+def test_stretches_of_one_winner_touch_and_cover_the_range(tree: xr.DataTree) -> None:
+    stretches = list(winners(tree))
+    assert [key for _, _, key in stretches] == ["", "r5", "stereo-65deg"]
+    assert stretches[0][0] == pytest.approx(0.05)
+    assert stretches[-1][1] == pytest.approx(10.0)
+    assert all(a[1] == b[0] for a, b in itertools.pairwise(stretches))
+
+
+def test_every_reading_has_its_mark_at_its_ratio(tree: xr.DataTree) -> None:
+    axes = figures.figure(tree, "readings").axes[1]
+    ratio = tree["decision"].to_dataset()["decision_ratio"].isel(place=1)
+    marks = {
+        float(x) for line in axes.get_lines() for x in np.atleast_1d(line.get_xdata()) if line.get_linestyle() == "None"
+    }
+    assert {round(m, 9) for m in marks} == {round(float(v), 9) for v in ratio.values.ravel()}
+
+
+def test_the_frontier_keeps_what_nothing_beats() -> None:
+    rng = np.random.default_rng(7)
+    points = rng.random((200, 2))
+    beaten = (
+        ((points[:, None] >= points) & (points[:, None] > points).any(axis=2, keepdims=True)).all(axis=2).any(axis=1)
+    )
+    np.testing.assert_array_equal(frontier(points), np.array(sorted(map(tuple, points[~beaten]))))
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (0.05, "0.05"),
+        (0.391, "0.391"),
+        (1.0, "1"),
+        (20.0, "20"),
+        (1e4, "10,000"),
+        (1e-7, "10⁻⁷"),
+        (2e8, "2·10⁸"),
+    ],
+)
+def test_ticks_are_written_as_a_person_would(value: float, text: str) -> None:
+    assert plain_number(value) == text
+
+
+def test_figures_show_themselves_in_notebooks_in_the_same_style(tree: xr.DataTree) -> None:
+    shown = figures.figure(tree, "readings")._repr_svg_()
+    assert shown == figures.figure(tree, "readings").svg().decode()

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tradestudy import report
+from tradestudy.report import csv_tables, files, html
+from tradestudy.report.facts import distance, interval, quantity
+
+
+def _content(directory: Path) -> dict[str, bytes]:
+    return {p.relative_to(directory).as_posix(): p.read_bytes() for p in directory.rglob("*") if p.is_file()}
+
+
+def test_the_same_results_give_the_same_files(tree: xr.DataTree, tmp_path: Path) -> None:
+    report.write(tree, {"date": "today"}, tmp_path / "a", pdf=False)
+    report.write(tree, {"date": "tomorrow"}, tmp_path / "b", pdf=False)
+    a, b = _content(tmp_path / "a"), _content(tmp_path / "b")
+    assert a.keys() == b.keys()
+    assert {name for name in a if a[name] != b[name]} == {"report.html"}
+    before, _, after = a["report.html"].partition(b"How this report was made")
+    assert before == b["report.html"].partition(b"How this report was made")[0]
+    assert after.replace(b"today", b"tomorrow") == b["report.html"].partition(b"How this report was made")[2]
+
+
+def _quick(tree: xr.DataTree, *more: str) -> xr.DataTree:
+    """A part of the tree that draws one figure only, so that a report of it is quick to write."""
+    return xr.DataTree.from_dict({f"/{name}": tree[name].to_dataset() for name in ("cameras", "claims", *more)})
+
+
+def test_an_old_report_stays_whole_until_the_new_one_is_complete(
+    tree: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    report.write(_quick(tree), {}, tmp_path, pdf=False)
+    before = _content(tmp_path)
+
+    def fail(*_: object) -> bytes:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(html, "render", fail)
+    with pytest.raises(KeyboardInterrupt):
+        report.write(_quick(tree), {"date": "new"}, tmp_path, pdf=False)
+    assert _content(tmp_path) == before
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = tmp_path / "x"
+    files.replace_file(target, b"old")
+
+    def full(_: int) -> None:
+        raise OSError("no space left on device")
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OSError, match="no space"):
+        files.replace_file(target, b"new")
+    assert _content(tmp_path) == {"x": b"old"}
+
+
+def test_figures_and_tables_of_an_earlier_report_go(tree: xr.DataTree, tmp_path: Path) -> None:
+    report.write(_quick(tree, "decision", "assumptions"), {}, tmp_path, pdf=False)
+    assert (tmp_path / "figures/readings.svg").exists()
+    assert (tmp_path / "tables/assumptions_by_assumption.csv").exists()
+    (tmp_path / "results.nc").write_bytes(b"mine")
+    report.write(_quick(tree), {}, tmp_path, pdf=False)
+    assert not list((tmp_path / "figures").iterdir())
+    assert {p.name for p in (tmp_path / "tables").iterdir()} == set(csv_tables.tables(_quick(tree)))
+    assert (tmp_path / "results.nc").read_bytes() == b"mine"
+
+
+def test_tables_hold_every_number_with_all_its_digits(tree: xr.DataTree) -> None:
+    table = csv_tables.tables(tree)["depth_by_camera_distance_way.csv"].decode()
+    rows = list(csv.DictReader(io.StringIO(table)))
+    depth = tree["depth"].to_dataset()
+    assert len(rows) == depth["depth_uncertainty_way"].size
+    for row in rows[:: len(rows) // 50]:
+        where = {"camera": row["camera"], "distance": float(row["distance [m]"]), "way": row["way"]}
+        assert float(row["depth_uncertainty_way"]) == float(depth["depth_uncertainty_way"].sel(where))
+
+
+def test_text_in_tables_is_quoted_and_never_a_formula() -> None:
+    names = np.array(['=cmd|" /C calc"!A0', 'a,"b"\nc', "+1", "-x", "@y", "plain"], dtype=object)
+    group = xr.Dataset({"name": ("row", names), "value": ("row", np.array([-1.0, np.inf, np.nan, 0.1, 1e-300, 2.0]))})
+    table = csv_tables.tables(xr.DataTree.from_dict({"/g": group.assign_coords(row=range(6))}))["g_by_row.csv"]
+    rows = list(csv.DictReader(io.StringIO(table.decode(), newline="")))
+    assert [row["name"] for row in rows] == ['\'=cmd|" /C calc"!A0', 'a,"b"\nc', "'+1", "'-x", "'@y", "plain"]
+    assert [row["value"] for row in rows] == ["-1.0", "inf", "nan", "0.1", "1e-300", "2.0"]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "text"),
+    [
+        (0.2951, 0.3073, "0.295 – 0.307 m"),
+        (5.9375, 31.667, "5.9 – 31.7 m"),
+        (5.9375, np.inf, "5.94 m – ∞"),
+        (0.0212, 0.0214, "21.20 – 21.40 mm"),
+    ],
+)
+def test_intervals_have_one_unit_and_the_digits_that_matter(low: float, high: float, text: str) -> None:
+    assert interval(low, high).replace("\u00a0", " ") == text
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [
+        (0.0119, "rad", "0.682°"),
+        (2e-6, "m", "2 µm"),
+        (0.1, "px", "0.1 px"),
+        (3.0, "1", "3"),
+        (12.5, "percent", "12.5 %"),
+    ],
+)
+def test_quantities_are_shown_in_the_unit_a_person_expects(value: float, unit: str, text: str) -> None:
+    assert quantity(value, unit).replace("\u00a0", " ") == text
+
+
+def test_distances_read_as_on_the_axes() -> None:
+    assert [distance(x).replace("\u00a0", " ") for x in (0.05, 0.391, 10.0, np.inf)] == [
+        "50 mm",
+        "0.391 m",
+        "10 m",
+        "∞",
+    ]

@@ -1,0 +1,179 @@
+from __future__ import annotations
+
+import base64
+import re
+import xml.etree.ElementTree as ET
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from tradestudy import report
+from tradestudy.report import html
+from tradestudy.report.document import (
+    Bullets,
+    Callout,
+    Column,
+    Document,
+    Equation,
+    Heading,
+    KeyFigure,
+    KeyFigures,
+    Paragraph,
+    Picture,
+    Table,
+    say,
+)  # fmt: skip
+
+VOID = {"meta", "img", "br", "link", "input"}
+
+
+class Page(HTMLParser):
+    """Elements, identifiers and texts of a page; raises if tags are not closed in order."""
+
+    def __init__(self, source: str) -> None:
+        super().__init__()
+        self.elements: list[tuple[str, dict[str, str]]] = []
+        self.texts: list[str] = []
+        self.rows: list[list[str]] = []
+        self._open: list[str] = []
+        self.feed(source)
+        self.close()
+        assert not self._open, self._open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        names = [name for name, _ in attrs]
+        assert len(names) == len(set(names)), (tag, attrs)
+        self.elements.append((tag, {name: value or "" for name, value in attrs}))
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+        if tag not in VOID:
+            self._open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self._open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self._open and self._open[-1] != "style":
+            self.texts.append(data)
+        if {"td", "th"} & set(self._open):
+            self.rows[-1][-1] += data.replace("\u00a0", " ")
+
+    def of(self, tag: str) -> list[dict[str, str]]:
+        return [attributes for name, attributes in self.elements if name == tag]
+
+    @property
+    def text(self) -> str:
+        return re.sub(r"\s+", " ", "".join(self.texts))
+
+
+@pytest.fixture(scope="module")
+def written(tree: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("html")
+    report.write(tree, {"versions": {"numpy": "2.0"}, "seconds": {"depth": 0.25}}, directory, pdf=False)
+    return directory
+
+
+@pytest.fixture(scope="module")
+def page(written: Path) -> Page:
+    return Page((written / "report.html").read_text(encoding="utf-8"))
+
+
+def test_identifiers_are_unique_and_links_lead_somewhere(page: Page) -> None:
+    identifiers = [attributes["id"] for _, attributes in page.elements if "id" in attributes]
+    assert len(identifiers) > 20
+    assert len(identifiers) == len(set(identifiers))
+    targets = {attributes["href"].removeprefix("#") for attributes in page.of("a")}
+    assert targets
+    assert targets <= set(identifiers)
+
+
+def test_every_image_has_an_alternative_text(page: Page) -> None:
+    images = page.of("img")
+    assert len(images) >= 8  # five figures and the equations
+    assert all(len(image["alt"]) > 20 for image in images)
+
+
+def test_nothing_is_fetched_and_nothing_runs(page: Page, written: Path) -> None:
+    assert not page.of("script")
+    assert not page.of("link")
+    assert all(image["src"].startswith("data:image/svg+xml;base64,") for image in page.of("img"))
+    assert not any(name.startswith("on") for _, attributes in page.elements for name in attributes)
+    source = (written / "report.html").read_text(encoding="utf-8")
+    assert "url(" not in source
+    assert "http" not in re.sub(r'src="[^"]*"', "", source)
+
+
+def test_figures_in_the_page_are_the_files_beside_it(page: Page, written: Path) -> None:
+    inside = {base64.b64decode(image["src"].partition(",")[2]) for image in page.of("img")}
+    files = {path.read_bytes() for path in (written / "figures").glob("*.svg")}
+    assert files
+    assert files <= inside
+    for svg in inside:
+        ET.fromstring(svg)
+
+
+def test_sections_stand_in_their_order(page: Page) -> None:
+    text = page.text.partition("The answer")[2]  # behind the contents
+    sentences = (
+        "Every value that does not speak for itself",
+        "Depth from a focused plenoptic camera",
+        "Usable distances",
+        "Claims were declared",
+        "Requirements of the study",
+        "Contradictions between inputs",
+        "How this report was made",
+    )
+    found = [text.rindex(sentence) for sentence in sentences]
+    assert found == sorted(found)
+
+
+def test_the_first_page_answers_the_question(page: Page) -> None:
+    answer = page.text.partition("1 The answer")[2].partition("Assumptions register")[0]
+    answer = answer.partition("1 The answer")[2] or answer
+    # The synthetic tree: plenoptic from 0.15 m, stereo from 0.391 m, between two computed distances each.
+    assert re.search(r"0\.15 m to 0\.3\d+ m: Raytrix R5, Keplerian", answer)
+    assert re.search(r"0\.3\d+ m to 10 m: Stereo 100 mm, 65\.24° across", answer)
+    assert "flips under 1 of 3 readings: all-lens least squares" in answer
+    assert "yaw at which stereo equals the R5 at 0.5 m 0.682°" in answer
+
+
+def test_numbers_of_the_table_are_those_of_the_tree(page: Page, tree: xr.DataTree) -> None:
+    start = next(i for i, row in enumerate(page.rows) if row == ["At 1 m"])
+    cells = next(row for row in page.rows[start:] if row[0].startswith("Stereo 100 mm, 65.24°"))
+    distance = float(tree["depth"]["distance"].sel(distance=1.0, method="nearest"))
+    noise, yaw = 6.9e-4 * distance**2, 0.0349 * distance**2
+    both = (noise**2 + yaw**2) ** 0.5
+    assert cells[1] == "yes"
+    assert cells[3:6] == [f"{1e6 * noise:.0f} µm", f"{1e3 * yaw:.1f} mm", f"{1e3 * both:.1f} mm"]
+    assert float(cells[6].removesuffix(" %")) == pytest.approx(100 * both, rel=0.005)
+    assert cells[7] == f"{distance - 1.96 * both:.2f} – {distance + 1.96 * both:.2f} m"
+
+
+HOSTILE = "<script>alert(1)</script> & \"q\" 'a' </figure> {{ 7*7 }} {% raw %} $x$ #eval @l \\ *b* _u_ \u65e5\u672c"
+
+
+def test_hostile_text_stays_text() -> None:
+    columns = (Column(title=HOSTILE, unit=HOSTILE), Column(title="x", align="right", weight=1))
+    document = Document(
+        title=HOSTILE,
+        subtitle=HOSTILE,
+        blocks=(
+            Heading(text=HOSTILE, anchor="a"),
+            Paragraph(say("**{x}** *{x}* `{x}` ~{x}~ ^{x}^ [{x}](#a)", x=HOSTILE)),
+            Bullets((HOSTILE,)),
+            Callout(title=HOSTILE, blocks=(Paragraph(HOSTILE),)),
+            KeyFigures((KeyFigure(value=HOSTILE, label=HOSTILE),)),
+            Table(name="t", caption=HOSTILE, columns=columns, rows=((HOSTILE, HOSTILE), (HOSTILE,)), notes=(HOSTILE,)),
+            Picture(name="p", caption=HOSTILE, alt=HOSTILE),
+            Equation(typst="x", alt="x", reference=HOSTILE),
+        ),
+    )
+    page = Page(html.render(document, {"p": b"<svg/>"}).decode())
+    assert not page.of("script")
+    # Everything but the picture's alternative text is shown: 25 places, title element and contents included.
+    assert page.text.count(HOSTILE) == 25
+    assert page.of("img")[0]["alt"] == HOSTILE

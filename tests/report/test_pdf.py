@@ -1,0 +1,162 @@
+from __future__ import annotations
+
+import io
+import re
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pypdfium2 as pdfium
+import pytest
+import xarray as xr
+
+from tradestudy import figures, report
+from tradestudy.errors import TradestudyError
+from tradestudy.figures.depth_data import cameras
+from tradestudy.report import pdf
+from tradestudy.report.document import (
+    Bullets,
+    Callout,
+    Column,
+    Document,
+    Equation,
+    Heading,
+    KeyFigure,
+    KeyFigures,
+    Paragraph,
+    Picture,
+    Table,
+    say,
+)  # fmt: skip
+from tradestudy.report.typesetting import typeset
+
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="10" height="10"><rect width="10" height="10" fill="red"/></svg>'
+
+
+def texts(content: bytes) -> list[str]:
+    with pdfium.PdfDocument(content) as document:
+        return [re.sub(r"\s+", " ", page.get_textpage().get_text_bounded()) for page in document]
+
+
+def pixels(content: bytes, page: int, scale: float = 2.0) -> npt.NDArray[np.int64]:
+    """A page as (height, width, 3) integers."""
+    with pdfium.PdfDocument(content) as document:
+        return np.asarray(document[page].render(scale=scale).to_pil().convert("RGB"), dtype=np.int64)
+
+
+@pytest.fixture(scope="module")
+def written(tree: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    directory = tmp_path_factory.mktemp("pdf")
+    report.write(tree, {"date": "2026-01-01"}, directory)
+    return (directory / "report.pdf").read_bytes()
+
+
+def test_headings_stand_on_their_pages_in_order(written: bytes) -> None:
+    pages = texts(written)
+    assert "1 The answer" in pages[0]
+    body = " ".join(pages[1:]).partition("Assumptions register")[2]  # behind the contents
+    names = ["Method", "Results", "Claims", "Requirements", "Contradictions found", "Provenance"]
+    places = [re.search(rf"\b{number} {name}", body) for number, name in enumerate(names, start=3)]
+    assert all(places)
+    starts = [place.start() for place in places if place]
+    assert starts == sorted(starts)
+    for number, text in enumerate(pages, start=1):
+        assert f"{number} of {len(pages)}" in text
+
+
+def test_the_outline_and_the_tags_serve_readers_who_do_not_see(written: bytes) -> None:
+    with pdfium.PdfDocument(written) as document:
+        titles = [bookmark.get_title() for bookmark in document.get_toc()]
+    assert any("The answer" in title for title in titles)
+    assert b"pdfuaid:part" in written
+    assert b"/Lang" in written
+
+
+@pytest.mark.parametrize("name", ["whole-range", "close-range", "mid-range"])
+def test_the_curve_of_every_camera_is_on_the_page(tree: xr.DataTree, written: bytes, name: str) -> None:
+    """Each camera's colour runs across the plotting area of the figure, also in the page as printed."""
+    caption = figures.build(tree)[name].caption[:60].rstrip()
+    number = next(i for i, text in enumerate(texts(written)) if caption in text)
+    image = pixels(written, number, scale=3.0)
+    for camera in cameras(tree):
+        depth = tree["depth"].to_dataset().sel(camera=camera.key)
+        span = {"whole-range": (0.05, 10.0), "close-range": (0.0, 1.0), "mid-range": (1.0, 10.0)}[name]
+        usable = depth["usable"] & (depth["distance"] >= span[0]) & (depth["distance"] <= span[1])
+        color = [int(camera.style.color[i : i + 2], 16) for i in (1, 3, 5)]
+        near = np.abs(image - np.array(color)).max(axis=2) <= 24
+        columns = np.flatnonzero(near.any(axis=0))
+        if int(usable.sum()) > 20:
+            assert len(columns) > 60, (camera.key, len(columns))
+
+
+def test_a_drawn_curve_lies_where_its_numbers_are(tree: xr.DataTree) -> None:
+    """Read the curve back from the picture: slope 2 on the log-log chart, as the synthetic tree has it."""
+    figure = figures.figure(tree, "whole-range")
+    page = pdf.render(
+        Document(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt="a"),)), {"p": figure.svg()}
+    )
+    image = pixels(page, 0, scale=4.0)
+    axes = figure.axes[0]
+    color = [int("#0072B2"[i : i + 2], 16) for i in (1, 3, 5)]
+    blue = np.abs(image - np.array(color)).max(axis=2) <= 24
+    rows, columns = np.nonzero(blue)
+    # The curve is above the bars, which are in the lower part of the figure.
+    top, bottom = rows.min(), rows.max()
+    curve = rows < top + 0.55 * (bottom - top)
+    slope = -np.polyfit(columns[curve], rows[curve], 1)[0]
+    box = axes.get_position()
+    size = figure.get_size_inches()
+    decades_x, decades_y = (np.log10(b / a) for a, b in (axes.get_xlim(), axes.get_ylim()))
+    expected = 2.0 * (box.height * size[1] / decades_y) / (box.width * size[0] / decades_x)
+    assert slope == pytest.approx(expected, rel=0.02)
+
+
+HOSTILE = '#panic("x") #eval("1+1") $sum$ *b* _e_ `r` <l> @ref = h // c /* d */ \\ " \' ~ [x](#y) {z} ✓ \u65e5'
+SHOWN = HOSTILE.replace("\u65e5", "⟨U+65E5⟩")
+
+
+def test_hostile_text_stays_text() -> None:
+    columns = (Column(title=HOSTILE, weight=1), Column(title="x", unit=HOSTILE, weight=1))
+    document = Document(
+        title=HOSTILE,
+        subtitle=HOSTILE,
+        blocks=(
+            Heading(text=HOSTILE, anchor="a"),
+            Paragraph(say("{x}", x=HOSTILE)),
+            Bullets((HOSTILE,)),
+            Callout(title=HOSTILE, blocks=(Paragraph(HOSTILE),)),
+            KeyFigures((KeyFigure(value="1", label=HOSTILE),)),
+            Table(name="t", caption=HOSTILE, columns=columns, rows=((HOSTILE, "1"), (HOSTILE,)), notes=(HOSTILE,)),
+            Picture(name="p", caption=HOSTILE, alt=HOSTILE),
+            Equation(typst="x", alt="x", reference="r"),
+        ),
+    )
+    pages = texts(pdf.render(document, {"p": SVG}))
+    text = re.sub(r"[\s\u00ad\ufffe\u0002]", "", "".join(pages))
+    # Title, subtitle, heading, paragraph, bullet, callout twice, label, caption, title, unit, two cells, note, caption;
+    # and the title once more at the head of every page but the first.
+    assert text.count(re.sub(r"\s", "", SHOWN)) == 15 + len(pages) - 1
+
+
+def test_an_equation_that_does_not_parse_is_a_clear_error() -> None:
+    document = Document(title="t", subtitle="", blocks=(Equation(typst="frac(", alt="x"),))
+    with pytest.raises(TradestudyError, match=r"the typesetter refused report\.typ"):
+        pdf.render(document, {})
+
+
+def test_a_picture_without_alternative_text_is_refused() -> None:
+    document = Document(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt=""),))
+    with pytest.raises(TradestudyError):
+        pdf.render(document, {"p": SVG})
+
+
+def test_equations_come_one_per_page() -> None:
+    pages = typeset("equations.typ", {"equations": [{"typst": "x", "alt": "x"}, {"typst": "y^2", "alt": "y"}]}, "svg")
+    assert len(pages) == 2
+    assert pages[0] != pages[1]
+
+
+def test_the_same_bytes_again(tree: xr.DataTree, written: bytes, tmp_path: Path) -> None:
+    report.write(tree, {"date": "2026-01-01"}, tmp_path)
+    assert (tmp_path / "report.pdf").read_bytes() == written
+    assert io.BytesIO(written).read(5) == b"%PDF-"
