@@ -1,0 +1,203 @@
+"""Posterior of a pair: relative pose, intrinsic parameters, noise and left–right motion, board poses marginalised."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.calibration.corners import StereoCorners
+from tradestudy.uncertainty.calibration.marginal_views import (
+    CompressedViews,
+    compress_views,
+    exact_log_likelihood,
+)
+from tradestudy.uncertainty.calibration.pair_residual import PairResidualFit
+from tradestudy.uncertainty.calibration.posterior import PosteriorSample, sample_posterior
+from tradestudy.uncertainty.calibration.view_blocks import SHARED_NAMES
+
+POSTERIOR_NAMES = (*SHARED_NAMES, "log_noise_px", "log_motion_scale")
+EXACT_POINTS = 200
+LAPLACE_EFFICIENCY_LIMIT = 0.9  # share of draws that survive reweighting to the exact posterior
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaplaceCheck:
+    """The linearised marginal posterior against the one with poses settled anew, at draws of the former.
+
+    Parameters
+    ----------
+    points : int
+        Posterior draws at which both were computed.
+    log_ratio_deviation : float
+        Standard deviation of exact minus linearised log posterior.
+    largest_log_ratio : float
+        Largest distance of that difference from its mean.
+    efficiency : float
+        Effective share of draws after reweighting to the exact posterior, in (0, 1].
+    mean_shift, spread_ratio : array (P,)
+        Shift of the mean by reweighting, in standard deviations, and reweighted over sampled standard deviation; both
+        carry the Monte Carlo error of so few points.
+    seconds : float
+        Wall time.
+    """
+
+    points: int
+    log_ratio_deviation: float
+    largest_log_ratio: float
+    efficiency: float
+    mean_shift: FloatArray
+    spread_ratio: FloatArray
+    seconds: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether the linearised posterior may stand for the exact one."""
+        return self.efficiency >= LAPLACE_EFFICIENCY_LIMIT
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelativePosePosterior:
+    """Joint draws of a pair's parameters, with both verdicts.
+
+    Parameters
+    ----------
+    sample : PosteriorSample
+        Draws in the order of ``POSTERIOR_NAMES``.
+    check : LaplaceCheck
+        Whether the marginalisation by Laplace holds.
+    """
+
+    sample: PosteriorSample
+    check: LaplaceCheck
+
+    @property
+    def converged(self) -> bool:
+        """Whether the chains converged and the marginalisation holds."""
+        return self.sample.diagnostics.converged and self.check.passed
+
+
+def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, largest_motion: float) -> FloatArray:
+    """Log posterior with poses and motions marginalised, up to a constant.
+
+    Parameters
+    ----------
+    compressed : CompressedViews
+        The views, reduced.
+    parameters : array (..., 20)
+        In the order of ``POSTERIOR_NAMES``.
+    largest_motion : float
+        Upper end of the uniform prior of the motion scale [m].
+
+    Returns
+    -------
+    array (...)
+        Natural logarithm; −inf beyond ``largest_motion``. Priors: flat in the shared parameters and in ln σ, and flat in
+        the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), hence the Jacobian of its logarithm.
+    """
+    log_scale = parameters[..., 19]
+    allowed = log_scale <= np.log(largest_motion)
+    scale = np.exp(np.where(allowed, log_scale, np.log(largest_motion)))
+    likelihood = compressed.log_likelihood(parameters[..., :18], np.exp(parameters[..., 18]), scale)
+    return np.where(allowed, likelihood + log_scale, -np.inf)
+
+
+def sample_relative_pose(
+    fit: PairResidualFit,
+    corners: StereoCorners,
+    *,
+    rng: np.random.Generator,
+    ensembles: int = 4,
+    walkers: int = 42,
+    maximum_steps: int = 20_000,
+) -> RelativePosePosterior:
+    """Sample the pair's posterior with emcee and check its marginalisation at exact points.
+
+    Parameters
+    ----------
+    fit : PairResidualFit
+        Where to linearise and to start.
+    corners : StereoCorners
+        What was seen.
+    rng : numpy.random.Generator
+        Randomness of starts and chains.
+    ensembles, walkers, maximum_steps : int
+        As for ``posterior.sample_posterior``.
+
+    Returns
+    -------
+    RelativePosePosterior
+        Ask ``converged`` before using it.
+    """
+    compressed = compress_views(fit.shared, fit.states, corners, fit.lever)
+    starts = _spread_starts(fit, rng, (ensembles, walkers), views=len(corners.views))
+    sample = sample_posterior(
+        lambda parameters: log_posterior(compressed, parameters, largest_motion=fit.lever),
+        starts,
+        names=POSTERIOR_NAMES,
+        rng=rng,
+        maximum_steps=maximum_steps,
+    )
+    return RelativePosePosterior(
+        sample=sample, check=check_marginalisation(sample.thinned(EXACT_POINTS), compressed, fit, corners)
+    )
+
+
+def check_marginalisation(
+    draws: FloatArray, compressed: CompressedViews, fit: PairResidualFit, corners: StereoCorners
+) -> LaplaceCheck:
+    """Compare the linearised marginal posterior with the one whose poses are settled anew at each draw.
+
+    Parameters
+    ----------
+    draws : array (K, 20)
+        Posterior draws.
+    compressed : CompressedViews
+        The views, reduced.
+    fit : PairResidualFit
+        Where the poses start from.
+    corners : StereoCorners
+        What was seen.
+
+    Returns
+    -------
+    LaplaceCheck
+        Statistics of the log ratios.
+    """
+    begin = time.perf_counter()
+    noises, scales = np.exp(draws[:, 18]), np.exp(draws[:, 19])
+    exact = np.array(
+        [
+            exact_log_likelihood(
+                draw[:18], fit.states, corners, fit.lever, noise_px=float(noise), motion_scale=float(scale)
+            )
+            for draw, noise, scale in zip(draws, noises, scales, strict=True)
+        ]
+    )
+    ratio = exact - compressed.log_likelihood(draws[:, :18], noises, scales)
+    ratio = ratio - ratio.mean()
+    weights = np.exp(ratio - ratio.max())
+    weights = weights / weights.sum()
+    mean, spread = draws.mean(axis=0), draws.std(axis=0)
+    reweighted = weights @ draws
+    return LaplaceCheck(
+        points=len(draws),
+        log_ratio_deviation=float(ratio.std()),
+        largest_log_ratio=float(np.abs(ratio).max()),
+        efficiency=float(1.0 / (len(draws) * np.sum(weights**2))),
+        mean_shift=(reweighted - mean) / spread,
+        spread_ratio=np.sqrt(weights @ (draws - reweighted) ** 2) / spread,
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _spread_starts(
+    fit: PairResidualFit, rng: np.random.Generator, shape: tuple[int, int], *, views: int
+) -> FloatArray:
+    """Starts as wide as the Laplace fit; the scales by the number of views and motions that inform them."""
+    shared = rng.multivariate_normal(fit.shared, fit.covariance, size=shape, method="cholesky")
+    deviation = np.array([0.02, 1.0 / np.sqrt(12.0 * views)])
+    scales = np.log([fit.noise_px, fit.motion_scale]) + deviation * rng.standard_normal((*shape, 2))
+    return np.concatenate([shared, scales], axis=-1)
