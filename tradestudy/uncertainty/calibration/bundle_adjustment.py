@@ -17,8 +17,10 @@ from tradestudy.uncertainty.calibration.corners import (
     require_positive_baseline,
 )
 from tradestudy.uncertainty.calibration.initial_values import first_intrinsics, first_poses
-from tradestudy.uncertainty.calibration.projection import rotation_matrix, rotation_vector
+from tradestudy.uncertainty.calibration.laplace import covariance_from_information
+from tradestudy.uncertainty.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
 from tradestudy.uncertainty.calibration.view_blocks import (
+    SHARED_NAMES,
     ViewBlocks,
     camera_blocks,
     pair_blocks,
@@ -127,7 +129,7 @@ def fit_camera(board: FloatArray, image: FloatArray, present: BoolArray) -> Came
     return CameraFit(
         intrinsics=intrinsics,
         poses=poses,
-        covariance=noise**2 * _inverse(marginal_information(blocks)),
+        covariance=noise**2 * covariance_from_information(marginal_information(blocks), INTRINSIC_NAMES),
         noise_px=noise,
         residuals_px=blocks.residuals,
         corner_rms_px=corner_rms,
@@ -166,7 +168,7 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
     return PairFit(
         shared=shared,
         poses=poses,
-        covariance=noise**2 * _inverse(marginal_information(blocks)),
+        covariance=noise**2 * covariance_from_information(marginal_information(blocks), SHARED_NAMES),
         noise_px=noise,
         residuals_px=blocks.residuals,
         corner_rms_px=corner_rms,
@@ -311,19 +313,3 @@ def _median_relative_pose(corners: StereoCorners, left: CameraFit, right: Camera
             remedy="number the corners alike in both images, or remove the view",
         )
     return np.concatenate([rotation_vector(rotation[centre]), np.median(translation, axis=0)])
-
-
-def _inverse(information: FloatArray) -> FloatArray:
-    """Covariance of an information matrix, scaled first; refused where the views leave a direction open."""
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(information * scale * scale[:, None])
-    if values[0] < 1e-12 * values[-1]:
-        raise NotConvergedError(
-            "the views do not determine all parameters",
-            value=f"condition {values[-1] / max(values[0], 1e-300):.1e}",
-            limit="<= 1e12",
-            remedy="add views with the board tilted differently and at several distances",
-        )
-    scaled = (vectors * scale[:, None]) / np.sqrt(values)
-    covariance: FloatArray = scaled @ scaled.T
-    return covariance

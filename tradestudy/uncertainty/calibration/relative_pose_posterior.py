@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.calibration.corners import StereoCorners
+from tradestudy.uncertainty.calibration.laplace import CHECKED_POINTS, LaplaceCheck, compare_log_posteriors
 from tradestudy.uncertainty.calibration.marginal_views import (
     CompressedViews,
     compress_views,
@@ -19,43 +19,6 @@ from tradestudy.uncertainty.calibration.posterior import PosteriorSample, sample
 from tradestudy.uncertainty.calibration.view_blocks import SHARED_NAMES
 
 POSTERIOR_NAMES = (*SHARED_NAMES, "log_noise_px", "log_motion_scale")
-EXACT_POINTS = 200
-LAPLACE_EFFICIENCY_LIMIT = 0.9  # share of draws that survive reweighting to the exact posterior
-
-
-@dataclass(frozen=True, kw_only=True)
-class LaplaceCheck:
-    """The linearised marginal posterior against the one with poses settled anew, at draws of the former.
-
-    Parameters
-    ----------
-    points : int
-        Posterior draws at which both were computed.
-    log_ratio_deviation : float
-        Standard deviation of exact minus linearised log posterior.
-    largest_log_ratio : float
-        Largest distance of that difference from its mean.
-    efficiency : float
-        Effective share of draws after reweighting to the exact posterior, in (0, 1].
-    mean_shift, spread_ratio : array (P,)
-        Shift of the mean by reweighting, in standard deviations, and reweighted over sampled standard deviation; both
-        carry the Monte Carlo error of so few points.
-    seconds : float
-        Wall time.
-    """
-
-    points: int
-    log_ratio_deviation: float
-    largest_log_ratio: float
-    efficiency: float
-    mean_shift: FloatArray
-    spread_ratio: FloatArray
-    seconds: float
-
-    @property
-    def passed(self) -> bool:
-        """Whether the linearised posterior may stand for the exact one."""
-        return self.efficiency >= LAPLACE_EFFICIENCY_LIMIT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +104,7 @@ def sample_relative_pose(
         maximum_steps=maximum_steps,
     )
     return RelativePosePosterior(
-        sample=sample, check=check_marginalisation(sample.thinned(EXACT_POINTS), compressed, fit, corners)
+        sample=sample, check=check_marginalisation(sample.thinned(CHECKED_POINTS), compressed, fit, corners)
     )
 
 
@@ -166,7 +129,6 @@ def check_marginalisation(
     LaplaceCheck
         Statistics of the log ratios.
     """
-    begin = time.perf_counter()
     noises, scales = np.exp(draws[:, 18]), np.exp(draws[:, 19])
     exact = np.array(
         [
@@ -176,21 +138,8 @@ def check_marginalisation(
             for draw, noise, scale in zip(draws, noises, scales, strict=True)
         ]
     )
-    ratio = exact - compressed.log_likelihood(draws[:, :18], noises, scales)
-    ratio = ratio - ratio.mean()
-    weights = np.exp(ratio - ratio.max())
-    weights = weights / weights.sum()
-    mean, spread = draws.mean(axis=0), draws.std(axis=0)
-    reweighted = weights @ draws
-    return LaplaceCheck(
-        points=len(draws),
-        log_ratio_deviation=float(ratio.std()),
-        largest_log_ratio=float(np.abs(ratio).max()),
-        efficiency=float(1.0 / (len(draws) * np.sum(weights**2))),
-        mean_shift=(reweighted - mean) / spread,
-        spread_ratio=np.sqrt(weights @ (draws - reweighted) ** 2) / spread,
-        seconds=time.perf_counter() - begin,
-    )
+    approximate = compressed.log_likelihood(draws[:, :18], noises, scales)
+    return compare_log_posteriors(draws, exact, approximate)
 
 
 def _spread_starts(

@@ -1,0 +1,174 @@
+"""Laplace's approximation: a normal posterior about its peak, and the check that it may stand for the exact one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import NotConvergedError
+from tradestudy.optics.arrays import FloatArray
+
+CONDITION_LIMIT = 1e12  # of the scaled information; beyond it the smallest direction is rounding error
+EFFICIENCY_LIMIT = 0.9  # share of draws that survive reweighting to the exact posterior
+CHECKED_POINTS = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaplaceFit:
+    """Normal approximation of a posterior.
+
+    Parameters
+    ----------
+    names : tuple of str, length P
+        Parameters.
+    mean : array (P,)
+        Peak of the posterior.
+    covariance : array (P, P)
+        Inverse information there.
+    evaluations : int
+        Parameter vectors at which the model was computed.
+    seconds : float
+        Wall time.
+    """
+
+    names: tuple[str, ...]
+    mean: FloatArray
+    covariance: FloatArray
+    evaluations: int
+    seconds: float
+
+    @property
+    def standard_deviation(self) -> FloatArray:
+        """Standard deviations, shape (P,)."""
+        deviation: FloatArray = np.sqrt(np.diag(self.covariance))
+        return deviation
+
+    @property
+    def correlation(self) -> FloatArray:
+        """Correlation matrix, shape (P, P)."""
+        deviation = self.standard_deviation
+        return self.covariance / np.outer(deviation, deviation)
+
+    def draw(self, rng: np.random.Generator, count: int) -> FloatArray:
+        """Joint draws, shape (count, P).
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Randomness.
+        count : int
+            Draws wanted.
+        """
+        # scaled first: parameters of very different units would spoil the factorisation
+        deviation = self.standard_deviation
+        factor = np.linalg.cholesky(self.correlation)
+        draws: FloatArray = self.mean + deviation * (rng.standard_normal((count, len(self.mean))) @ factor.T)
+        return draws
+
+
+def covariance_from_information(information: FloatArray, names: tuple[str, ...]) -> FloatArray:
+    """Covariance as the inverse of an information matrix, refused where a direction is left open.
+
+    Parameters
+    ----------
+    information : array (P, P)
+        Symmetric, in any units: it is scaled to a unit diagonal first.
+    names : tuple of str, length P
+        Parameters, to say which combination is open.
+
+    Returns
+    -------
+    array (P, P)
+        Covariance.
+
+    Raises
+    ------
+    NotConvergedError
+        The observations leave a combination of parameters undetermined; it is named.
+    """
+    diagonal = np.diag(information)
+    if not np.all(diagonal > 0.0):
+        raise _open_direction([names[int(np.argmin(diagonal))]], np.inf)
+    scale = 1.0 / np.sqrt(diagonal)
+    values, vectors = np.linalg.eigh(information * np.outer(scale, scale))
+    if values[0] * CONDITION_LIMIT < values[-1]:
+        share = np.abs(vectors[:, 0])
+        culprits = [names[index] for index in np.argsort(-share)[:3] if share[index] > 0.1]
+        raise _open_direction(culprits, values[-1] / max(values[0], np.finfo(float).tiny))
+    root = vectors * scale[:, None] / np.sqrt(values)
+    covariance: FloatArray = root @ root.T
+    return covariance
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaplaceCheck:
+    """An approximate log posterior against the exact one, at draws of the former.
+
+    Parameters
+    ----------
+    points : int
+        Draws at which both were computed.
+    log_ratio_deviation : float
+        Standard deviation of exact minus approximate log posterior.
+    largest_log_ratio : float
+        Largest distance of that difference from its mean.
+    efficiency : float
+        Effective share of draws after reweighting to the exact posterior, in (0, 1].
+    mean_shift, spread_ratio : array (P,)
+        Shift of the mean by reweighting, in standard deviations, and reweighted over sampled standard deviation; both
+        carry the Monte Carlo error of so few points.
+    """
+
+    points: int
+    log_ratio_deviation: float
+    largest_log_ratio: float
+    efficiency: float
+    mean_shift: FloatArray
+    spread_ratio: FloatArray
+
+    @property
+    def passed(self) -> bool:
+        """Whether the approximate posterior may stand for the exact one."""
+        return self.efficiency >= EFFICIENCY_LIMIT
+
+
+def compare_log_posteriors(draws: FloatArray, exact: FloatArray, approximate: FloatArray) -> LaplaceCheck:
+    """Importance ratios of an exact over an approximate log posterior, both up to a constant.
+
+    Parameters
+    ----------
+    draws : array (K, P)
+        Draws from the approximate posterior.
+    exact, approximate : array (K,)
+        Log posteriors at the draws.
+
+    Returns
+    -------
+    LaplaceCheck
+        Kish's effective share 1/(K Σ w²) and what reweighting moves.
+    """
+    ratio = exact - approximate
+    ratio = ratio - ratio.mean()
+    weights = np.exp(ratio - ratio.max())
+    weights = weights / weights.sum()
+    mean, spread = draws.mean(axis=0), draws.std(axis=0)
+    reweighted = weights @ draws
+    return LaplaceCheck(
+        points=len(draws),
+        log_ratio_deviation=float(ratio.std()),
+        largest_log_ratio=float(np.abs(ratio).max()),
+        efficiency=float(1.0 / (len(draws) * np.sum(weights**2))),
+        mean_shift=(reweighted - mean) / spread,
+        spread_ratio=np.sqrt(weights @ (draws - reweighted) ** 2) / spread,
+    )
+
+
+def _open_direction(culprits: list[str], condition: float) -> NotConvergedError:
+    """Error for parameters that the observations do not determine."""
+    return NotConvergedError(
+        f"the observations do not determine {', '.join(culprits)}",
+        value=f"condition {condition:.1e}",
+        limit=f"<= {CONDITION_LIMIT:.0e}",
+        remedy="add views at other tilts and distances, state priors, or fix a parameter",
+    )
