@@ -1,0 +1,247 @@
+"""A study file in memory: a plain tree, and for every value the file, line and column it was written at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple, cast, get_args
+
+from tradestudy.errors import Problem
+
+Path = tuple[str | int, ...]
+Scalar = str | int | float | bool | None
+Basis = Literal["paper", "datasheet", "measured", "assumed", "derived"]
+BASES: tuple[str, ...] = get_args(Basis)
+
+
+class Place(NamedTuple):
+    """Where something is written; line and column count from 1."""
+
+    file: str
+    line: int
+    column: int
+
+    def problem(self, path: Path, what: str) -> Problem:
+        """State a mistake made here."""
+        return Problem(file=self.file, line=self.line, column=self.column, path=dotted(path), what=what)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Annotation:
+    """On what a value rests."""
+
+    basis: Basis | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScalarEntry:
+    """A single value, and its text as written."""
+
+    place: Place
+    value: Scalar
+    text: str
+    annotation: Annotation | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ListEntry:
+    """A list."""
+
+    place: Place
+    items: tuple[Entry, ...]
+    annotation: Annotation | None = None
+
+
+class Member(NamedTuple):
+    """A key's place, and what stands under it."""
+
+    key_place: Place
+    entry: Entry
+
+
+@dataclass(frozen=True, kw_only=True)
+class MappingEntry:
+    """A mapping; ``implied`` when only a ``--set`` path speaks of it."""
+
+    place: Place
+    members: Mapping[str, Member]
+    implied: bool = False
+    annotation: None = None
+
+
+Entry = ScalarEntry | ListEntry | MappingEntry
+
+
+@dataclass(frozen=True, kw_only=True)
+class Document:
+    """A study with everything it refers to, and the mistakes found while reading it.
+
+    Parameters
+    ----------
+    root
+        The study as written, with cameras taken from their files.
+    problems
+        Mistakes of writing; a document that has some is never valid, and `validate` reports them with its own.
+    broken
+        Paths whose content could not be put together; what a schema says about them is not worth repeating.
+    """
+
+    root: MappingEntry
+    problems: tuple[Problem, ...] = ()
+    broken: frozenset[Path] = field(default_factory=frozenset)
+
+    @cached_property
+    def tree(self) -> dict[str, Any]:
+        """The study as plain dictionaries, lists and scalars, values with a basis unwrapped."""
+        return cast(dict[str, Any], plain(self.root))
+
+    @cached_property
+    def annotations(self) -> Mapping[Path, Annotation]:
+        """Basis and note of every value that states them, in the order of the study."""
+        return {path: entry.annotation for path, entry in _walk(self.root, ()) if entry.annotation is not None}
+
+    def locate(self, path: str | Path) -> Place:
+        """Find where a value is written (file, line, column); of a mapping or a list, its key.
+
+        For a path that does not exist it is the place of the nearest part above it.
+        """
+        place, entry = self.root.place, cast(Entry, self.root)
+        for key in self.path_of(path):
+            if isinstance(entry, MappingEntry) and str(key) in entry.members:
+                key_place, entry = entry.members[str(key)]
+                place = entry.place if isinstance(entry, ScalarEntry) else key_place
+            elif isinstance(entry, ListEntry) and isinstance(key, int) and key < len(entry.items):
+                entry = entry.items[key]
+                place = entry.place
+            else:
+                break
+        return place
+
+    def locate_key(self, path: str | Path) -> Place:
+        """Find where the key of a value is written; of an item of a list, the item."""
+        *parents, last = self.path_of(path)
+        above = self.entry(tuple(parents))
+        if isinstance(above, MappingEntry) and last in above.members:
+            return above.members[cast(str, last)].key_place
+        return self.locate(path)
+
+    def text_of(self, path: str | Path) -> str:
+        """Give a value as it was written, without its basis; lists as ``[a, b]``, mappings as ``{a: b}``.
+
+        Raises
+        ------
+        KeyError
+            When nothing stands at that path.
+        """
+        entry = self.entry(path)
+        if entry is None:
+            raise KeyError(dotted(self.path_of(path)))
+        return _text(entry)
+
+    def entry(self, path: str | Path) -> Entry | None:
+        """Find what stands at a path, or None."""
+        entry: Entry | None = self.root
+        for key in self.path_of(path):
+            entry = child(entry, key)
+        return entry
+
+    def path_of(self, path: str | Path) -> Path:
+        """Split a dotted path; a camera may stand without ``cameras.``, and names with dots are recognised."""
+        if not isinstance(path, str):
+            return path
+        steps = path.split(".")
+        cameras = child(self.root, "cameras")
+        if _first_key(self.root, steps) is None and isinstance(cameras, MappingEntry) and _first_key(cameras, steps):
+            steps = ["cameras", *steps]
+        return _split(self.root, steps)
+
+    def with_problems(self, *problems: Problem) -> Document:
+        """Add mistakes."""
+        return replace(self, problems=(*self.problems, *problems))
+
+
+def dotted(path: Path) -> str:
+    """Write a path as a person does in ``--set``; control characters are shown, not sent to a terminal."""
+    text = ".".join(str(step) for step in path)
+    return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
+def plain(entry: Entry) -> Any:
+    """Strip an entry to dictionaries, lists and scalars."""
+    if isinstance(entry, MappingEntry):
+        return {key: plain(member.entry) for key, member in entry.members.items()}
+    if isinstance(entry, ListEntry):
+        return [plain(item) for item in entry.items]
+    return entry.value
+
+
+def child(entry: Entry | None, key: str | int) -> Entry | None:
+    """Go one step down, or to None."""
+    if isinstance(entry, MappingEntry) and key in entry.members:
+        return entry.members[cast(str, key)].entry
+    if isinstance(entry, ListEntry) and isinstance(key, int) and 0 <= key < len(entry.items):
+        return entry.items[key]
+    return None
+
+
+def merged(below: Entry, above: Entry) -> Entry:
+    """Lay one entry over another: mappings key by key, all else replaced; an explicit null takes a key back."""
+    if not (isinstance(below, MappingEntry) and isinstance(above, MappingEntry)):
+        return above
+    members = dict(below.members)
+    for key, member in above.members.items():
+        if is_null(member.entry):
+            members.pop(key, None)
+        elif key in members:
+            members[key] = Member(member.key_place, merged(members[key].entry, member.entry))
+        else:
+            members[key] = member
+    return MappingEntry(place=above.place, members=members)
+
+
+def count_values(entry: Entry) -> int:
+    """Count the mappings, lists and scalars of an entry, itself included."""
+    return sum(1 for _ in _walk(entry, ()))
+
+
+def is_null(entry: Entry) -> bool:
+    """Tell an explicit null from a value that somebody forgot to write."""
+    return isinstance(entry, ScalarEntry) and entry.value is None and bool(entry.text)
+
+
+def _walk(entry: Entry, path: Path) -> Iterator[tuple[Path, Entry]]:
+    yield path, entry
+    if isinstance(entry, MappingEntry):
+        for key, member in entry.members.items():
+            yield from _walk(member.entry, (*path, key))
+    elif isinstance(entry, ListEntry):
+        for index, item in enumerate(entry.items):
+            yield from _walk(item, (*path, index))
+
+
+def _text(entry: Entry) -> str:
+    if isinstance(entry, ScalarEntry):
+        return entry.text
+    if isinstance(entry, ListEntry):
+        return f"[{', '.join(_text(item) for item in entry.items)}]"
+    return "{" + ", ".join(f"{key}: {_text(member.entry)}" for key, member in entry.members.items()) + "}"
+
+
+def _first_key(entry: MappingEntry, steps: list[str]) -> int | None:
+    """Count the steps that make up the longest key they start with."""
+    return next((n for n in range(len(steps), 0, -1) if ".".join(steps[:n]) in entry.members), None)
+
+
+def _split(entry: Entry | None, steps: list[str]) -> Path:
+    """Follow the steps down as far as they are known; what is not known is one key for each step."""
+    if not steps:
+        return ()
+    count, key = 1, cast(str | int, steps[0])
+    if isinstance(entry, MappingEntry):
+        count = _first_key(entry, steps) or 1
+        key = ".".join(steps[:count])
+    elif isinstance(entry, ListEntry) and steps[0].isdecimal() and len(steps[0]) < 9:
+        key = int(steps[0])
+    return (key, *_split(child(entry, key), steps[count:]))

@@ -1,0 +1,285 @@
+"""A document against the schema: every mistake at once, each with its place, what was expected and the nearest name."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ValidationError
+
+from tradestudy.errors import Problem, StudyError
+from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child
+from tradestudy.study.mistakes import MistakeAt, nearest_name
+from tradestudy.study.schema.alignment import Alignment, align, key_names
+from tradestudy.units import nearest
+
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+# What pydantic calls it when the shape is wrong before anything else is looked at, and what would have been right.
+_SHAPES = {
+    "model_type": "a mapping",
+    "model_attributes_type": "a mapping",
+    "dict_type": "a mapping",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "string_type": "text",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "float_type": "a plain number",
+    "float_parsing": "a plain number",
+    "finite_number": "a finite number",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+}
+_LIMITS = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+
+
+def validate(document: Document, model: type[ModelT]) -> ModelT:
+    """Check a document against a model.
+
+    Parameters
+    ----------
+    document
+        As `read` gives it.
+    model
+        A pydantic model that forbids unknown keys; its validators may raise `MistakeAt`, or any `ValueError` about
+        the part that they validate.
+
+    Returns
+    -------
+    BaseModel
+        The document as the model sees it.
+
+    Raises
+    ------
+    StudyError
+        With every mistake of writing and of content, sorted by place.
+    """
+    try:
+        valid = model.model_validate(document.tree)
+    except ValidationError as error:
+        found = [_Finding.of(details, document, model) for details in error.errors(include_url=False)]
+        problems = _problems(document, model, found)
+    else:
+        problems = []
+    if problems or document.problems:
+        raise StudyError(list(dict.fromkeys([*document.problems, *problems])))
+    return valid
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Finding:
+    """An error of pydantic, aligned with the document."""
+
+    details: Any
+    alignment: Alignment
+    entry: Entry | None
+
+    @classmethod
+    def of(cls, details: Any, document: Document, model: type[BaseModel]) -> _Finding:
+        alignment = align(model, details["loc"])
+        return cls(details=details, alignment=alignment, entry=document.entry(alignment.path))
+
+    @property
+    def path(self) -> Path:
+        return self.alignment.path
+
+    @property
+    def kind(self) -> str:
+        return str(self.details["type"])
+
+    @property
+    def context(self) -> dict[str, Any]:
+        return self.details.get("ctx") or {}
+
+    def is_shape(self) -> bool:
+        """Tell whether the whole value is of another shape than the one tried."""
+        return self.kind in _SHAPES
+
+    def is_consequence(self) -> bool:
+        """Tell whether pydantic only counted fewer items because some of them were wrong."""
+        short = self.kind == "too_short" and isinstance(self.entry, ListEntry)
+        return short and len(self.entry.items) >= self.context["min_length"]  # type: ignore[union-attr]  # short says so
+
+
+def _problems(document: Document, model: type[BaseModel], found: list[_Finding]) -> list[Problem]:
+    """Turn findings into problems: one for each place, the likeliest member of a union speaking for it."""
+    kept = [finding for finding in found if not finding.is_consequence()]
+    kept = [finding for finding in kept if not any(finding.path[: len(path)] == path for path in document.broken)]
+    problems: list[Problem] = []
+    for path, group in groupby(sorted(_likeliest(kept), key=_order), key=lambda finding: finding.path):
+        findings = list(group)
+        if (misnamed := _misnamed(document, path)) is not None:
+            problems.append(misnamed)
+        elif findings[0].kind == "missing":
+            problems.append(_missing(document, path))
+        elif findings[0].kind == "value_error" and isinstance(findings[0].context.get("error"), MistakeAt):
+            problems += _mistakes(document, findings)
+        elif findings[0].kind == "extra_forbidden":
+            names = _known_keys(document, model, findings[0])
+            problems.append(document.locate_key(path).problem(path, f"unknown key{nearest_name(str(path[-1]), names)}"))
+        else:
+            problems.append(_wrong_value(document, path, findings))
+    return problems
+
+
+def _order(finding: _Finding) -> tuple[tuple[str, ...], bool]:
+    return tuple(str(step) for step in finding.path), finding.kind != "value_error"
+
+
+def _likeliest(findings: list[_Finding]) -> list[_Finding]:
+    """Where several members of a union were tried, keep those of the shape that was written."""
+    unions = sorted({path for finding in findings for path, _ in finding.alignment.members}, key=len)
+    for union in unions:
+        by_label: dict[str, list[_Finding]] = {}
+        for finding in findings:
+            for path, label in finding.alignment.members:
+                if path == union:
+                    by_label.setdefault(label, []).append(finding)
+        misshapen = {label for label, tried in by_label.items() if any(f.is_shape() and f.path == union for f in tried)}
+        if len(misshapen) < len(by_label):
+            dropped = [finding for label in misshapen for finding in by_label[label]]
+            findings = [finding for finding in findings if finding not in dropped]
+    return findings
+
+
+def _misnamed(document: Document, path: Path) -> Problem | None:
+    """A part that only ``--set`` speaks of, beside one of nearly its name, is that name misspelled."""
+    entry: Entry | None = document.root
+    for depth, step in enumerate(path):
+        above, entry = entry, child(entry, step)
+        if isinstance(entry, MappingEntry) and entry.implied and isinstance(above, MappingEntry):
+            others = [name for name, member in above.members.items() if member.entry is not entry]
+            if nearest(str(step), others):
+                here = path[: depth + 1]
+                return entry.place.problem(here, f"there is no '{step}'{nearest_name(str(step), others)}")
+    return None
+
+
+def _missing(document: Document, path: Path) -> Problem:
+    """Report what is not there at the place of the part that it belongs to."""
+    above = path[:-1]
+    if isinstance(path[-1], int):
+        return document.locate(above).problem(
+            above, f"the list is too short; its value number {path[-1] + 1} is missing"
+        )
+    return document.locate(above).problem(path, "this key is missing")
+
+
+def _mistakes(document: Document, findings: Sequence[_Finding]) -> list[Problem]:
+    """Report what validators of the schema found, each where it points."""
+    return [
+        document.locate((*finding.path, *single.tail)).problem((*finding.path, *single.tail), single.what)
+        for finding in findings
+        if isinstance(mistake := finding.context.get("error"), MistakeAt)
+        for single in mistake.all
+    ]
+
+
+def _known_keys(document: Document, model: type[BaseModel], finding: _Finding) -> list[str]:
+    """List what could stand in place of an unknown key; a camera may start a path of ``--set``."""
+    names = key_names(finding.alignment.owner) if finding.alignment.owner else []
+    cameras = child(document.root, "cameras")
+    set_from_outside = isinstance(finding.entry, MappingEntry) and finding.entry.implied
+    if finding.alignment.owner is model and set_from_outside and isinstance(cameras, MappingEntry):
+        names += list(cameras.members)
+    return names
+
+
+def _wrong_value(document: Document, path: Path, findings: Sequence[_Finding]) -> Problem:
+    """Report a value, or a key, that is not what belongs there."""
+    first = findings[0]
+    if first.alignment.of_key:
+        return document.locate_key(path).problem(path, _name_message(first))
+    if first.kind in ("union_tag_invalid", "union_tag_not_found"):
+        return _discriminator(document, first)
+    parts = dict.fromkeys(_message(finding) for finding in findings)
+    heads = list(dict.fromkeys(head for head, _, _ in parts))
+    expected = list(dict.fromkeys(expectation for _, expectation, _ in parts if expectation))
+    near = next((near for _, _, near in parts if near), "")
+    sentence = f"{heads[0]}; {', or '.join(expected)}" if expected else heads[0]
+    if expected and not expected[0].endswith("expected") and " is expected" not in expected[0]:
+        sentence += " is expected"
+    return document.locate(path).problem(path, sentence + near)
+
+
+def _discriminator(document: Document, finding: _Finding) -> Problem:
+    """Report an unknown or missing ``kind``."""
+    key = finding.context["discriminator"].strip("'")
+    path = (*finding.path, key)
+    if finding.kind == "union_tag_not_found":
+        return document.locate(finding.path).problem(path, "this key is missing")
+    known = re.findall(r"'([^']*)'", finding.context["expected_tags"])
+    what = f"'{finding.context['tag']}' is unknown; {_choice(known)} is expected"
+    return document.locate(path).problem(path, what + _only_nearest(str(finding.context["tag"]), known))
+
+
+def _name_message(finding: _Finding) -> str:
+    """Say what is wrong with a key that the writer is free to choose."""
+    if finding.kind == "string_too_long":
+        return f"this name is too long; at most {finding.context['max_length']} characters are expected"
+    return "this is no name; letters, digits and _ . + - are expected, a letter, digit or _ first"
+
+
+def _message(finding: _Finding) -> tuple[str, str, str]:
+    """Say in three parts what is wrong, what is expected, and what is nearest."""
+    context, kind, shown = finding.context, finding.kind, _shown(finding.entry)
+    if kind == "value_error":
+        head, _, expected = str(context["error"]).rpartition("; ")
+        return (head, expected, "") if head else (expected, "", "")
+    if kind in _SHAPES:
+        return f"{shown} stands here", _SHAPES[kind], ""
+    if kind == "literal_error":
+        choices = re.findall(r"'([^']*)'", context["expected"])
+        if not choices:
+            return f"{shown} is not possible", context["expected"].replace(" or ", ", or "), ""
+        return f"{shown} is unknown", _choice(choices), _only_nearest(shown.strip("'"), choices)
+    if kind in _LIMITS:
+        name, words = _LIMITS[kind]
+        return f"{shown} is out of range", f"{words} {context[name]:g}", ""
+    if kind in ("too_short", "too_long"):
+        bound, words = ("min_length", "at least") if kind == "too_short" else ("max_length", "at most")
+        count = len(finding.entry.items) if isinstance(finding.entry, ListEntry) else len(list(_members(finding.entry)))
+        return f"{count} values stand here", f"{words} {context[bound]}", ""
+    if kind == "string_too_short":
+        return "the text is empty", "some text", ""
+    if kind == "string_too_long":
+        return "the text is too long", f"at most {context['max_length']} characters", ""
+    if kind == "string_pattern_mismatch":
+        return f"{shown} is no name", "letters, digits and _ . + -, a letter, digit or _ first,", ""
+    return str(finding.details["msg"]), "", ""
+
+
+def _members(entry: Entry | None) -> Iterable[str]:
+    return entry.members if isinstance(entry, MappingEntry) else ()
+
+
+def _choice(names: Sequence[str]) -> str:
+    """Offer names: "'log' or 'linear'"."""
+    quoted = [f"'{name}'" for name in names]
+    return f"{', '.join(quoted[:-1])} or {quoted[-1]}" if len(quoted) > 1 else quoted[0]
+
+
+def _only_nearest(name: str, known: Iterable[str]) -> str:
+    """Name the nearest choice where there is one."""
+    close = nearest(name, known)
+    return f"; nearest: '{close}'" if close else ""
+
+
+def _shown(entry: Entry | None) -> str:
+    """Quote what was written: short, on one line."""
+    if isinstance(entry, ScalarEntry):
+        text = " ".join(entry.text.split())
+        if not text:
+            return "an empty value"
+        return f"'{text}'" if len(text) <= 40 else f"'{text[:37]}…'"
+    return "a list" if isinstance(entry, ListEntry) else "a mapping"

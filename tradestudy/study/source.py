@@ -1,0 +1,320 @@
+"""YAML text to entries: YAML 1.2, every value with its place, all duplicate keys found, hostile input refused early."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml import events as yaml_events
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.reader import ReaderError
+
+from tradestudy.errors import Problem
+from tradestudy.study.document import (
+    BASES,
+    Annotation,
+    Entry,
+    ListEntry,
+    MappingEntry,
+    Member,
+    Path,
+    Place,
+    Scalar,
+    ScalarEntry,
+)
+from tradestudy.study.mistakes import nearest_name
+from tradestudy.units import nearest
+
+# A study of 100 cameras with 100 000 written-out distances fits; a file made to exhaust the machine does not.
+MOST_VALUES = 250_000
+DEEPEST = 32
+
+# The scalars of the core schema of YAML 1.2; everything else is text.
+_NULL = re.compile(r"|~|null|Null|NULL")
+_BOOLEAN = re.compile(r"true|True|TRUE|false|False|FALSE")
+_INTEGER = re.compile(r"[-+]?[0-9]{1,30}|0o[0-7]{1,30}|0x[0-9a-fA-F]{1,30}")
+_FLOAT = re.compile(
+    r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)"
+)
+
+
+class UnreadableError(Exception):
+    """The text has no tree; holds the mistakes found up to the point where reading ended."""
+
+    def __init__(self, problems: list[Problem]) -> None:
+        super().__init__(problems)
+        self.problems = problems
+
+
+def compose(text: str, start: Place) -> tuple[Entry, list[Problem]]:
+    """Turn YAML text into entries.
+
+    Parameters
+    ----------
+    text
+        One YAML document.
+    start
+        The place of its first character.
+
+    Returns
+    -------
+    tuple
+        The entry and the mistakes that left a tree standing: duplicate keys, keys that are not text, tags, bad bases.
+
+    Raises
+    ------
+    UnreadableError
+        When nothing stands: empty text, broken syntax, too many or too deeply nested values.
+    """
+    composer = _Composer(start=start, last=start)
+    try:
+        for event in YAML(typ="safe", pure=True).parse(text):
+            composer.take(event)
+    except UnreadableError:
+        raise
+    except MarkedYAMLError as error:
+        composer.fail(_marked(error, start), _syntax(error))
+    except ReaderError as error:
+        before = text[: error.position]
+        place = composer.place_at(before.count("\n"), len(before) - before.rfind("\n") - 1)
+        composer.fail(
+            place, f"the character U+{ord(text[error.position]):04X} is not allowed in YAML; this may be no text"
+        )
+    except (YAMLError, ValueError, OverflowError, TypeError, AttributeError, IndexError) as error:
+        # The parser lets slips of its own out on some malformed escapes and directives.
+        composer.fail(composer.last, f"this is not valid YAML ({error})")
+    if composer.root is None:
+        composer.fail(start, "it is empty; a study is expected, and `tradestudy new NAME` writes one to start from")
+    return composer.root, composer.problems
+
+
+@dataclass(kw_only=True)
+class _Frame:
+    """A mapping or a list that is still open."""
+
+    place: Place
+    anchor: str | None
+    count_before: int
+    members: dict[str, Member] | None  # None for a list
+    items: list[Entry] = field(default_factory=list)
+    key: tuple[str, Place] | None = None
+    height: int = 0
+
+    def step(self) -> str | int:
+        """Name what is being read now."""
+        if self.members is None:
+            return len(self.items)
+        return self.key[0] if self.key else ""
+
+
+@dataclass(kw_only=True)
+class _Composer:
+    """Builds entries from events without recursion; aliases share their entry and count as often as they are used."""
+
+    start: Place
+    last: Place
+    root: Any = None
+    problems: list[Problem] = field(default_factory=list)
+    frames: list[_Frame] = field(default_factory=list)
+    anchors: dict[str, tuple[Entry, int, int] | None] = field(default_factory=dict)  # entry, values, height; None: open
+    count: int = 0
+    documents: int = 0
+
+    def place_at(self, line: int, column: int) -> Place:
+        """Place a position of the text, counted from 0, in its file."""
+        return Place(self.start.file, self.start.line + line, column + (self.start.column if line == 0 else 1))
+
+    def path(self) -> Path:
+        """Say where reading is."""
+        return tuple(step for frame in self.frames if (step := frame.step()) != "")
+
+    def note(self, place: Place, what: str, path: Path | None = None) -> None:
+        """Remember a mistake."""
+        self.problems.append(place.problem(self.path() if path is None else path, what))
+
+    def fail(self, place: Place, what: str) -> None:
+        """Remember a mistake and end reading."""
+        self.problems.append(place.problem((), what))
+        raise UnreadableError(self.problems)
+
+    def take(self, event: Any) -> None:
+        """Go on by one event of the parser."""
+        self.last = place = self.place_at(event.start_mark.line, event.start_mark.column)
+        if isinstance(event, yaml_events.DocumentStartEvent):
+            self.documents += 1
+            if self.documents > 1:
+                self.fail(place, "a second document begins here; a study is one document")
+        elif isinstance(event, yaml_events.MappingStartEvent | yaml_events.SequenceStartEvent):
+            self.open(event, place)
+        elif isinstance(event, yaml_events.MappingEndEvent | yaml_events.SequenceEndEvent):
+            self.close()
+        elif isinstance(event, yaml_events.ScalarEvent):
+            self.count_values(place, 1)
+            value = _resolved(event.value) if event.implicit[0] and not event.style else event.value
+            self.tags(event, place)
+            self.add(ScalarEntry(place=place, value=value, text=event.value), event.anchor, 1, 0)
+        elif isinstance(event, yaml_events.AliasEvent):
+            self.alias(event.anchor, place)
+
+    def open(self, event: Any, place: Place) -> None:
+        """Begin a mapping or a list."""
+        self.count_values(place, 1)
+        self.check_depth(place, 0)
+        self.tags(event, place)
+        if event.anchor:
+            self.anchors[event.anchor] = None
+        members: dict[str, Member] | None = {} if isinstance(event, yaml_events.MappingStartEvent) else None
+        self.frames.append(_Frame(place=place, anchor=event.anchor, count_before=self.count - 1, members=members))
+
+    def close(self) -> None:
+        """End the innermost mapping or list."""
+        frame = self.frames[-1]
+        if frame.members is None:
+            entry: Entry = ListEntry(place=frame.place, items=tuple(frame.items))
+        else:
+            entry = self.unwrapped(MappingEntry(place=frame.place, members=frame.members))
+        self.frames.pop()
+        self.add(entry, frame.anchor, self.count - frame.count_before, frame.height)
+
+    def alias(self, name: str, place: Place) -> None:
+        """Put an anchored entry here once more."""
+        entry: Entry = ScalarEntry(place=place, value=None, text="")
+        if name not in self.anchors:
+            self.note(place, f"nothing is anchored as '&{name}'{nearest_name(name, self.anchors)}")
+        elif (anchored := self.anchors[name]) is None:
+            self.note(place, f"'*{name}' stands inside '&{name}' and would go on without end")
+        else:
+            entry, count, height = anchored
+            self.count_values(place, count)
+            self.check_depth(place, height)
+            self.add(entry, None, count, height)
+            return
+        self.add(entry, None, 1, 0)
+
+    def add(self, entry: Entry, anchor: str | None, count: int, height: int) -> None:
+        """Put a finished entry where it belongs."""
+        if anchor:
+            self.anchors[anchor] = (entry, count, height)
+        if not self.frames:
+            self.root = entry
+            return
+        frame = self.frames[-1]
+        frame.height = max(frame.height, height + 1)
+        if frame.members is None:
+            frame.items.append(entry)
+        elif frame.key is None:
+            frame.key = self.key(entry)
+        else:
+            (name, key_place), members = frame.key, frame.members
+            if name == "<<":
+                self.note(key_place, "YAML 1.2 has no merge key; cameras share by from: and like:")
+            elif name in members:
+                first = members[name].key_place.line
+                self.note(key_place, f"this key stands twice, first on line {first}; one of them is too many")
+            else:
+                members[name] = Member(key_place, entry)
+            frame.key = None
+
+    def key(self, entry: Entry) -> tuple[str, Place]:
+        """Read an entry as a key; one that is not text is noted and kept as it is written."""
+        if isinstance(entry, ScalarEntry) and isinstance(entry.value, str) and entry.value:
+            return entry.value, entry.place
+        text = entry.text if isinstance(entry, ScalarEntry) else "…"
+        self.note(entry.place, f"a key is text; write '{text}' in quotes, or a name instead")
+        return text or "…", entry.place
+
+    def tags(self, event: Any, place: Place) -> None:
+        """Refuse tags: the schema knows what each value is."""
+        if event.tag is not None:
+            self.note(place, "tags ('!…') have no meaning in a study; leave it out")
+
+    def count_values(self, place: Place, count: int) -> None:
+        """Refuse text that expands beyond what any study needs."""
+        self.count += count
+        if self.count > MOST_VALUES:
+            self.fail(place, f"the file holds more than {MOST_VALUES} values, repetitions by '*' included")
+
+    def check_depth(self, place: Place, height: int) -> None:
+        """Refuse nesting beyond what any study needs."""
+        if len(self.frames) + height >= DEEPEST:
+            self.fail(place, f"values are nested more than {DEEPEST} deep")
+
+    def unwrapped(self, entry: MappingEntry) -> Entry:
+        """Turn ``{value: …, basis: …, note: …}`` into its value with an annotation; leave other mappings alone."""
+        others = [key for key in entry.members if key != "value"]
+        if "value" not in entry.members or not others or any(nearest(key, ("basis", "note")) is None for key in others):
+            return entry
+        value = entry.members["value"].entry
+        here = self.path()
+        for key in others:
+            if key not in ("basis", "note"):
+                what = f"unknown key beside a value{nearest_name(key, ('basis', 'note'))}"
+                self.note(entry.members[key].key_place, what, (*here, key))
+        if isinstance(value, MappingEntry) or value.annotation is not None:
+            self.note(value.place, "a basis belongs to a single value or to a list", (*here, "value"))
+            return entry
+        return _annotated(value, Annotation(basis=self.basis(entry, here), note=self.remark(entry, here)))
+
+    def basis(self, entry: MappingEntry, here: Path) -> Any:
+        """Read the basis of a value."""
+        if "basis" not in entry.members:
+            return None
+        stated = entry.members["basis"].entry
+        if isinstance(stated, ScalarEntry) and stated.value in BASES:
+            return stated.value
+        shown = f"'{stated.text}'" if isinstance(stated, ScalarEntry) else "this"
+        close = nearest_name(stated.text, BASES) if isinstance(stated, ScalarEntry) else ""
+        what = f"{shown} is no basis; one of {', '.join(BASES)} is expected{close if 'nearest' in close else ''}"
+        self.note(stated.place, what, (*here, "basis"))
+        return None
+
+    def remark(self, entry: MappingEntry, here: Path) -> str:
+        """Read the note of a value."""
+        if "note" not in entry.members:
+            return ""
+        stated = entry.members["note"].entry
+        if isinstance(stated, ScalarEntry) and isinstance(stated.value, str):
+            return stated.value
+        self.note(stated.place, "a note is text; write it in quotes", (*here, "note"))
+        return ""
+
+
+def _annotated(value: ScalarEntry | ListEntry, annotation: Annotation) -> Entry:
+    if isinstance(value, ListEntry):
+        return ListEntry(place=value.place, items=value.items, annotation=annotation)
+    return ScalarEntry(place=value.place, value=value.value, text=value.text, annotation=annotation)
+
+
+def _resolved(text: str) -> Scalar:
+    """Read a plain scalar by the core schema."""
+    if _NULL.fullmatch(text):
+        return None
+    if _BOOLEAN.fullmatch(text):
+        return text[0] in "tT"
+    if _INTEGER.fullmatch(text):
+        return int(text, 0) if text[:2] in ("0o", "0x") else int(text)
+    if _FLOAT.fullmatch(text):
+        return float(
+            text.replace(".inf", "inf").replace(".Inf", "inf").replace(".INF", "inf").lower().replace(".nan", "nan")
+        )
+    return text
+
+
+def _marked(error: MarkedYAMLError, start: Place) -> Place:
+    """Place a mistake of syntax."""
+    mark = error.problem_mark or error.context_mark
+    if mark is None:
+        return start
+    return Place(start.file, start.line + mark.line, mark.column + (start.column if mark.line == 0 else 1))
+
+
+def _syntax(error: MarkedYAMLError) -> str:
+    """Say what is wrong with the syntax, and what helps against the common slips."""
+    problem = str(error.problem or error.context or "this is not valid YAML")
+    if "\\t" in problem:
+        return "a tab stands where YAML wants spaces; indent with spaces"
+    hint = "; a text with ': ' in it needs quotes" if "mapping values" in problem else ""
+    context = f" {error.context}" if error.context and error.problem else ""
+    return f"this is not valid YAML: {problem}{context}{hint}"
