@@ -37,8 +37,10 @@ def lateral_resolution(
     sample_pitch
         p [m]: the pixel pitch; for an unfocused plenoptic camera the microlens pitch.
 
-    Returns ------- Size on the object [m], broadcast. For a₀ = ∞ the blur is A at every distance: the beam
-    that comes to a point at infinity.
+    Returns
+    -------
+    Size on the object [m], broadcast. For a₀ = ∞ the blur is A at every distance: the beam that comes to a
+    point at infinity.
 
     Raises
     ------
@@ -68,8 +70,10 @@ def depth_of_field_at_resolution(
     focus_distance, focal_length, pupil_diameter, sample_pitch
         As in `lateral_resolution` [m].
 
-    Returns ------- The limits, broadcast; the near one at the lens (0) for r ≥ A. There is none where the
-    samples are too coarse even at the near limit, or for a focus at infinity with r < A; the reason says so.
+    Returns
+    -------
+    The limits, broadcast; the near one at the lens (0) for r ≥ A. There is none where the samples are too
+    coarse even at the near limit, or for a focus at infinity with r < A; the reason says so.
 
     Raises
     ------
@@ -111,9 +115,11 @@ def focused_plenoptic_lateral_resolution(
     microlens_aperture, pixel_pitch
         D and p [m].
 
-    Returns ------- Size on the object [m], broadcast. A micro-image is |v| times smaller than the main lens's
-    image; the blur D |1/v − 1/v₀| is projected back with it. For an image on the array itself a lens sees
-    nothing but its own aperture, D.
+    Returns
+    -------
+    Size on the object [m], broadcast. A micro-image is |v| times smaller than the main lens's image; the blur
+    D |1/v − 1/v₀| is projected back with it. For an image on the array itself a lens sees nothing but its own
+    aperture, D.
 
     Raises
     ------
@@ -160,8 +166,10 @@ def focused_plenoptic_depth_of_field_at_resolution(
     keplerian
         Which side of the array the main lens's image is used on.
 
-    Returns ------- The limits, broadcast. There is none where the two conditions do not meet on that side,
-    and the reason says so.
+    Returns
+    -------
+    The limits, broadcast. There is none where the two conditions do not meet on that side, and the reason
+    says so.
 
     Raises
     ------

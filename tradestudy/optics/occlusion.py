@@ -33,9 +33,10 @@ def hidden_strip_width(
         beside one edge is at most what the obstacle hides from a single view, w (1 + h/Z). Infinite for a
         step.
 
-    Returns ------- Width on the lower surface [m], broadcast. Exact for straight edges across the baseline
-    and a lower surface across the viewing direction, wherever the edge lies in the field; 0 for no step or no
-    baseline.
+    Returns
+    -------
+    Width on the lower surface [m], broadcast. Exact for straight edges across the baseline and a lower
+    surface across the viewing direction, wherever the edge lies in the field; 0 for no step or no baseline.
 
     Raises
     ------
@@ -77,8 +78,10 @@ def foreshortening_ratio(
     lateral_position
         x of the patch [m].
 
-    Returns ------- Ratio between 0 and 1, broadcast: 1 for a patch across the viewing direction, or without a
-    baseline, 0 where a view sees the patch edge-on or from behind, so not at all.
+    Returns
+    -------
+    Ratio between 0 and 1, broadcast: 1 for a patch across the viewing direction, or without a baseline, 0
+    where a view sees the patch edge-on or from behind, so not at all.
 
     Raises
     ------

@@ -80,8 +80,10 @@ def blur_allowance(blur_criterion: ArrayLike, diffraction_spot: ArrayLike) -> Bl
     diffraction_spot
         Diameter of the diffraction spot ≥ 0 [m], from `diffraction_diameter`.
 
-    Returns ------- The allowance, broadcast. Where diffraction alone equals the criterion the allowance is 0:
-    only the plane of focus meets it.
+    Returns
+    -------
+    The allowance, broadcast. Where diffraction alone equals the criterion the allowance is 0: only the plane
+    of focus meets it.
 
     Raises
     ------

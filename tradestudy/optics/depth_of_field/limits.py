@@ -33,7 +33,8 @@ class DepthOfField:
     @property
     def extent(self) -> FloatArray:
         """Far less near [m]; 0 where nothing is sharp, ∞ where the far limit is."""
-        return np.where(self.empty, 0.0, self.far - np.where(self.empty, 0.0, self.near))
+        deep = self.far > self.near
+        return np.subtract(self.far, self.near, out=np.zeros(np.shape(deep)), where=deep)
 
     def contains(self, distance: ArrayLike) -> BoolArray:
         """Tell whether distances [m] are sharp (broadcast against the limits)."""

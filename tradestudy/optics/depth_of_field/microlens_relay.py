@@ -23,8 +23,10 @@ def inverse_focus_virtual_depth(microlens_focal_length: ArrayLike, microlens_gap
     microlens_focal_length, microlens_gap
         f_L > 0 and b_L > 0 [m].
 
-    Returns ------- 1/v₀ [1], broadcast: positive for a Keplerian focus (b_L > f_L), negative for a Galilean
-    one, 0 for b_L = f_L, which is focus at infinity on both sides.
+    Returns
+    -------
+    1/v₀ [1], broadcast: positive for a Keplerian focus (b_L > f_L), negative for a Galilean one, 0 for b_L =
+    f_L, which is focus at infinity on both sides.
 
     Raises
     ------
@@ -51,8 +53,10 @@ def relay_blur_diameter(
     microlens_aperture
         D > 0 [m]; the pitch for a full fill factor.
 
-    Returns ------- Diameter [m], broadcast; ∞ for an image on the array. Holds while the light fills the
-    microlens, for |v| ≥ 1 with matched f-numbers.
+    Returns
+    -------
+    Diameter [m], broadcast; ∞ for an image on the array. Holds while the light fills the microlens, for |v| ≥
+    1 with matched f-numbers.
     """
     v, w0, D = as_floats(v=virtual_depth, w0=inverse_focus_virtual_depth, D=microlens_aperture)
     require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
@@ -74,8 +78,10 @@ def virtual_depth_limits(
     microlens_aperture
         D > 0 [m].
 
-    Returns ------- (smallest, largest) [1], broadcast, without sign. The largest is ∞ once c/D reaches
-    |1/v₀|: then the type is sharp up to an infinitely distant relay image.
+    Returns
+    -------
+    (smallest, largest) [1], broadcast, without sign. The largest is ∞ once c/D reaches |1/v₀|: then the type
+    is sharp up to an infinitely distant relay image.
     """
     w0, half = _half_width(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
     with np.errstate(divide="ignore"):  # focus at infinity without any blur allowed is sharp at infinity only
@@ -111,12 +117,16 @@ def relay_depth_of_field(
         On which side of the array the main lens's image is used. Blur may allow a type to reach through 1/v =
         0 to the other side, whose micro-images are reversed; that part is not counted.
 
-    Returns ------- The limits in front of the main lens, broadcast. The far limit is ∞ exactly where the
-    sharp image distances reach the focal plane of the main lens. A type that is sharp only for images nearer
-    than the focal plane (beyond infinity) or on the other side of the array has none, and the reason says so.
+    Returns
+    -------
+    The limits in front of the main lens, broadcast. The far limit is ∞ exactly where the sharp image
+    distances reach the focal plane of the main lens. A type that is sharp only for images nearer than the
+    focal plane (beyond infinity) or on the other side of the array has none, and the reason says so.
 
-    Notes ----- The depth of field is that of the microlenses. The distance of the image is mapped by the
-    focus shift s = b − f, which keeps its digits for distant objects.
+    Notes
+    -----
+    The depth of field is that of the microlenses. The distance of the image is mapped by the focus shift s =
+    b − f, which keeps its digits for distant objects.
 
     Raises
     ------

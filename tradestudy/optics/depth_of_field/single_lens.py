@@ -55,13 +55,17 @@ def depth_of_field(
         c ≥ 0, geometric blur that counts as sharp, on the sensor [m]. NaN, where no blur is allowed since
         diffraction has used it up, gives an empty depth of field.
 
-    Returns ------- The limits, broadcast. The far limit is ∞ exactly from a₀ = `hyperfocal_distance` on; both
-    are a₀ for c = 0; the near limit comes inside the focal length when c exceeds the pupil (a virtual image
-    blurred less than that).
+    Returns
+    -------
+    The limits, broadcast. The far limit is ∞ exactly from a₀ = `hyperfocal_distance` on; both are a₀ for c =
+    0; the near limit comes inside the focal length when c exceeds the pupil (a virtual image blurred less
+    than that).
 
-    Notes ----- From the similar triangles behind the lens: a point imaged to b makes the blur A |b₀ − b|/b on
-    a sensor at b₀. The relative error is rounding, magnified as the far limit is by its own condition number
-    near the hyperfocal distance.
+    Notes
+    -----
+    From the similar triangles behind the lens: a point imaged to b makes the blur A |b₀ − b|/b on a sensor at
+    b₀. The relative error is rounding, magnified as the far limit is by its own condition number near the
+    hyperfocal distance.
 
     Raises
     ------
@@ -74,12 +78,11 @@ def depth_of_field(
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     ratio = c / A
     shift = f / (a0 - f)  # focus shift of the sensor over the focal length
-    near = f + f * (1 - ratio) / (shift + ratio)
     finite = a0 < hyperfocal
-    # For c = 0 and a₀ = ∞ both limits are infinity; elsewhere the difference is positive below the hyperfocal distance.
-    difference = np.where(finite, shift - ratio, 1.0)
-    with np.errstate(divide="ignore"):  # rounding may bring the difference to 0 just below the hyperfocal distance
-        far = np.where(finite, f + f * (1 + ratio) / np.maximum(difference, 0.0), np.inf)
+    difference = np.where(finite, np.maximum(shift - ratio, 0.0), 0.0)
+    with np.errstate(divide="ignore"):  # 0 in a denominator is a limit at infinity
+        near = f + f * (1 - ratio) / (shift + ratio)
+        far = f + f * (1 + ratio) / difference
     return DepthOfField(near=near, far=np.where(np.isnan(near), np.nan, far))
 
 
@@ -108,9 +111,11 @@ def diffraction_inclusive_depth_of_field(
     measure
         How wide the diffraction spot counts: ``airy-diameter``, ``fwhm`` or ``none``.
 
-    Returns ------- The limits, broadcast. Where diffraction alone exceeds the criterion there is no depth of
-    field: ``empty`` is true and ``reason`` gives both diameters. Unlike the geometric figure it is not
-    monotone in the aperture.
+    Returns
+    -------
+    The limits, broadcast. Where diffraction alone exceeds the criterion there is no depth of field: ``empty``
+    is true and ``reason`` gives both diameters. Unlike the geometric figure it is not monotone in the
+    aperture.
 
     Raises
     ------

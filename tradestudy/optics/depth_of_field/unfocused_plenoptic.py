@@ -31,8 +31,10 @@ def view_pupil_diameter(
     pixel_pitch, microlens_focal_length
         p_px and f_L > 0 [m].
 
-    Returns ------- Width [m], broadcast: also the baseline of neighbouring views. Geometric; diffraction at
-    the microlens widens it.
+    Returns
+    -------
+    Width [m], broadcast: also the baseline of neighbouring views. Geometric; diffraction at the microlens
+    widens it.
 
     Raises
     ------
@@ -71,12 +73,16 @@ def refocus_distance(
     microlens_pitch
         p > 0 [m].
 
-    Returns ------- a [m] from the main lens, broadcast; ∞ for the shift that refocuses on infinity and all
-    beyond it, f for shifts of B/p and more, beyond which no real image is left.
+    Returns
+    -------
+    a [m] from the main lens, broadcast; ∞ for the shift that refocuses on infinity and all beyond it, f for
+    shifts of B/p and more, beyond which no real image is left.
 
-    Notes ----- For a pupil in the plane of a thin main lens. The chief-ray model of C. Hahne et al.,
-    "Refocusing distance of a standard plenoptic camera", Optics Express 24 (2016), gives the same distances
-    if its exit pupil is put there.
+    Notes
+    -----
+    For a pupil in the plane of a thin main lens. The chief-ray model of C. Hahne et al., "Refocusing distance
+    of a standard plenoptic camera", Optics Express 24 (2016), gives the same distances if its exit pupil is
+    put there.
 
     Raises
     ------
@@ -118,9 +124,11 @@ def refocused_depth_of_field(
         Geometric blur c ≥ 0 that counts as sharp, on the array [m]; the microlens pitch, since that is the
         lateral sample.
 
-    Returns ------- The limits, broadcast. Adding views shifted for a_α acts like a lens refocused there and
-    scaled back to the array, so this is a conventional depth of field with the blur c b_α/z. It supposes a_α
-    within `view_depth_of_field`.
+    Returns
+    -------
+    The limits, broadcast. Adding views shifted for a_α acts like a lens refocused there and scaled back to
+    the array, so this is a conventional depth of field with the blur c b_α/z. It supposes a_α within
+    `view_depth_of_field`.
 
     Raises
     ------
@@ -153,8 +161,10 @@ def view_depth_of_field(
         Geometric blur c that counts as sharp, on the array [m]; with the microlens pitch the ends are the
         shifts ∓1.
 
-    Returns ------- The limits, broadcast; as many times deeper (in inverse image distance) than without
-    refocusing as there are views across.
+    Returns
+    -------
+    The limits, broadcast; as many times deeper (in inverse image distance) than without refocusing as there
+    are views across.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-r"""The baseline that the microlenses seeing a point offer, averaged exactly over the positions of the point.
+r"""The baseline that the microlenses seeing a point offer, averaged over the positions of the point.
 
 All estimators of depth are put on one scale: a baseline B in the plane of the array gives the virtual depth
 the error
@@ -79,11 +79,13 @@ def widest_pair_baseline(
     counting
         ``all_lenses``: any two lenses make a pair. ``given_type``: both are of one type, named beforehand.
 
-    Returns ------- The baseline over the pitch, and its error. Averaged over the positions that do have a
-    pair; their share is `seen_count_probability` with ``at_least=2``. With matched f-numbers σ_v/(σ_u/p) is
-    1.5–1.6 |v| for |v| from 4 to 6, more below; B → 2 r for large discs (beyond six pitches of a type's
-    lattice extrapolated with a deficit ∝ r^(−8/5), the law of the nearest miss among lattice points in a thin
-    lens of area ∝ √r δ^(3/2), at half the deficit as error).
+    Returns
+    -------
+    The baseline over the pitch, and its error. Averaged over the positions that do have a pair; their share
+    is `seen_count_probability` with ``at_least=2``. With matched f-numbers σ_v/(σ_u/p) is 1.5–1.6 |v| for |v|
+    from 4 to 6, more below; B → 2 r for large discs (beyond six pitches of a type's lattice extrapolated with
+    a deficit ∝ r^(−8/5), the law of the nearest miss among lattice points in a thin lens of area ∝ √r
+    δ^(3/2), at half the deficit as error).
 
     Raises
     ------

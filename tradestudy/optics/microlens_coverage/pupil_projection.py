@@ -31,8 +31,10 @@ def projected_radius_over_pitch(
     microlens_pitch
         Distance of neighbouring lenses, p > 0 [m].
 
-    Returns ------- Radius over pitch [1], broadcast; |v| z / (2 b) when the f-numbers match as b_L/p = z/A.
-    It is 0 for an image on the array and A/(2p) for one at infinity behind it.
+    Returns
+    -------
+    Radius over pitch [1], broadcast; |v| z / (2 b) when the f-numbers match as b_L/p = z/A. It is 0 for an
+    image on the array and A/(2p) for one at infinity behind it.
 
     Raises
     ------

@@ -77,10 +77,12 @@ def seen_count_probability(
     -------
     Probability [1], the shape of ``radius_over_pitch``.
 
-    Notes ----- Closed form, exact up to rounding (below 1e-13 absolute). It is exactly 0 below the smallest
-    radius that can hold so many lenses and exactly 1 from `covering_radius_over_pitch` on. A lens counts when
-    its centre is in the disc; light that touches only its rim does not count, so at r → 0 the probability of
-    one lens vanishes too.
+    Notes
+    -----
+    Closed form, exact up to rounding (below 1e-13 absolute). It is exactly 0 below the smallest radius that
+    can hold so many lenses and exactly 1 from `covering_radius_over_pitch` on. A lens counts when its centre
+    is in the disc; light that touches only its rim does not count, so at r → 0 the probability of one lens
+    vanishes too.
 
     Raises
     ------
