@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.evaluation import Model, Replicate
+from tradestudy.uncertainty.evaluation import UNALIGNED, Model, Replicate
 from tradestudy.uncertainty.linear import numerical_tolerance
 from tradestudy.uncertainty.outputs import shortest_interval
 from tradestudy.uncertainty.sources import Sources
@@ -96,7 +96,14 @@ def jcgm_adaptive(
 def _block(model: Model, sources: Sources, *, seed: int, point: str, number: int) -> tuple[float, float, float, float]:
     """Mean, standard deviation and shortest interval of one block."""
     replicate = Replicate(
-        model, sources, sampler=plain_random, seed=seed, point=point, replicate=number, inverse_depth=False
+        model,
+        sources,
+        sampler=plain_random,
+        seed=seed,
+        point=point,
+        replicate=number,
+        alignment=UNALIGNED,
+        inverse_depth=False,
     )
     replicate.lengthen(_BLOCK_DRAWS, _BLOCK_DRAWS)
     values = replicate.values[0]

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.evaluation import Model, Replicate
+from tradestudy.uncertainty.evaluation import Alignment, Model, Replicate, alignment_with
 from tradestudy.uncertainty.outputs import RunningMean, replicate_statistics
 from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import Sampler
@@ -57,11 +57,10 @@ class Draws:
                 remedy="the error comes from the scatter of independent replicates",
             )
 
-    def depths(self, model: Model, sources: Sources, replicate: int) -> Replicate:
+    def depths(self, model: Model, sources: Sources, alignment: Alignment, replicate: int) -> Replicate:
         """Draw depths of one replicate from a model of inverse depth.
 
-        The same replicate gets the same random numbers whatever the model: differences between nearby
-        models are smooth, and roots can be found.
+        The same replicate and alignment get the same random numbers whatever the model.
         """
         drawn = Replicate(
             model,
@@ -70,6 +69,7 @@ class Draws:
             seed=self.seed,
             point=self.point,
             replicate=replicate,
+            alignment=alignment,
             inverse_depth=True,
         )
         drawn.lengthen(self.draws, self.batch_draws)
@@ -117,9 +117,10 @@ def rank_probability(
         A model returns an array of the wrong shape.
     """
     wins, losses = RunningMean(), RunningMean()
+    alignment = alignment_with([first, second], sources)
     for replicate in range(draws.replicates):
         mine, theirs = (
-            _absolute_error(draws.depths(model, sources, replicate), true_depth) for model in (first, second)
+            _absolute_error(draws.depths(model, sources, alignment, replicate), true_depth) for model in (first, second)
         )
         wins.add(np.mean(mine < theirs, axis=-1))
         losses.add(np.mean(theirs < mine, axis=-1))
@@ -152,7 +153,7 @@ def half_width(model: Model, sources: Sources, draws: Draws, replicate: int) -> 
     replicate : int
         Which replicate; the same one always uses the same random numbers.
     """
-    drawn = draws.depths(model, sources, replicate)
+    drawn = draws.depths(model, sources, alignment_with([model], sources), replicate)
     return replicate_statistics(drawn.values, drawn.failures, depth=True).half_width
 
 

@@ -12,11 +12,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty.distributions import Distribution, Empirical, FloatArray, Normal
+from tradestudy.uncertainty.distributions import Distribution, Empirical, FloatArray, Normal, at_scores
 from tradestudy.uncertainty.sources import ErrorClass
+from tradestudy.uncertainty.streams import fixed_order_product
 
 _ROUNDING_OF_EIGENVALUES = 100.0 * np.finfo(float).eps
 _ROUNDING_OF_FILES = 1e-9
@@ -83,15 +84,6 @@ def correlation_factor(correlation: FloatArray) -> FloatArray:
     factor = vectors[:, kept] * np.sqrt(values[kept])
     norms = np.sqrt(np.sum(factor * factor, axis=1, keepdims=True))
     return np.asarray((factor / norms)[:, ::-1])
-
-
-def _mix(factor: FloatArray, normal: FloatArray) -> FloatArray:
-    """Multiply factor @ normal in a fixed order of summation: a draw does not depend on its batch."""
-    mixed = np.zeros((factor.shape[0], normal.shape[1]))
-    for row, weights in zip(mixed, factor, strict=True):
-        for weight, coordinate in zip(weights, normal, strict=True):
-            row += weight * coordinate
-    return mixed
 
 
 def _correlation_of(covariance: FloatArray) -> FloatArray:
@@ -206,9 +198,9 @@ class JointNormal:
         """Correlation matrix."""
         return _correlation_of(self.covariance)
 
-    def draw(self, uniform: FloatArray) -> FloatArray:
-        """Map uniform coordinates (dimensions, n) to draws (k, n)."""
-        return np.asarray(self.mean[:, None] + _mix(self._factor, ndtri(uniform)))
+    def draw(self, scores: FloatArray) -> FloatArray:
+        """Map standard normal scores (dimensions, n) to draws (k, n)."""
+        return np.asarray(self.mean[:, None] + fixed_order_product(self._factor, scores))
 
     def marginal(self, index: int) -> Distribution:
         """Return the normal distribution of one parameter alone."""
@@ -300,12 +292,10 @@ class GaussianCopula:
                 covariance[i, j] = covariance[j, i] = float(weights @ (x * (y @ weights)))
         return covariance
 
-    def draw(self, uniform: FloatArray) -> FloatArray:
-        """Map uniform coordinates (dimensions, n) to draws (k, n)."""
-        scores = ndtr(_mix(self._factor, ndtri(uniform)))
-        # Φ rounds to 1 above 8.2 standard deviations; the last double below keeps unbounded marginals finite.
-        scores = np.clip(scores, np.finfo(float).tiny, 1.0 - np.finfo(float).epsneg)
-        return np.stack([marginal.quantile(u) for marginal, u in zip(self.marginals, scores, strict=True)])
+    def draw(self, scores: FloatArray) -> FloatArray:
+        """Map standard normal scores (dimensions, n) to draws (k, n)."""
+        tied = fixed_order_product(self._factor, scores)
+        return np.stack([at_scores(marginal, row) for marginal, row in zip(self.marginals, tied, strict=True)])
 
     def marginal(self, index: int) -> Distribution:
         """Return the distribution of one parameter alone."""
@@ -382,10 +372,10 @@ class JointDraws:
         """Correlation of the draws."""
         return _correlation_of(self.covariance)
 
-    def draw(self, uniform: FloatArray) -> FloatArray:
-        """Map uniform coordinates (1, n) to draws (k, n)."""
+    def draw(self, scores: FloatArray) -> FloatArray:
+        """Map standard normal scores (1, n) to draws (k, n)."""
         rows = self._ordered.shape[1]
-        index = np.minimum((uniform[0] * rows).astype(np.int64), rows - 1)
+        index = np.minimum((ndtr(scores[0]) * rows).astype(np.int64), rows - 1)
         return np.asarray(self._ordered[:, index])
 
     def marginal(self, index: int) -> Distribution:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.special import stdtrit
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.uncertainty.evaluation import CAUSES, Model, Replicate, evaluate_nominal
+from tradestudy.uncertainty.evaluation import CAUSES, Model, Replicate, alignment_with, evaluate_nominal
 from tradestudy.uncertainty.outputs import (
     Propagated,
     ReplicateStatistics,
@@ -26,6 +26,11 @@ from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
 
 FEWEST_REPLICATES = 8
 """Fewer independent scrambles do not give a trustworthy standard error."""
+
+# The bias of a sample quantile of n draws is at most about 2.6/√n of its standard error (independent draws, the 97.5 %
+# point of a normal; far less for Sobol points). The mean of R of them keeps it below two thirds of its own standard
+# error while R <= n/16.
+_DRAWS_PER_REPLICATE_NUMBER = 16
 
 # Bytes per held number: the number itself, its copy while a replicate is lengthened, and the sorted copies.
 _BYTES_PER_DRAW = 4 * 8
@@ -50,8 +55,8 @@ class Sampling:
     batch_draws : int
         Draws per call of the model, a power of two; changes memory and speed, never a result.
     memory_bytes : int
-        Bound on the draws that are held. A replicate longer than this allows is not lengthened; more
-        replicates of the same length are added, whose quantiles stay exact.
+        Bound on the draws that are held. Replicates are not lengthened beyond it; more replicates of the same
+        length are added, whose quantiles stay exact, until their bias could count (status ``memory``).
     workers : int
         Threads over replicates; never changes a result.
     sampler : Sampler
@@ -191,6 +196,9 @@ def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool, pool: T
     replicates.clear()
     done = first
     while progress.wants_more and 2 * progress.draws <= sampling.budget_draws:
+        if _DRAWS_PER_REPLICATE_NUMBER * 2 * done > progress.length:
+            progress.status[progress.status == "budget"] = "memory"
+            break
         for number in range(done, 2 * done, first):
             added = map(begin, range(number, number + first))
             _add(progress, pool.map(look, added, repeat(progress.length)), sampling)
@@ -243,12 +251,14 @@ def propagate(
 
     Notes
     -----
-    The estimate of a quantile is the mean of the replicates' sample quantiles, each exact: no draw is
-    binned. Sample quantiles of n draws carry a bias of order 1/n. Results do not depend on ``batch_draws``
-    or ``workers``, bit for bit.
+    The estimate of a quantile is the mean of the replicates' sample quantiles, each exact: no draw is binned. Its bias
+    stays below its standard error because there are never more replicates than a sixteenth of their length. The first
+    coordinates of the points are aligned with what moves the outputs most (:class:`Alignment`), at two evaluations per
+    dimension. Results do not depend on ``batch_draws`` or ``workers``, bit for bit.
     """
     start = time.perf_counter()
     nominal = evaluate_nominal(model, sources, inverse_depth=inverse_depth)
+    alignment = alignment_with([model], sources)
 
     def begin(number: int) -> Replicate:
         return Replicate(
@@ -258,6 +268,7 @@ def propagate(
             seed=seed,
             point=point,
             replicate=number,
+            alignment=alignment,
             inverse_depth=inverse_depth,
         )
 
@@ -270,6 +281,7 @@ def propagate(
         status=progress.status,
         sources_have_variance=sources.covariance() is not None,
         draws=progress.draws,
+        evaluations=progress.draws + 2 * sources.dimensions + 1,
         seconds=time.perf_counter() - start,
     )
 

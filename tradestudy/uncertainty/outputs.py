@@ -226,7 +226,8 @@ class Propagated:
     """Distribution of each output; quantiles are conditional on a draw having a rank.
 
     Last axis: outputs. Errors are standard errors from replicate to replicate. ``status`` is, per output,
-    ``converged``, ``budget`` (the tolerance was not reached), or ``unranked`` (not one draw has a rank).
+    ``converged``, ``budget`` (the tolerance was not reached), ``memory`` (nor the budget: propagate fewer outputs at
+    a time, or raise ``memory_bytes``), or ``unranked`` (not one draw has a rank).
     """
 
     nominal: FloatArray
@@ -252,6 +253,7 @@ class Propagated:
     failed: NDArray[np.int64]
     status: NDArray[np.str_]
     draws: int
+    evaluations: int
     replicates: int
     seconds: float
 
@@ -289,6 +291,7 @@ def summarise(
     status: NDArray[np.str_],
     sources_have_variance: bool,
     draws: int,
+    evaluations: int,
     seconds: float,
 ) -> Propagated:
     """Collect replicates into a result; mean and standard deviation only where second moments exist."""
@@ -326,6 +329,7 @@ def summarise(
         failed=failed,
         status=status,
         draws=draws,
+        evaluations=evaluations,
         replicates=running["quantiles"].count,
         seconds=seconds,
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtri
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
@@ -224,8 +225,8 @@ def _saltelli_outputs(
     blocks = []
     for start in range(0, draws, sampling.batch_draws):
         count = min(sampling.batch_draws, draws - start)
-        uniform = stream(count)
-        base, other = uniform[:size], uniform[size:]
+        scores = ndtri(stream(count))
+        base, other = scores[:size], scores[size:]
         designs = [base, other]
         for name in names:
             mixed = base.copy()

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty.distributions import Distribution, FloatArray
+from tradestudy.uncertainty.distributions import Distribution, FloatArray, at_scores
 
 
 class ErrorClass(Enum):
@@ -49,7 +49,7 @@ class Group(Protocol):
 
     @property
     def dimensions(self) -> int:
-        """How many uniform coordinates one draw takes."""
+        """How many independent standard normal scores one draw takes."""
 
     @property
     def nominal(self) -> FloatArray:
@@ -63,8 +63,8 @@ class Group(Protocol):
     def correlation(self) -> FloatArray:
         """Correlation of the parameters (for a copula, of their normal scores), square."""
 
-    def draw(self, uniform: FloatArray) -> FloatArray:
-        """Map uniform coordinates (dimensions, n) to draws (parameters, n)."""
+    def draw(self, scores: FloatArray) -> FloatArray:
+        """Map standard normal scores (dimensions, n) to draws (parameters, n)."""
 
     def marginal(self, index: int) -> Distribution:
         """Return the distribution of one parameter alone."""
@@ -115,11 +115,11 @@ class Source:
         """One by one, and one."""
         return np.ones((1, 1))
 
-    def draw(self, uniform: FloatArray) -> FloatArray:
-        """Map uniform coordinates (dimensions, n) to draws (1, n)."""
+    def draw(self, scores: FloatArray) -> FloatArray:
+        """Map standard normal scores (dimensions, n) to draws (1, n)."""
         if self.dimensions == 0:
-            return np.broadcast_to(self.nominal[:, None], (1, uniform.shape[1]))
-        return self.distribution.quantile(uniform)
+            return np.broadcast_to(self.nominal[:, None], (1, scores.shape[1]))
+        return at_scores(self.distribution, scores)
 
     def marginal(self, index: int) -> Distribution:
         """Return the distribution itself."""
@@ -167,7 +167,7 @@ class Sources:
 
     @property
     def dimensions(self) -> int:
-        """How many uniform coordinates one draw takes."""
+        """How many independent standard normal scores one draw takes."""
         return sum(group.dimensions for group in self.active_groups)
 
     def only(self, names: Collection[str]) -> Sources:
@@ -201,21 +201,21 @@ class Sources:
             for name, value in zip(group.parameters, group.nominal, strict=True)
         }
 
-    def draw(self, uniform: FloatArray) -> dict[str, FloatArray]:
-        """Map uniform coordinates (dimensions, n) to draws of every parameter, each of shape (n, 1)."""
+    def draw(self, scores: FloatArray) -> dict[str, FloatArray]:
+        """Map standard normal scores (dimensions, n) to draws of every parameter, each of shape (n, 1)."""
         values: dict[str, FloatArray] = {}
-        first, n = 0, uniform.shape[1]
+        first, n = 0, scores.shape[1]
         for group in self.groups:
             if group.name in self._frozen:
                 drawn = np.broadcast_to(group.nominal[:, None], (len(group.parameters), n))
             else:
-                drawn = group.draw(uniform[first : first + group.dimensions])
+                drawn = group.draw(scores[first : first + group.dimensions])
                 first += group.dimensions
             values |= {name: row[:, None] for name, row in zip(group.parameters, drawn, strict=True)}
         return values
 
     def coordinates(self) -> Mapping[str, slice]:
-        """Which uniform coordinates belong to which active group."""
+        """Which scores belong to which active group."""
         slices: dict[str, slice] = {}
         first = 0
         for group in self.active_groups:

@@ -66,6 +66,16 @@ def scrambled_sobol(dimensions: int, rng: np.random.Generator) -> UniformStream:
     return lambda n: np.ascontiguousarray(engine.random(n).T) + half_cell
 
 
+def fixed_order_product(matrix: FloatArray, columns: FloatArray) -> FloatArray:
+    """Multiply matrix @ columns in a fixed order of summation, so that no column depends on its batch."""
+    product = np.zeros((matrix.shape[0], columns.shape[1]))
+    for row, weights in zip(product, matrix, strict=True):
+        for weight, coordinate in zip(weights, columns, strict=True):
+            if weight != 0.0:
+                row += weight * coordinate
+    return product
+
+
 def plain_random(dimensions: int, rng: np.random.Generator) -> UniformStream:
     """Independent uniform points: plain Monte Carlo, the comparison for :func:`scrambled_sobol`."""
     below_all = 2.0**-54  # stands in for an exact 0, which numpy's generator can return

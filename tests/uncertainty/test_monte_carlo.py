@@ -1,0 +1,415 @@
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import ndtri
+
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.uncertainty.adaptive import jcgm_adaptive
+from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
+from tradestudy.uncertainty.evaluation import Outcome, depth_from_inverse
+from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.uncertainty.monte_carlo import Sampling, propagate, propagate_parts
+from tradestudy.uncertainty.outputs import PROBABILITIES, order_quantile, shortest_interval
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
+from tradestudy.verification.published_uncertainty import STEREO_YAW
+
+ALL = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14)
+
+
+def normal(name, deviation, error_class=ErrorClass.RIG, mean=0.0):
+    return Source(name=name, distribution=Normal(mean=mean, standard_deviation=deviation), error_class=error_class)
+
+
+def independent(**deviations):
+    return Sources(groups=tuple(normal(name, deviation) for name, deviation in deviations.items()))
+
+
+def run(model, sources, sampling=ALL, *, seed=0, point="point", inverse_depth=False):
+    return propagate(model, sources, sampling, seed=seed, point=point, inverse_depth=inverse_depth)
+
+
+DISTANCES = np.array([0.5, 1.0, 3.0])
+STEREO = independent(yaw=3.5e-3, baseline=1e-4, left=1e-6, right=1e-6)
+
+
+def stereo(v):
+    """Inverse depth of a parallel rig, f = 30.5 mm, B = 0.1 m."""
+    disparity = 0.0305 * 0.1 / DISTANCES + 0.0305 * np.tan(v["yaw"]) + v["left"] - v["right"]
+    return Outcome(values=disparity / (0.0305 * (0.1 + v["baseline"])))
+
+
+def assert_identical(first, second):
+    for name in ("quantiles", "quantiles_error", "half_width", "shortest", "mean", "standard_deviation", "failed"):
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name), err_msg=name)
+
+
+@pytest.mark.parametrize("sampler", [scrambled_sobol, plain_random])
+def test_results_do_not_depend_on_batches_or_workers_bit_for_bit(sampler):
+    correlated = JointNormal(
+        name="rig",
+        parameters=("left", "right"),
+        mean=np.zeros(2),
+        covariance=np.array([[1.0, 0.9], [0.9, 1.0]]) * 1e-12,
+        error_class=ErrorClass.RIG,
+    )
+    sources = Sources(groups=(*STEREO.groups[:2], correlated))
+    sampling = replace(ALL, sampler=sampler)
+    reference = run(stereo, sources, sampling, inverse_depth=True)
+    for batch, workers in ((1, 1), (8, 3), (2**9, 2), (2**20, 1)):
+        small = replace(sampling, budget_draws=2**12) if batch == 1 else sampling
+        other = run(stereo, sources, replace(small, batch_draws=batch, workers=workers), inverse_depth=True)
+        expected = run(stereo, sources, small, inverse_depth=True) if batch == 1 else reference
+        assert_identical(other, expected)
+
+
+def test_seed_zero_is_a_seed_and_every_seed_and_point_has_its_own_stream():
+    results = [
+        run(stereo, STEREO, seed=seed, point=point, inverse_depth=True).quantiles
+        for seed, point in ((0, "a"), (1, "a"), (0, "b"))
+    ]
+    assert not np.array_equal(results[0], results[1])
+    assert not np.array_equal(results[0], results[2])
+    np.testing.assert_array_equal(results[0], run(stereo, STEREO, seed=0, point="a", inverse_depth=True).quantiles)
+
+
+def test_a_stream_does_not_confuse_seed_replicate_and_point():
+    firsts = {
+        point_generator(seed=seed, point=point, replicate=replicate).random()
+        for seed in (0, 1, 11)
+        for replicate in (0, 1, 11)
+        for point in ("", "1", "11")
+    }
+    assert len(firsts) == 27
+    with pytest.raises(OutOfRangeError, match="zero is a valid seed"):
+        point_generator(seed=-1, point="", replicate=0)
+
+
+def test_samplers_never_reach_zero_or_one_and_sobol_points_are_balanced():
+    for sampler in (scrambled_sobol, plain_random):
+        drawn = sampler(3, np.random.default_rng(0))(2**12)
+        assert drawn.shape == (3, 2**12)
+        assert drawn.min() > 0.0
+        assert drawn.max() < 1.0
+    balanced = scrambled_sobol(3, np.random.default_rng(0))(2**12)
+    for row in balanced:
+        np.testing.assert_array_equal(np.histogram(row, bins=2**12, range=(0.0, 1.0))[0], 1)
+
+
+def test_linear_stereo_lies_within_three_standard_errors_of_its_closed_form():
+    """Normal yaw and two normal pixel errors: inverse depth is exactly normal."""
+    sources = independent(yaw=3.5e-3, left=2e-6, right=2e-6)
+
+    def model(v):
+        return Outcome(values=1.0 / DISTANCES + (v["yaw"] + (v["left"] - v["right"]) / 0.0305) / 0.1)
+
+    mine = run(model, sources, replace(ALL, budget_draws=2**17), inverse_depth=True)
+    spread = np.hypot(3.5e-3, np.sqrt(2.0) * 2e-6 / 0.0305) / 0.1
+    exact = 1.0 / (1.0 / DISTANCES + spread * ndtri(1.0 - np.array(PROBABILITIES))[:, None])
+    assert np.all(np.abs(mine.quantiles - exact) <= 3.0 * mine.quantiles_error + 1e-9)
+    assert np.all(mine.quantiles_error < 1e-4 * exact)
+    assert np.all(mine.status == "budget")
+    assert np.all(mine.moments_exist)
+
+
+def test_sobol_points_need_at_least_eight_times_fewer_evaluations():
+    """Root-mean-square error of the 95 % ends over both, against the closed form of a four-term rig."""
+    spreads = {"yaw": 3e-3, "left": 1e-4, "right": 1e-4, "drift": 2e-3}
+    sources = independent(**spreads)
+
+    def model(v):
+        return Outcome(values=1.0 + (v["yaw"] + v["left"] - v["right"] + v["drift"]) / 0.1)
+
+    total = np.sqrt(sum(spread**2 for spread in spreads.values())) / 0.1
+    exact = 1.0 / (1.0 + total * ndtri(1.0 - np.array([0.025, 0.975])))
+
+    def error(sampler, draws):
+        sampling = replace(ALL, sampler=sampler, replicates=32, budget_draws=32 * draws, first_draws=draws)
+        one = run(model, sources, sampling, inverse_depth=True)
+        # Error of a single replicate: the standard error of the mean of 32, scaled back, and its bias.
+        scatter = np.sqrt(32.0) * one.quantiles_error[[0, 4], 0]
+        return np.sqrt(np.mean(scatter**2 + (one.quantiles[[0, 4], 0] - exact) ** 2))
+
+    assert error(scrambled_sobol, 2**10) < error(plain_random, 2**13)
+
+
+def test_the_rule_stops_when_converged_and_the_stated_error_holds():
+    tolerance = 1e-3
+    sampling = Sampling(absolute_tolerance=tolerance, relative_tolerance=0.0, budget_draws=2**20)
+    stops = []
+    exact = 1.0 / (0.5 + 0.0349 * ndtri(1.0 - np.array(PROBABILITIES)))
+    sources = independent(yaw=3.49e-3)
+    for seed in range(20):
+        mine = run(lambda v: Outcome(values=0.5 + v["yaw"] / 0.1), sources, sampling, seed=seed, inverse_depth=True)
+        assert mine.status[0] == "converged"
+        assert mine.draws < 2**17
+        stops.append(np.max(np.abs(mine.quantiles[:, 0] - exact)))
+    assert np.mean(np.array(stops) <= tolerance) >= 0.9
+
+
+def test_an_unreachable_tolerance_ends_at_the_budget_and_says_so():
+    sampling = Sampling(absolute_tolerance=1e-12, relative_tolerance=0.0, budget_draws=2**13)
+    mine = run(stereo, STEREO, sampling, inverse_depth=True)
+    assert mine.draws == 2**13
+    assert list(mine.status) == ["budget"] * 3
+
+
+def test_a_relative_tolerance_is_relative_to_each_quantile():
+    sampling = Sampling(absolute_tolerance=0.0, relative_tolerance=1e-3, budget_draws=2**18)
+    mine = run(stereo, STEREO, sampling, inverse_depth=True)
+    assert np.all(mine.status == "converged")
+    assert np.all(2.365 * mine.quantiles_error <= 1.0001e-3 * mine.quantiles)
+
+
+BOUNDED = replace(ALL, memory_bytes=2**21, batch_draws=2**10)
+
+
+def test_memory_is_bounded_whatever_the_budget_and_quantiles_stay_exact():
+    run(stereo, STEREO, inverse_depth=True)  # imports are not counted
+    peaks = []
+    for budget in (2**15, 2**18):
+        tracemalloc.start()
+        mine = run(stereo, STEREO, replace(BOUNDED, budget_draws=budget), inverse_depth=True)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+        assert mine.draws == budget
+    assert mine.replicates == 128
+    assert peaks[1] <= 1.1 * peaks[0]
+    assert peaks[1] <= BOUNDED.memory_bytes
+    roomy = run(stereo, STEREO, replace(ALL, budget_draws=2**18), inverse_depth=True)
+    assert roomy.replicates == 8
+    allowed = 5.0 * np.hypot(mine.quantiles_error, roomy.quantiles_error)
+    assert np.all(np.abs(mine.quantiles - roomy.quantiles) <= allowed)
+
+
+def test_memory_that_keeps_replicates_too_short_for_the_budget_is_named():
+    mine = run(stereo, STEREO, replace(BOUNDED, memory_bytes=2**20, budget_draws=2**20), inverse_depth=True)
+    assert list(mine.status) == ["memory"] * 3
+    assert mine.replicates == 64
+    assert mine.draws == 2**16
+
+
+def test_what_does_not_fit_into_memory_is_refused_before_it_starts():
+    with pytest.raises(UnaffordableError, match=r"3 outputs.*1024 bytes.*memory_bytes"):
+        run(stereo, STEREO, replace(ALL, memory_bytes=1024), inverse_depth=True)
+
+
+def failing(v):
+    """A tenth is not a number, a fifth does not overlap, another fifth is out of range, some of it also NaN."""
+    u = v["u"]
+    values = np.where(u < 0.1, np.nan, u)
+    values = np.where((u > 0.5) & (u < 0.55), np.nan, values)
+    return Outcome(values=values, no_overlap=(u > 0.3) & (u < 0.5), out_of_range=(u > 0.5) & (u < 0.7))
+
+
+UNIT = Sources(groups=(Source(name="u", distribution=Uniform(low=0.0, high=1.0), error_class=ErrorClass.RIG),))
+
+
+def test_failures_are_counted_by_cause_and_quantiles_are_conditional():
+    mine = run(failing, UNIT)
+    np.testing.assert_allclose(mine.failed_fraction[:, 0], [0.1, 0.2, 0.2], atol=1e-3)
+    assert mine.failed.sum() == pytest.approx(0.5 * mine.draws, abs=16)
+    assert mine.ranked_fraction[0] == pytest.approx(0.5, abs=1e-3)
+    # What is left is uniform on (0.1, 0.3) and (0.7, 1.0): its median is where 0.25 of the probability lies below.
+    assert mine.median[0] == pytest.approx(0.75, abs=1e-3)
+    np.testing.assert_allclose(mine.symmetric_interval[:, 0], [0.1125, 0.9875], atol=1e-3)
+
+
+def test_draws_without_any_rank_end_the_search():
+    sampling = Sampling(absolute_tolerance=1e-6, relative_tolerance=0.0, budget_draws=2**20)
+    mine = run(lambda v: Outcome(values=v["u"], no_overlap=True), UNIT, sampling)
+    assert list(mine.status) == ["unranked"]
+    assert mine.draws == 8 * 2**9
+    np.testing.assert_array_equal(mine.failed[:, 0], [0, mine.draws, 0])
+    assert np.all(np.isnan(mine.quantiles))
+    assert mine.ranked_fraction[0] == 0.0
+
+
+def test_minus_infinity_and_infinite_inverse_depth_have_no_rank():
+    mine = run(lambda v: Outcome(values=np.where(v["u"] < 0.25, -np.inf, v["u"])), UNIT)
+    assert mine.failed_fraction[0, 0] == pytest.approx(0.25, abs=1e-3)
+    mine = run(lambda v: Outcome(values=np.where(v["u"] < 0.25, np.inf, v["u"])), UNIT, inverse_depth=True)
+    assert mine.failed_fraction[0, 0] == pytest.approx(0.25, abs=1e-3)
+
+
+def test_disparities_that_are_not_positive_are_the_far_end_of_the_quantiles():
+    mine = run(lambda v: Outcome(values=v["u"] - np.array([0.01, 0.1, 0.6])), UNIT, inverse_depth=True)
+    np.testing.assert_allclose(mine.infinite_fraction, [0.01, 0.1, 0.6], atol=1e-3)
+    assert np.all(mine.failed == 0)
+    assert list(mine.unbounded) == [False, True, True]
+    # P(Z > z) = P(u < 0.1 + 1/z): the 84.1 % quantile is finite, the 97.5 % quantile is not.
+    np.testing.assert_allclose(mine.quantiles[3, 1], 1.0 / (1.0 - PROBABILITIES[3] - 0.1), rtol=0.02)
+    assert mine.quantiles[4, 1] == np.inf
+    assert mine.quantiles_error[4, 1] == 0.0
+    assert mine.median[2] == np.inf
+    assert np.isnan(mine.shortest[0, 1])
+    assert mine.shortest[1, 1] == np.inf
+    assert mine.shortest_width[1] == np.inf
+    assert not np.any(mine.moments_exist)
+
+
+def test_an_end_that_some_replicates_call_infinite_is_not_converged():
+    sampling = Sampling(absolute_tolerance=1e9, relative_tolerance=1.0, budget_draws=2**12, sampler=plain_random)
+    mine = run(lambda v: Outcome(values=v["u"] - 0.025), UNIT, sampling, inverse_depth=True)
+    assert mine.quantiles[4, 0] == np.inf
+    assert mine.quantiles_error[4, 0] == np.inf
+    assert mine.status[0] == "budget"
+
+
+def test_moments_appear_only_where_they_exist():
+    """0.2° of yaw: infinity is 57 standard deviations of inverse depth away at 0.5 m, 2.9 at 10 m."""
+    distances = np.array([0.5, 1.0, 3.0, 6.0, 10.0])
+    sources = independent(yaw=STEREO_YAW.yaw_standard_deviation)
+    mine = run(lambda v: Outcome(values=1.0 / distances + v["yaw"] / 0.1), sources, inverse_depth=True)
+    np.testing.assert_allclose(mine.pole_margin, 0.1 / STEREO_YAW.yaw_standard_deviation / distances, rtol=0.02)
+    assert list(mine.moments_exist) == [True, True, True, False, False]
+    np.testing.assert_array_equal(np.isnan(mine.standard_deviation), ~mine.moments_exist)
+    np.testing.assert_array_equal(np.isnan(mine.bias), ~mine.moments_exist)
+    # Second-order bias of a reciprocal: u²/Z³ in inverse depth, i.e. Z³ s².
+    spread = STEREO_YAW.yaw_standard_deviation / 0.1
+    assert mine.bias[0] == pytest.approx(0.5**3 * spread**2, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("sources", "model", "exist"),
+    [
+        (independent(x=1.0), lambda v: v["x"], True),
+        (independent(x=1.0), lambda v: np.exp(v["x"]), True),
+        (independent(x=1.0, y=1.0), lambda v: v["x"] / (v["y"] + 0.5), False),
+        (UNIT, lambda v: -np.log(v["u"]), True),
+        (UNIT, lambda v: v["u"] ** -0.25, True),
+        (UNIT, lambda v: v["u"] ** -1.0, False),
+        (UNIT, lambda v: -(v["u"] ** -1.0), False),
+        (UNIT, lambda v: np.zeros_like(v["u"]), True),
+    ],
+    ids=["normal", "log-normal", "Cauchy", "exponential", "tail 4", "tail 1", "lower tail 1", "constant"],
+)
+def test_heavy_tails_are_found_in_outputs_of_any_kind(sources, model, exist):
+    mine = run(lambda v: Outcome(values=model(v)), sources)
+    assert bool(mine.moments_exist[0]) is exist
+
+
+def test_a_source_without_variance_gives_no_moments_but_quantiles():
+    t = StudentT(location=0.0, scale=1.0, degrees_of_freedom=2.0)
+    sources = Sources(groups=(Source(name="x", distribution=t, error_class=ErrorClass.RIG),))
+    mine = run(lambda v: Outcome(values=v["x"]), sources, replace(ALL, budget_draws=2**16))
+    assert np.isnan(mine.standard_deviation[0])
+    assert mine.quantiles[4, 0] == pytest.approx(4.302653, rel=5e-3)  # printed in every table of t
+
+
+def test_noise_calibration_and_both_are_kept_apart():
+    sources = Sources(
+        groups=(
+            normal("yaw", 3e-3),
+            normal("temperature", 2e-3, ErrorClass.SESSION),
+            normal("pattern", 1e-3, ErrorClass.ELEMENT),
+            normal("pixel", 4e-3, ErrorClass.MEASUREMENT),
+        )
+    )
+    parts = propagate_parts(
+        lambda v: Outcome(values=sum(v.values())), sources, ALL, seed=0, point="parts", inverse_depth=False
+    )
+    assert parts.noise.half_width[0] == pytest.approx(4e-3, rel=5e-3)
+    assert parts.calibration.half_width[0] == pytest.approx(np.sqrt(14.0) * 1e-3, rel=5e-3)
+    assert parts.both.half_width[0] == pytest.approx(np.sqrt(30.0) * 1e-3, rel=5e-3)
+
+
+def test_a_part_without_sources_is_a_point_without_error():
+    parts = propagate_parts(stereo, STEREO, ALL, seed=0, point="parts", inverse_depth=True)
+    np.testing.assert_array_equal(parts.noise.half_width, 0.0)
+    np.testing.assert_allclose(parts.noise.median, DISTANCES, rtol=1e-12)
+    assert np.all(parts.noise.status == "converged")
+
+
+def test_the_adaptive_rule_reproduces_a_normal_and_is_fooled_where_no_variance_exists():
+    """Twelve numbers of 0.2° at 10 m, run twice: the rule is content with standard deviations that disagree."""
+
+    def depth(v):
+        return Outcome(values=1.0 / (0.1 + v["yaw"] / 0.1))
+
+    fine = jcgm_adaptive(
+        lambda v: Outcome(values=v["x"]),
+        independent(x=2.0),
+        significant_digits=2,
+        budget_draws=10**6,
+        seed=0,
+        point="n",
+    )
+    assert fine.status == "converged"
+    assert fine.standard_uncertainty == pytest.approx(2.0, abs=0.05)
+    assert np.ptp(fine.shortest) == pytest.approx(7.84, abs=0.1)
+    fooled = [
+        jcgm_adaptive(
+            depth,
+            independent(yaw=STEREO_YAW.yaw_standard_deviation),
+            significant_digits=1,
+            budget_draws=2 * 10**6,
+            seed=seed,
+            point="no variance",
+        )
+        for seed in range(4)
+    ]
+    assert any(result.status == "converged" for result in fooled)
+    deviations = [result.standard_uncertainty for result in fooled if result.status == "converged"]
+    assert max(deviations) > 20.0  # linear theory: 3.5 m
+
+
+def test_the_adaptive_rule_knows_no_infinite_draw():
+    result = jcgm_adaptive(
+        lambda v: Outcome(values=np.where(v["u"] < 0.5, np.inf, v["u"])),
+        UNIT,
+        significant_digits=1,
+        budget_draws=40_000,
+        seed=0,
+        point="inf",
+    )
+    assert result.status == "budget"
+    assert np.isnan(result.estimate)
+
+
+def test_depth_from_inverse_depth_has_its_limits():
+    depth = depth_from_inverse(np.array([2.0, 0.0, -1.0, np.nan, 5e-324]))
+    np.testing.assert_array_equal(depth, [0.5, np.inf, np.inf, np.nan, np.inf])
+
+
+def test_order_quantiles_are_the_middle_of_their_share():
+    ascending = np.array([1.0, 2.0, 4.0, np.inf])
+    assert order_quantile(ascending, 0.125) == 1.0
+    assert order_quantile(ascending, 0.25) == 1.5
+    assert order_quantile(ascending, 0.625) == 4.0
+    assert order_quantile(ascending, 0.7) == np.inf
+    assert order_quantile(ascending, 0.001) == 1.0
+
+
+def test_the_shortest_interval_is_the_shortest_of_all_by_brute_force():
+    rng = np.random.default_rng(2)
+    rows = np.sort(rng.gamma(2.0, size=(5, 200)), axis=1)
+    ends, width = shortest_interval(rows)
+    for row, low, high, shortest in zip(rows, *ends, width, strict=True):
+        widths = [b - a for a in row for b in row if b > a and np.sum((row >= a) & (row <= b)) >= 191]
+        assert shortest == min(widths)
+        assert high - low == shortest
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"first_draws": 100}, "power of two"),
+        ({"batch_draws": 3}, "power of two"),
+        ({"replicates": 4}, "replicates >= 8"),
+        ({"workers": 0}, "workers >= 1"),
+        ({"budget_draws": 100}, "raise the budget"),
+        ({"absolute_tolerance": -1.0}, ">= 0"),
+        ({"relative_tolerance": np.nan}, ">= 0"),
+    ],
+)
+def test_impossible_sampling_is_refused(change, message):
+    with pytest.raises(OutOfRangeError, match=message):
+        replace(ALL, **change)
+
+
+def test_a_model_of_the_wrong_shape_is_refused():
+    with pytest.raises(OutOfRangeError, match=r"wrong shape: \(1,\)"):
+        run(lambda v: Outcome(values=v["u"][:, 0]), UNIT)
