@@ -8,7 +8,12 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.calibration.corners import StereoCorners
-from tradestudy.uncertainty.calibration.laplace import CHECKED_POINTS, LaplaceCheck, compare_log_posteriors
+from tradestudy.uncertainty.calibration.laplace import (
+    CHECKED_POINTS,
+    LaplaceCheck,
+    LaplaceFit,
+    compare_log_posteriors,
+)
 from tradestudy.uncertainty.calibration.marginal_views import (
     CompressedViews,
     compress_views,
@@ -95,12 +100,14 @@ def sample_relative_pose(
         Ask ``converged`` before using it.
     """
     compressed = compress_views(fit.shared, fit.states, corners, fit.lever)
-    starts = _spread_starts(fit, rng, (ensembles, walkers), views=len(corners.views))
+    laplace = _joint_laplace(fit, corners)
+    starts = laplace.draw(rng, ensembles * walkers)
     sample = sample_posterior(
         lambda parameters: log_posterior(compressed, parameters, largest_motion=fit.lever),
-        starts,
+        starts.reshape(ensembles, walkers, -1),
         names=POSTERIOR_NAMES,
         rng=rng,
+        proposal=laplace,
         maximum_steps=maximum_steps,
     )
     return RelativePosePosterior(
@@ -142,11 +149,12 @@ def check_marginalisation(
     return compare_log_posteriors(draws, exact, approximate)
 
 
-def _spread_starts(
-    fit: PairResidualFit, rng: np.random.Generator, shape: tuple[int, int], *, views: int
-) -> FloatArray:
-    """Starts as wide as the Laplace fit; the scales by the number of views and motions that inform them."""
-    shared = rng.multivariate_normal(fit.shared, fit.covariance, size=shape, method="cholesky")
-    deviation = np.array([0.02, 1.0 / np.sqrt(12.0 * views)])
-    scales = np.log([fit.noise_px, fit.motion_scale]) + deviation * rng.standard_normal((*shape, 2))
-    return np.concatenate([shared, scales], axis=-1)
+def _joint_laplace(fit: PairResidualFit, corners: StereoCorners) -> LaplaceFit:
+    """Normal approximation of all parameters: the scales by the number of coordinates and motions that inform them."""
+    covariance = np.zeros((20, 20))
+    covariance[:18, :18] = fit.covariance
+    covariance[18, 18], covariance[19, 19] = 1.0 / (8.0 * corners.corner_count), 1.0 / (12.0 * len(corners.views))
+    mean = np.concatenate([fit.shared, np.log([fit.noise_px, fit.motion_scale])])
+    return LaplaceFit(
+        names=POSTERIOR_NAMES, mean=mean, covariance=covariance, evaluations=0, seconds=0.0
+    )
