@@ -64,7 +64,7 @@ def foreshortening_ratio(
 
     In a view at x_c the image of a patch at (x, Z) with tilt θ is f (cos θ − sin θ (x − x_c)/Z)/Z long per
     length of surface, so the ratio is (1 − tan θ (x ± B/2)/Z)/(1 − tan θ (x ∓ B/2)/Z). Matching windows that
-    suppose equal images fails as it falls.
+    suppose equal images fail as it falls.
 
     Parameters
     ----------
