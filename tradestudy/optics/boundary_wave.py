@@ -34,8 +34,10 @@ from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.propagation.rays import Rays
 
 _PAIRS_AT_ONCE = 100_000
-_NEGLIGIBLE = 36.0  # exp(−36) is below rounding: poles this far from the edge need no correction
-_POLE_STEPS = 30
+_POLE_STEPS = 12
+_LEAST_DEPTH = (
+    1e-7  # a target exactly on the shadow of the edge: the two poles meet there, and only their sum is finite
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,6 +65,7 @@ def edge_field(
     y: FloatArray,
     z: FloatArray,
     count: int,
+    tolerance: float,
 ) -> EdgeField:
     """Boundary-diffracted wave of a circular lens.
 
@@ -78,6 +81,8 @@ def edge_field(
         Targets relative to the centre of the lens [m], shape (m,).
     count
         Nodes on the edge.
+    tolerance
+        Poles whose effect stays below this share of the light of geometrical optics are left uncorrected.
 
     Returns
     -------
@@ -95,7 +100,7 @@ def edge_field(
         for part in np.array_split(index, max(1, math.ceil(index.size * count / _PAIRS_AT_ONCE))):
             field[part] = _trapezoid(wave, kernel, angle, x[part], y[part], z[part])
     start_of = np.where(shifted, math.pi / count, 0.0)
-    correction, failed = _pole_terms(wave, kernel, rays, x, y, z, count, start_of)
+    correction, failed = _pole_terms(wave, kernel, rays, x, y, z, count, start_of, tolerance)
     return EdgeField(field=field + correction, failed=failed)
 
 
@@ -144,28 +149,19 @@ def _obliquity_ratio(kernel: KirchhoffKernel, p_z: Array, s: Array, z: Array) ->
     return np.asarray(ratio * (1 + 1j / (kernel.wavenumber * s)))
 
 
-def _integrand(
-    wave: LensWave, kernel: KirchhoffKernel, angle: Array, x: Array, y: Array, z: Array
-) -> tuple[Array, Array, Array]:
-    """Numerator N, denominator D = s − p·S and its derivative by the angle, at complex angles; integrand N/D."""
+def _numerator(wave: LensWave, kernel: KirchhoffKernel, angle: Array, x: Array, y: Array, z: Array) -> Array:
+    """Integrand over the angle times s − p·S, at complex angles of the edge."""
     radius = wave.lens.radius
     cos, sin = np.cos(angle), np.sin(angle)
     u, v = radius * cos, radius * sin
     p_x, p_y = wave.paths.slope(u, v)
     p_z = np.sqrt(1 - p_x**2 - p_y**2)
-    xx, xy, yy = wave.paths.curvature(u, v)
-    turn_x = radius * (xy * cos - xx * sin)
-    turn_y = radius * (yy * cos - xy * sin)
-    turn_z = -(p_x * turn_x + p_y * turn_y) / p_z
     a, b = x - u, y - v
     s = np.sqrt(a * a + b * b + z * z)
-    denominator = s - (p_x * a + p_y * b + p_z * z)
-    ds = (a * sin - b * cos) * radius / s
-    slope = ds - (turn_x * a + turn_y * b + turn_z * z) - radius * (p_x * sin - p_y * cos)
     across = a * p_z * cos + b * p_z * sin - z * (p_x * cos + p_y * sin)
     phase = np.exp(1j * wave.wavenumber * (wave.paths.value(u, v) + s))
     strength = wave.amplitude(u, v) * phase * radius / (4 * math.pi)
-    return strength * across / s * _obliquity_ratio(kernel, p_z, s, z), denominator, slope
+    return np.asarray(strength * across / s * _obliquity_ratio(kernel, p_z, s, z))
 
 
 def _pole_terms(
@@ -177,6 +173,7 @@ def _pole_terms(
     z: FloatArray,
     count: int,
     start: FloatArray,
+    tolerance: float,
 ) -> tuple[ComplexArray, BoolArray]:
     """What the trapezoidal rule misses by the poles beside the edge.
 
@@ -188,15 +185,16 @@ def _pole_terms(
     distance = np.hypot(rays.u[0], rays.v[0]) / wave.lens.radius
     with np.errstate(divide="ignore"):  # a ray through the vertex has its poles at infinity
         depth = np.abs(np.log(distance))
-    near = np.flatnonzero(rays.found[0] & (depth * count < 1.5 * _NEGLIGIBLE))
+    near = np.flatnonzero(rays.found[0] & (depth * count < -1.2 * math.log(tolerance)))
     if near.size == 0:
         return correction, failed
     x, y, z = x[near], y[near], z[near]
-    pole = np.arctan2(rays.v[0, near], rays.u[0, near]) + 1j * depth[near]
-    pole, converged = _find_poles(wave, kernel, pole, x, y, z)
+    pole = np.arctan2(rays.v[0, near], rays.u[0, near]) + 1j * np.maximum(depth[near], _LEAST_DEPTH)
+    pole, converged = _find_poles(wave, pole, x, y, z)
     total = np.zeros(near.size, dtype=np.complex128)
     for angle, sign in ((pole, 1), (pole.conj(), -1)):
-        numerator, _, slope = _integrand(wave, kernel, angle, x, y, z)
+        _, slope = _denominator(wave, angle, x, y, z)
+        numerator = _numerator(wave, kernel, angle, x, y, z)
         decay = np.exp(-sign * 1j * count * (angle - start[near]))
         # Above: 1/(1 − decay). Below: 1/(decay − 1).
         total += 2j * math.pi * numerator / slope / (sign * (1 - decay))
@@ -205,15 +203,30 @@ def _pole_terms(
     return correction, failed
 
 
-def _find_poles(
-    wave: LensWave, kernel: KirchhoffKernel, angle: ComplexArray, x: Array, y: Array, z: Array
-) -> tuple[ComplexArray, BoolArray]:
+def _find_poles(wave: LensWave, angle: ComplexArray, x: Array, y: Array, z: Array) -> tuple[ComplexArray, BoolArray]:
     """Zeros of the denominator next to starting angles, above or on the real axis, by Newton's method."""
     for _ in range(_POLE_STEPS):
-        _, value, slope = _integrand(wave, kernel, angle, x, y, z)
+        value, slope = _denominator(wave, angle, x, y, z)
         step = np.where(slope == 0, 0.0, value / np.where(slope == 0, 1.0, slope))
         angle = angle - step * np.minimum(1.0, 0.3 / np.maximum(np.abs(step), 1e-300))
-        if np.max(np.abs(step)) < 1e-12:
+        if np.max(np.abs(step)) < 1e-8:  # the convergence is quadratic: the next step would be rounding
             break
-    good = (np.abs(step) < 1e-6) & (angle.imag >= 0)
+    good = (np.abs(step) < 1e-5) & (angle.imag >= 0)
     return np.where(good, angle, 1j), good
+
+
+def _denominator(wave: LensWave, angle: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
+    """s − p·S at complex angles of the edge, and its derivative by the angle."""
+    radius = wave.lens.radius
+    cos, sin = np.cos(angle), np.sin(angle)
+    u, v = radius * cos, radius * sin
+    p_x, p_y = wave.paths.slope(u, v)
+    p_z = np.sqrt(1 - p_x**2 - p_y**2)
+    xx, xy, yy = wave.paths.curvature(u, v)
+    turn_x = radius * (xy * cos - xx * sin)
+    turn_y = radius * (yy * cos - xy * sin)
+    turn_z = -(p_x * turn_x + p_y * turn_y) / p_z
+    a, b = x - u, y - v
+    s = np.sqrt(a * a + b * b + z * z)
+    slope = (a * sin - b * cos) * radius / s - (turn_x * a + turn_y * b + turn_z * z)
+    return s - (p_x * a + p_y * b + p_z * z), slope - radius * (p_x * sin - p_y * cos)

@@ -1,6 +1,6 @@
 """Light behind one aperture: geometric, boundary wave, Fresnel, Kirchhoff, each with an error bar."""
 
-from tradestudy.optics.propagation.aperture import METHODS, aperture_field, lens_wave, nodes_for, sample_wave
+from tradestudy.optics.propagation.aperture import METHODS, aperture_field, lens_wave
 from tradestudy.optics.propagation.direct import ApertureSamples, Kernel, direct_sum
 from tradestudy.optics.propagation.fresnel import FresnelKernel
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
@@ -14,6 +14,7 @@ from tradestudy.optics.propagation.lens import (
     PointSource,
     image_distance,
 )
+from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError
 from tradestudy.optics.propagation.sampling import Limits, NodeCounts, needed_nodes
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets

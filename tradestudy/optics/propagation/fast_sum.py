@@ -12,7 +12,6 @@ and a function of the target, found by singular values on Chebyshev points of th
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import finufft
 import numpy as np
@@ -30,7 +29,13 @@ from tradestudy.optics.propagation.direct import (
 )
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.propagation.targets import TargetGrid, Targets
-from tradestudy.optics.propagation.upsampling import Upsampling, apply_along_rows, upsampling
+from tradestudy.optics.propagation.upsampling import (
+    Upsampling,
+    apply_along_rows,
+    chebyshev_points,
+    lagrange,
+    upsampling,
+)
 
 _DIRECT_PAIRS = 60_000  # below this many node–target pairs the plain sum is the faster one
 _THREAD_WORTH = 1_000_000  # terms × (nodes + targets) from which a second thread pays
@@ -247,7 +252,7 @@ def _grid_without_common_phase(problem: _Problem, grid: TargetGrid) -> tuple[Com
         isign=1,
         nthreads=_threads(strength, x.size * y.size),
     )
-    on_x, on_y = (_lagrange(c, factor.coefficients.shape[i + 1]) for i, c in enumerate((x, y)))
+    on_x, on_y = (lagrange(c, factor.coefficients.shape[i + 1]) for i, c in enumerate((x, y)))
     slow = on_y @ np.swapaxes(factor.coefficients[..., 0], 1, 2) @ on_x.T
     total = np.einsum("tyx,tyx->yx", slow, sums.reshape(slow.shape))
     return np.asarray(total), strength.shape[0], factor.error
@@ -274,9 +279,9 @@ def _points(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> F
         nthreads=_threads(strength, x.size),
     ).reshape(strength.shape[0], -1)
     rank, n_x, n_y, n_z = factor.coefficients.shape
-    slow = factor.coefficients.reshape(rank * n_x * n_y, n_z) @ _lagrange(z, n_z).T
-    slow = np.einsum("tabm,mb->tam", slow.reshape(rank, n_x, n_y, -1), _lagrange(y, n_y))
-    slow = np.einsum("tam,ma->tm", slow, _lagrange(x, n_x))
+    slow = factor.coefficients.reshape(rank * n_x * n_y, n_z) @ lagrange(z, n_z).T
+    slow = np.einsum("tabm,mb->tam", slow.reshape(rank, n_x, n_y, -1), lagrange(y, n_y))
+    slow = np.einsum("tam,ma->tm", slow, lagrange(x, n_x))
     return FastField(
         field=np.einsum("tm,tm->m", slow, sums) * unit_phasor(k * problem.kernel.path(x, y, z)),
         rank=rank,
@@ -317,7 +322,7 @@ def _slow_factor(
     _refuse_wide(problem, base, fit, box)
     for degree in _DEGREES:
         counts = tuple(degree if np.ptp(c) > 0 else 1 for c in box)
-        axes = [_chebyshev(c, n) for c, n in zip(box, counts, strict=True)]
+        axes = [chebyshev_points(c, n) for c, n in zip(box, counts, strict=True)]
         mesh = tuple(m.ravel() for m in np.meshgrid(*axes, indexing="ij"))
         onto = _tensor_lagrange(probes, box, counts)
         sampled = _slow(problem, base, fit, mesh)
@@ -399,38 +404,11 @@ def _relative(difference: ComplexArray, to: ComplexArray) -> float:
     return float(np.abs(difference).max() / np.abs(to).max())
 
 
-def _chebyshev(values: FloatArray, count: int) -> FloatArray:
-    """Chebyshev points of the first kind on the range of `values`."""
-    middle, half = 0.5 * (values.min() + values.max()), 0.5 * np.ptp(values)
-    return np.asarray(middle + half * _unit_chebyshev(count))
-
-
-@lru_cache(maxsize=32)
-def _unit_chebyshev(count: int) -> FloatArray:
-    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
-
-
-def _lagrange(values: FloatArray, count: int, box: FloatArray | None = None) -> FloatArray:
-    """Values of the Lagrange polynomials of the Chebyshev points, shape (values, count).
-
-    The Chebyshev series of each polynomial is summed by a recurrence: no division by small differences.
-    """
-    over = values if box is None else box
-    if count == 1:
-        return np.ones((values.size, 1))
-    middle, half = 0.5 * (over.min() + over.max()), 0.5 * np.ptp(over)
-    angle = np.arccos(np.clip((values - middle) / half, -1.0, 1.0))
-    order = np.arange(count)
-    weights = np.where(order == 0, 1.0, 2.0) / count
-    at_points = np.cos(np.multiply.outer(np.pi * (order + 0.5) / count, order))
-    return np.asarray(np.cos(np.multiply.outer(angle, order)) @ (weights[:, None] * at_points.T))
-
-
 def _tensor_lagrange(
     points: tuple[FloatArray, ...], box: tuple[FloatArray, ...], counts: tuple[int, ...]
 ) -> FloatArray:
     """Interpolation from the tensor of Chebyshev points to scattered points, shape (tensor, points)."""
-    a, b, c = (_lagrange(p, n, over) for p, n, over in zip(points, counts, box, strict=True))
+    a, b, c = (lagrange(p, n, over) for p, n, over in zip(points, counts, box, strict=True))
     return np.einsum("mi,mj,mk->ijkm", a, b, c).reshape(-1, points[0].size)
 
 

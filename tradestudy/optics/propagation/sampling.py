@@ -105,8 +105,8 @@ def needed_nodes(
     relative = np.maximum(ring / radius, 0.5)[:, None]
     half_range = wavenumber * radius * float(np.max(np.abs(radial) / (4 * relative)))
     return NodeCounts(
-        radial=math.ceil((half_range + _margin(half_range, tolerance)) / 2) + 1,
-        angular=math.ceil(turns + _margin(turns, tolerance)) + 1,
+        radial=math.ceil((half_range + bessel_margin(half_range, tolerance)) / 2) + 1,
+        angular=math.ceil(turns + bessel_margin(turns, tolerance)) + 1,
     )
 
 
@@ -137,7 +137,7 @@ def check_affordable(counts: NodeCounts, *, targets: int, check_targets: int, li
         )
 
 
-def _margin(turns: float, tolerance: float) -> float:
+def bessel_margin(turns: float, tolerance: float) -> float:
     """Orders beyond the argument until a Bessel function has fallen to the tolerance."""
     decay = math.log(1.0 / tolerance)
     airy = (1.5 * decay) ** (2.0 / 3.0) / 2.0 ** (1.0 / 3.0) * max(turns, 1.0) ** (1.0 / 3.0)

@@ -1,15 +1,18 @@
-"""Band-limited samples to a finer grid: a sinc under a Kaiser window, one axis at a time."""
+"""Few samples of a band-limited field to a finer grid, one axis at a time: windowed sinc, or Chebyshev points."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.special
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.propagation.sampling import bessel_margin
+from tradestudy.optics.propagation.targets import TargetGrid
 
 _LEAST_OVERSAMPLING = 1.7  # of the coarse samples; nearer to 1 the window gets wide
 
@@ -60,3 +63,81 @@ def apply_along_rows(matrix: FloatArray, values: ComplexArray) -> ComplexArray:
     """Real matrix times complex array, without turning the matrix complex."""
     plain = np.ascontiguousarray(values).view(np.float64)
     return np.asarray((matrix @ plain).view(np.complex128))
+
+
+def chebyshev_points(values: FloatArray, count: int) -> FloatArray:
+    """Chebyshev points of the first kind on the range of `values`."""
+    middle, half = 0.5 * (values.min() + values.max()), 0.5 * np.ptp(values)
+    return np.asarray(middle + half * _unit_chebyshev(count))
+
+
+@lru_cache(maxsize=32)
+def _unit_chebyshev(count: int) -> FloatArray:
+    return np.cos(np.pi * (np.arange(count) + 0.5) / count)
+
+
+def lagrange(values: FloatArray, count: int, box: FloatArray | None = None) -> FloatArray:
+    """Values of the Lagrange polynomials of the Chebyshev points, shape (values, count).
+
+    The Chebyshev series of each polynomial is summed by a recurrence: no division by small differences.
+    """
+    over = values if box is None else box
+    if count == 1:
+        return np.ones((values.size, 1))
+    middle, half = 0.5 * (over.min() + over.max()), 0.5 * np.ptp(over)
+    angle = np.arccos(np.clip((values - middle) / half, -1.0, 1.0))
+    order = np.arange(count)
+    weights = np.where(order == 0, 1.0, 2.0) / count
+    at_points = np.cos(np.multiply.outer(np.pi * (order + 0.5) / count, order))
+    return np.asarray(np.cos(np.multiply.outer(angle, order)) @ (weights[:, None] * at_points.T))
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChebyshevGrid:
+    """Chebyshev points in the box of a grid, for fields that can be evaluated anywhere.
+
+    Attributes
+    ----------
+    x, y
+        Points of each axis [m].
+    on_x, on_y
+        Matrices from the points to the columns and rows of the grid.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    on_x: FloatArray
+    on_y: FloatArray
+
+    def points(self) -> tuple[FloatArray, FloatArray]:
+        """Flat positions of the tensor product, x running fastest."""
+        return np.tile(self.x, self.y.size), np.repeat(self.y, self.x.size)
+
+    def interpolate(self, values: ComplexArray) -> ComplexArray:
+        """From values at `points` to the grid."""
+        rows = apply_along_rows(self.on_y, values.reshape(self.y.size, self.x.size))
+        return apply_along_rows(self.on_x, rows.T).T
+
+
+def chebyshev_grid(grid: TargetGrid, *, wavenumber: float, tolerance: float) -> ChebyshevGrid | None:
+    """Chebyshev points enough for a field of at most `wavenumber` [rad/m] along each axis; None if no fewer than the grid.
+
+    A plane wave of m radians over half the axis needs as many points as a Bessel function of argument m has orders
+    above the tolerance.
+    """
+    counts = [
+        max(2, math.ceil(turns + bessel_margin(turns, tolerance)))
+        for turns in (
+            wavenumber * grid.x_pitch * (grid.x_count - 1) / 2,
+            wavenumber * grid.y_pitch * (grid.y_count - 1) / 2,
+        )
+    ]
+    if counts[0] * counts[1] > 0.7 * grid.x_count * grid.y_count or min(grid.x_count, grid.y_count) < 2:
+        return None
+    x, y = grid.x_axis, grid.y_axis
+    return ChebyshevGrid(
+        x=chebyshev_points(x, counts[0]),
+        y=chebyshev_points(y, counts[1]),
+        on_x=lagrange(x, counts[0]),
+        on_y=lagrange(y, counts[1]),
+    )

@@ -12,7 +12,8 @@ import numpy as np
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum
-from tradestudy.optics.propagation.fast_sum import FastField, fast_sum
+from tradestudy.optics.propagation.fast_sum import fast_sum
+from tradestudy.optics.propagation.fresnel import FresnelKernel
 from tradestudy.optics.propagation.result import (
     ApertureField,
     Effort,
@@ -70,7 +71,7 @@ class Accuracy:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Check:
+class CheckErrors:
     """Errors at the check targets [field], root mean square."""
 
     nodes: float
@@ -183,8 +184,6 @@ def propagate_wave(
 
 
 def _method(kernel: Kernel) -> Method:
-    from tradestudy.optics.propagation.fresnel import FresnelKernel
-
     return "fresnel" if isinstance(kernel, FresnelKernel) else "kirchhoff"
 
 
@@ -213,7 +212,13 @@ def _refined(
         finer = sample(counts.scaled(2.0)) if doubling else None
         check = _check(samples, finer, kernel, targets, fast.field, accuracy)
         check_seconds += check.seconds
-        error = _stated(fast, check, share, samples, kernel, targets)
+        largest = _largest_field(samples, kernel, targets)
+        error = stated_error(
+            fast.field,
+            check,
+            low_rank=fast.low_rank_error * largest,
+            nufft=0.3 * share * largest if fast.rank else 0.0,
+        )
         good = error.intensity <= accuracy.tolerance
         if good or (fixed_nodes and (check.nodes > check.sums or share < 1e-13)):
             break
@@ -265,41 +270,42 @@ def _check(
     targets: Targets,
     field: ComplexArray,
     accuracy: Accuracy,
-) -> _Check:
+) -> CheckErrors:
     """Compare with direct quadrature on the same nodes and on twice as many in each direction."""
     started = time.perf_counter()
     index, x, y, z = check_points(targets, accuracy)
     same = direct_sum(samples, kernel, x, y, z)
     best = same if finer is None else direct_sum(finer, kernel, x, y, z)
-    return _Check(
-        nodes=_rms(same - best) if finer is not None else math.nan,
-        sums=_rms(field[index] - same),
-        total=_rms(field[index] - best),
+    return CheckErrors(
+        nodes=root_mean_square(same - best) if finer is not None else math.nan,
+        sums=root_mean_square(field[index] - same),
+        total=root_mean_square(field[index] - best),
         seconds=time.perf_counter() - started,
         targets=index.size,
     )
 
 
-def _stated(
-    fast: FastField, check: _Check, share: float, samples: ApertureSamples, kernel: Kernel, targets: Targets
+def stated_error(
+    field: ComplexArray, check: CheckErrors, *, low_rank: float = 0.0, nufft: float = 0.0
 ) -> NumericalError:
-    """Relative errors over all targets from root mean square errors at the check targets."""
-    typical = _rms(fast.field)
-    intensity = squared_magnitude(fast.field)
-    bright = math.sqrt(float(np.mean(intensity**2)))
+    """Relative errors over all targets from root mean square errors at the check targets.
+
+    An error e of the field, alike everywhere, changes the intensity by 2 |U| e + e².
+    """
+    typical = root_mean_square(field)
+    bright = math.sqrt(float(np.mean(squared_magnitude(field) ** 2)))
+    absolute = _SAFETY * check.total
     if typical == 0.0:
         nothing = math.inf if check.total > 0 else 0.0
         return NumericalError(
             field=nothing, intensity=nothing, nodes=nothing, low_rank=nothing, nufft=nothing, check=nothing
         )
-    absolute = _SAFETY * check.total
-    scale = _largest_field(samples, kernel, targets) / typical
     return NumericalError(
         field=absolute / typical,
         intensity=(2 * absolute * typical + absolute**2) / bright,
         nodes=check.nodes / typical,
-        low_rank=fast.low_rank_error * scale,
-        nufft=(0.3 * share if fast.rank else 0.0) * scale,
+        low_rank=low_rank / typical,
+        nufft=nufft / typical,
         check=check.total / typical,
     )
 
@@ -314,5 +320,6 @@ def _largest_field(samples: ApertureSamples, kernel: Kernel, targets: Targets) -
     return float(np.sum(np.abs(strength * amplitude)))
 
 
-def _rms(values: ComplexArray) -> float:
+def root_mean_square(values: ComplexArray) -> float:
+    """Root of the mean squared magnitude."""
     return float(np.sqrt(np.mean(squared_magnitude(values))))

@@ -1,0 +1,246 @@
+"""Rays and the wave from the edge together: the hybrid of geometrical optics and diffraction."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tradestudy.errors import NotConvergedError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.boundary_wave import edge_field
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum, unit_phasor
+from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.lens import LensWave
+from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
+from tradestudy.optics.propagation.rays import find_rays, one_ray_per_target, ray_fields
+from tradestudy.optics.propagation.result import ApertureField, Effort, squared_magnitude
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, check_affordable
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
+from tradestudy.optics.propagation.upsampling import ChebyshevGrid, chebyshev_grid
+from tradestudy.optics.propagation.wave_optics import (
+    Accuracy,
+    CheckErrors,
+    check_points,
+    propagate_wave,
+    root_mean_square,
+    stated_error,
+)
+
+_LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
+_MAX_ROUNDS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Evaluation:
+    """Field at the targets, and which of them the boundary wave cannot give."""
+
+    field: ComplexArray
+    singular: BoolArray
+
+
+def hybrid_field(
+    *,
+    wave: LensWave,
+    kernel: KirchhoffKernel,
+    targets: Targets,
+    accuracy: Accuracy,
+    limits: Limits,
+    edge_nodes: int | None = None,
+) -> ApertureField:
+    """Ray optics plus the boundary-diffracted wave; Kirchhoff where they are singular.
+
+    Handed over to Kirchhoff are targets within half a Fresnel zone of a focus or a caustic, targets that several rays
+    may reach, and targets on the shadow of the edge whose pole is not found. The share is reported.
+
+    The stated error is measured against direct quadrature of the area integral, so that it contains what the leading term
+    leaves out for waves that are not spherical.
+
+    Parameters
+    ----------
+    wave
+        Wave behind the lens, with exact paths.
+    kernel
+        Obliquity.
+    targets
+        Points or grid.
+    accuracy
+        Tolerance and check.
+    limits
+        Memory and time.
+    edge_nodes
+        Nodes on the edge; left out: from the slope of the path along it.
+
+    Raises
+    ------
+    NotConvergedError
+        The method's own error at these targets exceeds the tolerance.
+    UnaffordableError
+        The limits do not allow the targets handed over, or the check.
+    """
+    counts = nodes_for(wave, targets, accuracy)
+    size = math.prod(targets.shape)
+    edge = edge_nodes or counts.angular
+    check_affordable(NodeCounts(radial=1, angular=edge), targets=size, check_targets=0, limits=limits)
+    index, *at = check_points(targets, accuracy)
+    reference = _reference(wave, kernel, counts, at, limits)
+    seconds = 0.0
+    for round_number in range(1, _MAX_ROUNDS + 1):
+        started = time.perf_counter()
+        result = _evaluate(wave, kernel, targets, edge, 0.03 * accuracy.tolerance)
+        field, share = _handed_over(result, wave, kernel, targets, accuracy, limits)
+        seconds += time.perf_counter() - started
+        started = time.perf_counter()
+        here = TargetPoints(x=at[0], y=at[1], distance=at[2])
+        finer = _evaluate(wave, kernel, here, 2 * edge, 0.03 * accuracy.tolerance)
+        own = ~finer.singular & ~result.singular[index]
+        check = CheckErrors(
+            nodes=root_mean_square((field[index] - finer.field)[own]) if own.any() else 0.0,
+            sums=0.0,
+            total=root_mean_square(field[index] - reference.field),
+            seconds=reference.seconds + time.perf_counter() - started,
+            targets=index.size,
+        )
+        error = stated_error(field, check)
+        if error.intensity <= accuracy.tolerance or edge_nodes is not None:
+            break
+        if check.nodes < 0.3 * check.total or round_number == _MAX_ROUNDS:
+            raise NotConvergedError(
+                "rays and boundary wave do not reach the tolerance: they are the leading term for many Fresnel zones",
+                value=f"stated relative L2 error of the intensity {error.intensity:.2g}",
+                limit=f"{accuracy.tolerance:g}",
+                remedy="take method 'kirchhoff', a larger tolerance, the textbook obliquity or a perfect lens",
+            )
+        edge *= 2
+    field = field.reshape(targets.shape)
+    return ApertureField(
+        field=field,
+        intensity=squared_magnitude(field),
+        error=error,
+        effort=Effort(
+            nodes=edge,
+            radial_nodes=1,
+            angular_nodes=edge,
+            rank=0,
+            tiles=1,
+            rounds=round_number,
+            seconds=seconds,
+            check_seconds=check.seconds,
+            check_targets=check.targets,
+        ),
+        method="boundary_wave",
+        handed_over=share,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Reference:
+    field: ComplexArray
+    seconds: float
+
+
+def _reference(
+    wave: LensWave, kernel: KirchhoffKernel, counts: NodeCounts, at: list[FloatArray], limits: Limits
+) -> _Reference:
+    """Direct quadrature of the area integral at the check targets, on half as many nodes again as are needed."""
+    finer = counts.scaled(1.5)
+    check_affordable(finer, targets=0, check_targets=at[0].size, limits=limits)
+    started = time.perf_counter()
+    samples: ApertureSamples = sample_wave(wave, finer)
+    field = direct_sum(samples, kernel, *at)
+    return _Reference(field=field, seconds=time.perf_counter() - started)
+
+
+def _evaluate(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, edge: int, tolerance: float) -> _Evaluation:
+    """Rays plus edge at the targets; a dense grid is interpolated, for their sum is band-limited and smooth."""
+    centre = wave.lens.centre
+    if isinstance(targets, TargetGrid):
+        coarse = _coarse(wave, targets, tolerance)
+        if coarse is not None:
+            x, y = coarse.points()
+            z = np.full(x.size, targets.distance)
+            points = _rays_and_edge(wave, kernel, x - centre[0], y - centre[1], z, edge, tolerance)
+            if not points.singular.any():
+                path = wave.wavenumber * kernel.path(x - centre[0], y - centre[1], z)
+                smooth = coarse.interpolate(points.field * unit_phasor(-np.asarray(path)))
+                x, y = targets.x_axis[None, :] - centre[0], targets.y_axis[:, None] - centre[1]
+                path = wave.wavenumber * kernel.path(x, y, np.asarray(targets.distance))
+                field = (smooth * unit_phasor(np.asarray(path))).ravel()
+                return _Evaluation(field=field, singular=np.zeros(field.size, dtype=bool))
+    x, y, z = targets.coordinates()
+    return _rays_and_edge(wave, kernel, x - centre[0], y - centre[1], z, edge, tolerance)
+
+
+def _coarse(wave: LensWave, grid: TargetGrid, tolerance: float) -> ChebyshevGrid | None:
+    """Chebyshev points that carry the field freed of the path from the centre, if fewer than the grid's."""
+    rim = wave.lens.radius / math.hypot(wave.lens.radius, grid.distance)
+    return chebyshev_grid(grid, wavenumber=wave.wavenumber * rim, tolerance=tolerance)
+
+
+def _rays_and_edge(
+    wave: LensWave,
+    kernel: KirchhoffKernel,
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    edge: int,
+    tolerance: float,
+) -> _Evaluation:
+    """Both parts at flat targets relative to the centre of the lens."""
+    if not one_ray_per_target(wave, z):
+        return _Evaluation(field=np.zeros(x.size, dtype=np.complex128), singular=np.ones(x.size, dtype=bool))
+    rays = find_rays(wave, x, y, z, all_branches=False)
+    zones = wave.lens.radius**2 * np.sqrt(np.abs(rays.determinant[0])) / wave.wavelength
+    singular = (zones < _LEAST_ZONES) | ~rays.found[0]
+    part = np.flatnonzero(~singular)
+    field = np.zeros(x.size, dtype=np.complex128)
+    if part.size:
+        kept = replace(
+            rays,
+            u=rays.u[:, part],
+            v=rays.v[:, part],
+            found=rays.found[:, part],
+            determinant=rays.determinant[:, part],
+            trace=rays.trace[:, part],
+        )
+        from_edge = edge_field(
+            wave=wave,
+            kernel=kernel,
+            rays=kept,
+            x=x[part],
+            y=y[part],
+            z=z[part],
+            count=edge,
+            tolerance=tolerance,
+        )
+        field[part] = ray_fields(wave, kernel, kept, x[part], y[part], z[part])[0] + from_edge.field
+        singular[part] |= from_edge.failed
+    return _Evaluation(field=field, singular=singular)
+
+
+def _handed_over(
+    result: _Evaluation,
+    wave: LensWave,
+    kernel: KirchhoffKernel,
+    targets: Targets,
+    accuracy: Accuracy,
+    limits: Limits,
+) -> tuple[ComplexArray, float]:
+    """Fill the singular targets by Kirchhoff; their share."""
+    if not result.singular.any():
+        return result.field, 0.0
+    x, y, z = targets.coordinates()
+    left = TargetPoints(x=x[result.singular], y=y[result.singular], distance=z[result.singular])
+    kirchhoff = propagate_wave(
+        sample=lambda n: sample_wave(wave, n),
+        counts=nodes_for(wave, left, accuracy),
+        kernel=kernel,
+        targets=targets if result.singular.all() else left,
+        accuracy=accuracy,
+        limits=limits,
+    )
+    field = result.field.copy()
+    field[result.singular] = kirchhoff.field.ravel()
+    return field, float(result.singular.mean())
