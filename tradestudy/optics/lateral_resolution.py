@@ -47,7 +47,7 @@ def lateral_resolution(
     OutOfRangeError
         For a focus inside the focal length, and for lengths that are not positive.
     """
-    a, a0, f, A, p = as_floats(a=distance, a0=focus_distance, f=focal_length, A=pupil_diameter, p=sample_pitch)
+    a, a0, f, A, p = as_floats(distance, focus_distance, focal_length, pupil_diameter, sample_pitch)
     _require_lengths(distance=a, focal_length=f, pupil_diameter=A, sample_pitch=p)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     return np.asarray(np.maximum(p * (a / image_distance(a0, f)), A * np.abs(a * (1 / a0) - 1)))
@@ -80,7 +80,7 @@ def depth_of_field_at_resolution(
     OutOfRangeError
         As `lateral_resolution`, and for a resolution that is not positive.
     """
-    r, a0, f, A, p = as_floats(r=resolution, a0=focus_distance, f=focal_length, A=pupil_diameter, p=sample_pitch)
+    r, a0, f, A, p = as_floats(resolution, focus_distance, focal_length, pupil_diameter, sample_pitch)
     _require_lengths(resolution=r, focal_length=f, pupil_diameter=A, sample_pitch=p)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     reachable = np.isfinite(a0) | (r >= A)
@@ -127,13 +127,13 @@ def focused_plenoptic_lateral_resolution(
         For a distance within the focal length, and for lengths that are not positive.
     """
     a, z, b_L, f, w0, D, p = as_floats(
-        a=distance,
-        z=mla_distance,
-        b_L=microlens_gap,
-        f=focal_length,
-        w0=inverse_focus_virtual_depth,
-        D=microlens_aperture,
-        p=pixel_pitch,
+        distance,
+        mla_distance,
+        microlens_gap,
+        focal_length,
+        inverse_focus_virtual_depth,
+        microlens_aperture,
+        pixel_pitch,
     )
     _require_lengths(mla_distance=z, microlens_gap=b_L, focal_length=f, microlens_aperture=D, pixel_pitch=p)
     require(a > f, "object distance", a, limit="beyond the focal length", remedy="leave out nearer objects")
@@ -177,13 +177,13 @@ def focused_plenoptic_depth_of_field_at_resolution(
         For lengths that are not positive.
     """
     r, z, b_L, f, w0, D, p = as_floats(
-        r=resolution,
-        z=mla_distance,
-        b_L=microlens_gap,
-        f=focal_length,
-        w0=inverse_focus_virtual_depth,
-        D=microlens_aperture,
-        p=pixel_pitch,
+        resolution,
+        mla_distance,
+        microlens_gap,
+        focal_length,
+        inverse_focus_virtual_depth,
+        microlens_aperture,
+        pixel_pitch,
     )
     _require_lengths(
         resolution=r, mla_distance=z, microlens_gap=b_L, focal_length=f, microlens_aperture=D, pixel_pitch=p
@@ -211,7 +211,7 @@ def _solve(*conditions: tuple[ArrayLike, ArrayLike]) -> tuple[FloatArray, FloatA
     """Smallest and largest s that meet every c s ≥ d; the smallest exceeds the largest where none does."""
     low, high = np.asarray(-np.inf), np.asarray(np.inf)
     for coefficient, constant in conditions:
-        c, d = np.broadcast_arrays(*as_floats(c=coefficient, d=constant))
+        c, d = np.broadcast_arrays(*as_floats(coefficient, constant))
         bound = np.divide(d, c, out=np.where(d > 0, np.inf, -np.inf), where=c != 0)
         low = np.maximum(low, np.where(c >= 0, bound, -np.inf))
         high = np.minimum(high, np.where(c < 0, bound, np.inf))

@@ -45,7 +45,7 @@ def diffraction_diameter(wavelength: ArrayLike, working_f_number: ArrayLike, mea
     OutOfRangeError
         For values that are not positive, or an unknown measure.
     """
-    wavelengths, f_numbers = as_floats(wavelength=wavelength, working_f_number=working_f_number)
+    wavelengths, f_numbers = as_floats(wavelength, working_f_number)
     require(wavelengths > 0, "wavelength", wavelengths, limit="> 0 m", remedy="check the unit")
     require(f_numbers > 0, "working f-number", f_numbers, limit="> 0", remedy="give b/A", unit="")
     if measure not in get_args(DiffractionMeasure):
@@ -90,7 +90,7 @@ def blur_allowance(blur_criterion: ArrayLike, diffraction_spot: ArrayLike) -> Bl
     OutOfRangeError
         For a criterion that is not positive, or a spot that is negative.
     """
-    criterion, spot = np.broadcast_arrays(*as_floats(blur_criterion=blur_criterion, spot=diffraction_spot))
+    criterion, spot = np.broadcast_arrays(*as_floats(blur_criterion, diffraction_spot))
     require(criterion > 0, "blur criterion", criterion, limit="> 0 m", remedy="declare the blur that counts as sharp")
     require(spot >= 0, "diffraction spot", spot, limit="≥ 0 m", remedy="take it from diffraction_diameter")
     exceeded = np.asarray(spot > criterion)

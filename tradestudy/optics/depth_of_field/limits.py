@@ -54,9 +54,9 @@ def intersection(first: DepthOfField, second: DepthOfField) -> DepthOfField:
     )
 
 
-def as_floats(**values: ArrayLike) -> tuple[FloatArray, ...]:
+def as_floats(*values: ArrayLike) -> tuple[FloatArray, ...]:
     """Give arguments as arrays."""
-    return tuple(np.asarray(value, dtype=np.float64) for value in values.values())
+    return tuple(np.asarray(value, dtype=np.float64) for value in values)
 
 
 def require(condition: ArrayLike, what: str, value: FloatArray, *, limit: str, remedy: str, unit: str = "m") -> None:

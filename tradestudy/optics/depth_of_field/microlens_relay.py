@@ -33,7 +33,7 @@ def inverse_focus_virtual_depth(microlens_focal_length: ArrayLike, microlens_gap
     OutOfRangeError
         For lengths that are not positive.
     """
-    f_L, b_L = as_floats(f_L=microlens_focal_length, b_L=microlens_gap)
+    f_L, b_L = as_floats(microlens_focal_length, microlens_gap)
     require(f_L > 0, "microlens focal length", f_L, limit="> 0 m", remedy="check unit and sign")
     require(b_L > 0, "microlens gap", b_L, limit="> 0 m", remedy="check unit and sign")
     return np.asarray((b_L - f_L) / f_L)
@@ -58,7 +58,7 @@ def relay_blur_diameter(
     Diameter [m], broadcast; ∞ for an image on the array. Holds while the light fills the microlens, for |v| ≥
     1 with matched f-numbers.
     """
-    v, w0, D = as_floats(v=virtual_depth, w0=inverse_focus_virtual_depth, D=microlens_aperture)
+    v, w0, D = as_floats(virtual_depth, inverse_focus_virtual_depth, microlens_aperture)
     require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
     with np.errstate(divide="ignore"):  # an image on the array is blurred without bound: that is the answer
         return np.asarray(D * np.abs(1 / v - w0))
@@ -134,7 +134,7 @@ def relay_depth_of_field(
         For lengths that are not positive.
     """
     w0, half = _half_width(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
-    b_L, z, f = as_floats(b_L=microlens_gap, z=mla_distance, f=focal_length)
+    b_L, z, f = as_floats(microlens_gap, mla_distance, focal_length)
     for name, length in (("microlens gap", b_L), ("main lens to array", z), ("focal length", f)):
         require(length > 0, name, length, limit="> 0 m", remedy="check unit and sign")
     side = 1.0 if keplerian else -1.0
@@ -210,7 +210,7 @@ def microlens_focal_length(inverse_focus_virtual_depth: ArrayLike, microlens_gap
     OutOfRangeError
         For 1/v₀ ≤ −1, which no converging microlens has, and for a gap that is not positive.
     """
-    w0, b_L = as_floats(w0=inverse_focus_virtual_depth, b_L=microlens_gap)
+    w0, b_L = as_floats(inverse_focus_virtual_depth, microlens_gap)
     require(w0 > -1, "inverse virtual depth in focus", w0, limit="> −1", remedy="focus at |v| > 1", unit="")
     require(b_L > 0, "microlens gap", b_L, limit="> 0 m", remedy="check unit and sign")
     return np.asarray(b_L / (1 + w0))
@@ -220,7 +220,7 @@ def _half_width(
     inverse_focus_virtual_depth: ArrayLike, blur_diameter: ArrayLike, microlens_aperture: ArrayLike
 ) -> tuple[FloatArray, FloatArray]:
     """1/v₀ and the half-width c/D of the depth of field in 1/v."""
-    w0, c, D = as_floats(w0=inverse_focus_virtual_depth, c=blur_diameter, D=microlens_aperture)
+    w0, c, D = as_floats(inverse_focus_virtual_depth, blur_diameter, microlens_aperture)
     require((c >= 0) | np.isnan(c), "blur diameter", c, limit="≥ 0 m", remedy="declare the blur that counts as sharp")
     require(D > 0, "microlens aperture", D, limit="> 0 m", remedy="check unit and sign")
     return w0, np.asarray(c / D)

@@ -34,7 +34,7 @@ def hyperfocal_distance(focal_length: ArrayLike, pupil_diameter: ArrayLike, blur
     OutOfRangeError
         For lengths that are not positive.
     """
-    f, A, c = as_floats(f=focal_length, A=pupil_diameter, c=blur_diameter)
+    f, A, c = as_floats(focal_length, pupil_diameter, blur_diameter)
     _require_lens(f, A, c)
     with np.errstate(divide="ignore"):  # without any blur only infinity itself is the hyperfocal focus
         return np.asarray(f * (A / c) + f)
@@ -72,7 +72,7 @@ def depth_of_field(
     OutOfRangeError
         For a focus inside the focal length, for lengths that are not positive.
     """
-    a0, f, A, c = as_floats(a0=focus_distance, f=focal_length, A=pupil_diameter, c=blur_diameter)
+    a0, f, A, c = as_floats(focus_distance, focal_length, pupil_diameter, blur_diameter)
     unlimited = np.where(np.isnan(c), 0.0, c)
     hyperfocal = hyperfocal_distance(f, A, unlimited)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
@@ -122,7 +122,7 @@ def diffraction_inclusive_depth_of_field(
     OutOfRangeError
         As `depth_of_field`, and for a focus at which the law of the spot has no meaning.
     """
-    a0, f, A = as_floats(a0=focus_distance, f=focal_length, A=pupil_diameter)
+    a0, f, A = as_floats(focus_distance, focal_length, pupil_diameter)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     spot = diffraction_diameter(wavelength, image_distance(a0, f) / A, measure)
     allowance = blur_allowance(blur_criterion, spot)

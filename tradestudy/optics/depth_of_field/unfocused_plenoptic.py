@@ -41,7 +41,7 @@ def view_pupil_diameter(
     OutOfRangeError
         For a focus inside the focal length and for lengths that are not positive.
     """
-    a0, f, p_px, f_L = as_floats(a0=focus_distance, f=focal_length, p_px=pixel_pitch, f_L=microlens_focal_length)
+    a0, f, p_px, f_L = as_floats(focus_distance, focal_length, pixel_pitch, microlens_focal_length)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     for name, length in (("focal length", f), ("pixel pitch", p_px), ("microlens focal length", f_L)):
         require(length > 0, name, length, limit="> 0 m", remedy="check unit and sign")
@@ -89,9 +89,7 @@ def refocus_distance(
     OutOfRangeError
         As `view_pupil_diameter`.
     """
-    shifts, a0, f, B, p = as_floats(
-        shift=shift, a0=focus_distance, f=focal_length, B=view_pupil_diameter, p=microlens_pitch
-    )
+    shifts, a0, f, B, p = as_floats(shift, focus_distance, focal_length, view_pupil_diameter, microlens_pitch)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     for name, length in (("focal length", f), ("pupil of a view", B), ("microlens pitch", p)):
         require(length > 0, name, length, limit="> 0 m", remedy="check unit and sign")
@@ -135,7 +133,7 @@ def refocused_depth_of_field(
     OutOfRangeError
         As `depth_of_field`.
     """
-    a0, a_refocused, f, c = as_floats(a0=focus_distance, a=refocused_distance, f=focal_length, c=blur_diameter)
+    a0, a_refocused, f, c = as_floats(focus_distance, refocused_distance, focal_length, blur_diameter)
     require(a0 > f, "focus distance", a0, limit="beyond the focal length", remedy="focus farther away")
     require(a_refocused > f, "refocused distance", a_refocused, limit="beyond the focal length", remedy="shift less")
     scale = image_distance(a_refocused, f) / image_distance(a0, f)

@@ -31,7 +31,7 @@ def object_distance_of_magnification(focal_length: ArrayLike, magnification: Arr
     OutOfRangeError
         For values that are not positive.
     """
-    f, m = as_floats(f=focal_length, m=magnification)
+    f, m = as_floats(focal_length, magnification)
     require(f > 0, "focal length", f, limit="> 0 m", remedy="check unit and sign")
     require(m > 0, "magnification", m, limit="> 0", remedy="give its size without sign", unit="")
     return np.asarray(f * (1 + 1 / m))
@@ -61,6 +61,6 @@ def object_distance_of_working_distance(
     OutOfRangeError
         For a working distance that is not positive.
     """
-    w, w_ref, a_ref = as_floats(w=working_distance, w_ref=reference_working_distance, a_ref=reference_object_distance)
+    w, w_ref, a_ref = as_floats(working_distance, reference_working_distance, reference_object_distance)
     require(w > 0, "working distance", w, limit="> 0 m", remedy="count from the front of the lens")
     return np.asarray(w + (a_ref - w_ref))

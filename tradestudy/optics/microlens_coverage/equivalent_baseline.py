@@ -168,7 +168,7 @@ class _Table:
     def within(self, radius: FloatArray) -> FloatArray:
         share = np.interp(radius**2, self.squared_radius, self.share)
         inverse = np.interp(radius**2, self.squared_radius, self.sum_of_inverse_squares)
-        ratio = np.divide(share, inverse, out=np.full(share.shape, np.nan), where=radius > 0.5)
+        ratio = np.divide(share, inverse, out=np.full(share.shape, np.nan), where=(radius > 0.5) & (inverse > 0))
         return np.asarray(np.sqrt(ratio))
 
 
