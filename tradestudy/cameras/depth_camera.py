@@ -40,29 +40,29 @@ class ErrorSource:
 
 @dataclass(frozen=True, kw_only=True)
 class DepthErrorPart:
-    """One independent part of the depth error, to first order in inverse depth ``q = 1 / (a − origin)``.
+    """One independent part of the depth error, as the error of disparity that has the same effect to first order.
 
     Parameters
     ----------
     name
         What is in error.
-    inverse_depth_error
-        Standard deviation of q [1/m] over the distances asked for.
+    disparity_error
+        Standard deviation [m on the sensor] over the distances asked for.
     shape
-        Shape of the distribution of q.
+        Shape of its distribution.
     error_class
         ``per measurement`` averages away over many pictures; ``per rig`` does not.
     """
 
     name: str
-    inverse_depth_error: FloatArray
+    disparity_error: FloatArray
     shape: ErrorShape
     error_class: ErrorClass
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """One condition of the usable range over distances: the value, the bound it is held against, and whether it holds."""
+    """One condition of the usable range over distances: its value, the bound, and whether it holds."""
 
     value: FloatArray
     bound: float
@@ -80,7 +80,7 @@ class UsableCriteria:
     availability
         Least share of points for which the estimator's microlenses exist.
     virtual_depth
-        Least \\|v\\|: 2 is the total covering plane.
+        Least the absolute v: 2 is the total covering plane.
     blur_px
         Largest blur on the sensor [px], of the sharpest microlens type or of the stereo lenses.
     disparity_step_px
@@ -109,13 +109,23 @@ class DepthCamera(Protocol):
         ...
 
     @property
-    def depth_origin(self) -> float:
-        """Where inverse depth counts from [m]: the front focal point of a plenoptic camera, 0 for stereo."""
-        ...
-
-    @property
     def disparity_error_px(self) -> float:
         """Standard deviation of the disparity of one measurement [px]."""
+        ...
+
+    def disparity(self, distance: ArrayLike) -> FloatArray:
+        """The disparity that the estimator uses [m on the sensor], signed; it falls with distance."""
+        ...
+
+    def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
+        """What the disparity [m] of the estimator, as it is set up at a distance, would be for a point at infinity."""
+        ...
+
+    def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
+        """The depth [m] that the estimator, as it is set up at a true distance, reads from a disparity [m].
+
+        It falls with disparity; +infinity at and beyond the disparity of infinity.
+        """
         ...
 
     def disparity_px(self, distance: ArrayLike) -> FloatArray:
@@ -127,11 +137,15 @@ class DepthCamera(Protocol):
         ...
 
     def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
-        """The independent parts of the depth error, each to first order in inverse depth."""
+        """The independent parts of the depth error, each to first order in disparity."""
         ...
 
     def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
         """The exact depth [m] that is reported for a true distance under given errors; +infinity beyond the pole."""
+        ...
+
+    def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+        """For each part, the independent one-standard-deviation errors it is made of, as `depth_with_errors` takes them."""
         ...
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:

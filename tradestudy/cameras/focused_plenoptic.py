@@ -10,10 +10,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorSource, Limit, UsableCriteria
+from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorShape, ErrorSource, Limit, UsableCriteria
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field.microlens_relay import inverse_focus_virtual_depth, relay_blur_diameter
 from tradestudy.optics.microlens_coverage import (
     least_squares_baseline,
     projected_radius_over_pitch,
@@ -119,11 +120,6 @@ class FocusedPlenoptic:
                 limit=f"at most {self.sensor.width * 1e6:g} um",
             )
 
-    @property
-    def depth_origin(self) -> float:
-        """The front focal point, from which inverse depth counts: f_M [m]."""
-        return self.main_lens.focal_length
-
     def microlens_object_distance(self, distance: ArrayLike) -> FloatArray:
         """a_L = z − b_M [m], signed: positive Keplerian, negative Galilean."""
         return microlens_object_distance(distance, self.mla_distance, self.main_lens.focal_length)
@@ -155,8 +151,8 @@ class FocusedPlenoptic:
         """The distance Δx [m] of two microlenses that would measure as well as the estimator.
 
         The pitch for neighbours; times √3 for neighbours of the same type of three on a hexagonal array; for the
-        widest pair and for least squares the mean over the places of a point in the lattice, which grows with \\|v\\| and
-        with v². NaN where the microlenses it needs are never there.
+        widest pair and for least squares the mean over the places of a point in the lattice, which grows with the
+        absolute v and with v². NaN where the microlenses it needs are never there.
         """
         p, array = self.microlenses.pitch, self.microlenses
         if self.estimator in ("adjacent-pair", "same-type-pair"):
@@ -193,49 +189,54 @@ class FocusedPlenoptic:
         depth = np.where(crossed, np.where(np.asarray(true_disparity) > 0.0, np.inf, f), depth)
         return np.asarray(np.where(np.isnan(disparity), np.nan, depth))
 
+    def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
+        """Disparity [m] of infinity over the baseline that the estimator has at a distance.
+
+        Minus infinity for an object so near that its image lies on the other side of the array than that of infinity:
+        no error of disparity takes it there without passing a_L = 0.
+        """
+        reached = self.estimator_baseline(distance) / self.virtual_depth(np.inf)
+        return np.asarray(np.where(self.disparity(distance) * reached > 0.0, reached, -np.inf))
+
+    def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
+        """Eq. 8 [m] with the baseline that the estimator has at a true distance; see `plenoptic_depth`."""
+        return self._depth_of(disparity, self.disparity(distance), self.estimator_baseline(distance))
+
     def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Change of depth [m] that moves the disparity by one step, nearer and farther (which may be infinite).
 
-        The estimator's baseline is held at its value at the distance. A step through zero disparity, where the image of the
-        main lens would be infinitely far from the array, ends at the front focal point.
+        The estimator's baseline is held at its value at the distance. A step through zero disparity ends where the
+        disparity tends to before it: at infinity for a Keplerian relay, at the front focal point for a Galilean one.
         """
         a = np.asarray(distance, dtype=np.float64)
         d, step = self.disparity(a), self.discrimination_step_px * self.sensor.pixel_pitch
-        baseline = self.estimator_baseline(a)
-        # The signed disparity falls with distance for a Keplerian relay and for a Galilean one alike.
-        nearer, farther = (self._depth_of(moved, d, baseline) for moved in (d + step, d - step))
-        return np.asarray(a - nearer), np.asarray(farther - a)
+        return a - self.depth_of_disparity(d + step, a), self.depth_of_disparity(d - step, a) - a
 
     def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
-        """Parts of the error of ``q = 1/(a − f) = s/f²`` [1/m] to first order.
+        """Parts of the error as errors of disparity [m], to first order.
 
-        ``∂s/∂d = b_L v² / Δx``, ``∂s/∂z = 1``, ``∂s/∂b_L = −v`` and, for what the focal length does to depth at fixed disparity,
-        ``−(1 + s/f)²``, of opposite sign to z: they are one part, with their correlation.
+        A change δs of the focus shift read from a fixed picture acts like ``δd = Δx δs / (b_L v²)``, and ``∂s/∂z = 1``,
+        ``∂s/∂b_L = −v`` and, for all that the focal length does to depth, ``−(1 + s/f)²``, of opposite sign to z: the two
+        are one part, with their correlation.
         """
         f, gap = self.main_lens.focal_length, self.microlenses.gap
         s, v = focus_shift(distance, f), self.virtual_depth(distance)
-        noise = self.disparity_error_px * self.sensor.pixel_pitch
+        d = self.disparity(distance)
         errors = self.calibration
         sigma_z, sigma_f = errors.mla_distance.standard_deviation, errors.focal_length.standard_deviation
         weight = (1.0 + s / f) ** 2
         joint = sigma_z**2 - 2.0 * errors.correlation * weight * sigma_z * sigma_f + (weight * sigma_f) ** 2
-        with np.errstate(
-            invalid="ignore"
-        ):  # v = 0 leaves 0/0 only where the baseline is undefined: NaN is meant
-            pixel = gap * v**2 / self.estimator_baseline(distance) * noise
-        parts = (
-            ("pixel_noise", pixel, "normal"),
-            ("mla_distance_and_focal_length", np.sqrt(np.maximum(joint, 0.0)), "normal"),
-            (
-                "microlens_gap",
-                np.abs(v) * errors.microlens_gap.standard_deviation,
-                errors.microlens_gap.shape,
-            ),
+        with np.errstate(divide="ignore", invalid="ignore"):  # an image on the array has no disparity: NaN is meant
+            per_shift = d / (gap * v)
+        parts: tuple[tuple[str, FloatArray, ErrorShape], ...] = (
+            ("pixel_noise", np.full_like(d, self.disparity_error_px * self.sensor.pixel_pitch), "normal"),
+            ("mla_distance_and_focal_length", np.abs(per_shift) * np.sqrt(np.maximum(joint, 0.0)), "normal"),
+            ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
         )
         return tuple(
             DepthErrorPart(
                 name=name,
-                inverse_depth_error=np.asarray(error / f**2),
+                disparity_error=np.asarray(error),
                 shape=shape,
                 error_class="per measurement" if name == "pixel_noise" else "per rig",
             )
@@ -270,6 +271,23 @@ class FocusedPlenoptic:
         noise = e.pop("pixel_noise")
         return self._depth_of(true + noise, true, self.estimator_baseline(distance), **e)
 
+    def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+        """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
+        errors = self.calibration
+        sigma_z, sigma_f = errors.mla_distance.standard_deviation, errors.focal_length.standard_deviation
+        alone = math.sqrt(1.0 - errors.correlation**2)
+        directions: dict[str, tuple[Mapping[str, float], ...]] = {
+            "pixel_noise": ({"pixel_noise": self.disparity_error_px * self.sensor.pixel_pitch},),
+            "mla_distance_and_focal_length": (
+                {"mla_distance": sigma_z, "focal_length": errors.correlation * sigma_f},
+                {"focal_length": alone * sigma_f},
+            ),
+            "microlens_gap": ({"microlens_gap": errors.microlens_gap.standard_deviation},),
+        }
+        return {
+            name: parts for name, parts in directions.items() if any(value for part in parts for value in part.values())
+        }
+
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well.
 
@@ -279,22 +297,15 @@ class FocusedPlenoptic:
         v2 = self.virtual_depth(a) ** 2
         with np.errstate(divide="ignore", invalid="ignore"):  # v = 0: an image on the array
             return np.asarray(
-                (1.0 + focus_shift(a, f) / f) ** 2
-                * f
-                * self.estimator_baseline(a)
-                / (self.microlenses.gap * v2)
+                (1.0 + focus_shift(a, f) / f) ** 2 * f * self.estimator_baseline(a) / (self.microlenses.gap * v2)
             )
 
     def blur_px(self, distance: ArrayLike) -> FloatArray:
         """Geometric blur of each type's micro-image, ``D |1/v − 1/v₀|`` [px]; shape (types, …), D the lens diameter."""
         v = self.virtual_depth(distance)
-        v0 = np.asarray(self.microlenses.focus_virtual_depths).reshape((-1,) + (1,) * v.ndim)
-        with np.errstate(
-            divide="ignore"
-        ):  # an image on the array is blurred over the whole micro-image and beyond
-            return np.asarray(
-                self.microlenses.aperture_diameter / self.sensor.pixel_pitch * np.abs(1.0 / v - 1.0 / v0)
-            )
+        array = self.microlenses
+        in_focus = inverse_focus_virtual_depth(array.focal_lengths, array.gap).reshape((-1,) + (1,) * v.ndim)
+        return relay_blur_diameter(v, in_focus, array.aperture_diameter) / self.sensor.pixel_pitch
 
     def availability(self, distance: ArrayLike) -> FloatArray:
         """Share of points seen by at least two of the microlenses that the estimator uses."""
@@ -321,16 +332,12 @@ class FocusedPlenoptic:
             )
         if criteria.availability is not None:
             value = self.availability(a)
-            found["availability"] = Limit(
-                value=value, bound=criteria.availability, met=value >= criteria.availability
-            )
+            found["availability"] = Limit(value=value, bound=criteria.availability, met=value >= criteria.availability)
         if criteria.blur_px is not None:
             value = self._blur_of_used_types(a)
             found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
         if criteria.disparity_step_px is not None:
-            # A baseline that changes with distance is held at its value here, as in the depth discrimination.
-            at_infinity = self.estimator_baseline(a) / self.virtual_depth(np.inf) / self.sensor.pixel_pitch
-            value = self.disparity_px(a) - at_infinity
+            value = (self.disparity(a) - self.disparity_of_infinity(a)) / self.sensor.pixel_pitch
             found["last_disparity_step"] = Limit(
                 value=value, bound=criteria.disparity_step_px, met=value > criteria.disparity_step_px
             )

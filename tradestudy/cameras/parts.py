@@ -123,14 +123,10 @@ class MicrolensArray:
         require_positive("microlens gap", self.gap)
         require_positive("microlens aperture diameter", self.aperture_diameter)
         if not self.focal_lengths:
-            raise OutOfRangeError(
-                "a microlens array needs at least one type", remedy="give one focal length per type"
-            )
+            raise OutOfRangeError("a microlens array needs at least one type", remedy="give one focal length per type")
         for focal_length in self.focal_lengths:
             if not math.isfinite(focal_length) or focal_length == 0.0:
-                raise OutOfRangeError(
-                    "a microlens focal length is finite and not zero", value=f"{focal_length:g} m"
-                )
+                raise OutOfRangeError("a microlens focal length is finite and not zero", value=f"{focal_length:g} m")
         if self.aperture_diameter > self.pitch * (1.0 + 1e-12):
             raise OutOfRangeError(
                 "microlenses overlap",
@@ -148,8 +144,3 @@ class MicrolensArray:
     def types(self) -> int:
         """How many types there are."""
         return len(self.focal_lengths)
-
-    @property
-    def focus_virtual_depths(self) -> tuple[float, ...]:
-        """The signed virtual depth in focus for each type: ``v₀ = f_L / (b_L − f_L)``, from 1/f_L = 1/a_L + 1/b_L."""
-        return tuple(math.inf if f == self.gap else f / (self.gap - f) for f in self.focal_lengths)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Literal
 
 import numpy as np
@@ -85,7 +85,6 @@ class StereoRig:
     calibration: StereoCalibration = field(default_factory=StereoCalibration)
 
     family: Literal["stereo"] = field(default="stereo", init=False)
-    depth_origin: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
@@ -120,44 +119,46 @@ class StereoRig:
         """The disparity [px]."""
         return self.disparity(distance) / self.sensor.pixel_pitch
 
+    def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
+        """The disparity of infinity [m]: 0 for parallel axes."""
+        return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
+
+    def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
+        """``Z = f B / d`` [m] or its converging counterpart; see `stereo_depth`."""
+        return stereo_depth(disparity, self.baseline, self.lens.focal_length, convergence_angle=self.convergence_angle)
+
     def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Change of depth [m] that moves the disparity by one step, nearer and farther (which may be infinite)."""
         z = np.asarray(distance, dtype=np.float64)
         d, step = self.disparity(z), self.discrimination_step_px * self.sensor.pixel_pitch
-        near, far = (
-            stereo_depth(
-                moved, self.baseline, self.lens.focal_length, convergence_angle=self.convergence_angle
-            )
-            for moved in (d + step, d - step)
-        )
-        return z - near, far - z
+        return z - self.depth_of_disparity(d + step, z), self.depth_of_disparity(d - step, z) - z
 
     def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
-        """Parts of the error of 1/Z [1/m] to first order, on the line midway between the cameras.
+        """Parts of the error as errors of disparity [m], to first order, on the line midway between the cameras.
 
-        With u = B/2Z, t = tan(θ/2) and x = d/2: ``∂(1/Z)/∂d = (1 + u²) / (f B (1 + x²/f²))``, ``∂/∂ψ = (1 + u²)/B`` for
-        yaw, ``∂/∂f = −(d/f) ∂/∂d`` and ``∂/∂B = −1/(Z B)``. Pitch and roll do not act to first order there.
+        With u = B/2Z and x = d/2: yaw ψ adds ``ψ f (1 + x²/f²)``, an error of f takes away ``d δf/f``, one of B
+        ``f δB/Z (1 + x²/f²)/(1 + u²)``. Pitch and roll do not act to first order there.
         """
         f, B = self.lens.focal_length, self.baseline
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
         d = self.disparity(distance)
         u2, x2 = (B * inverse / 2.0) ** 2, (d / (2.0 * f)) ** 2
-        per_disparity = (1.0 + u2) / (f * B * (1.0 + x2))
+        one, zero = np.ones_like(d), np.zeros_like(d)
         noise = ErrorSource(standard_deviation=self.disparity_error_px * self.sensor.pixel_pitch)
         errors = self.calibration
         slopes: dict[str, tuple[ErrorSource, FloatArray]] = {
-            "pixel_noise": (noise, per_disparity),
-            "yaw": (errors.yaw, (1.0 + u2) / B),
-            "pitch": (errors.pitch, np.zeros_like(inverse)),
-            "roll": (errors.roll, np.zeros_like(inverse)),
-            "baseline": (errors.baseline, inverse / B),
-            "focal_length": (errors.focal_length, per_disparity * np.abs(d) / f),
-            "principal_point": (errors.principal_point, per_disparity),
+            "pixel_noise": (noise, one),
+            "yaw": (errors.yaw, f * (1.0 + x2)),
+            "pitch": (errors.pitch, zero),
+            "roll": (errors.roll, zero),
+            "baseline": (errors.baseline, f * inverse * (1.0 + x2) / (1.0 + u2)),
+            "focal_length": (errors.focal_length, np.abs(d) / f),
+            "principal_point": (errors.principal_point, one),
         }
         return tuple(
             DepthErrorPart(
                 name=name,
-                inverse_depth_error=source.standard_deviation * slope,
+                disparity_error=source.standard_deviation * slope,
                 shape=source.shape,
                 error_class="per measurement" if name == "pixel_noise" else "per rig",
             )
@@ -200,10 +201,18 @@ class StereoRig:
         right = _rotate(right, yaw=e["yaw"], pitch=e["pitch"], roll=e["roll"])
         if self.triangulation == "midpoint":
             centre = np.stack(np.broadcast_arrays(B / 2.0, 0.0, 0.0), axis=-1)
-            return midpoint_depth(*np.broadcast_arrays(left, right), -centre, centre)
+            return midpoint_depth(left, right, -centre, centre)
         difference = left[..., 0] / left[..., 2] - right[..., 0] / right[..., 2]
         in_front = difference > 0.0
         return np.asarray(np.where(in_front, B / np.where(in_front, difference, 1.0), np.inf))
+
+    def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+        """One standard deviation of each error, all independent."""
+        noise = {"pixel_noise": self.disparity_error_px * self.sensor.pixel_pitch}
+        deviations = noise | {
+            f.name: getattr(self.calibration, f.name).standard_deviation for f in fields(self.calibration)
+        }
+        return {name: ({name: deviation},) for name, deviation in deviations.items() if deviation > 0.0}
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """The baseline [m] of the parallel rig of this focal length that measures as well: B, or less if converging."""
@@ -242,7 +251,7 @@ class StereoRig:
             value = self.blur_px(distance)
             found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
         if criteria.disparity_step_px is not None:
-            value = self.disparity_px(distance) - self.disparity_px(np.inf)
+            value = (self.disparity(distance) - self.disparity_of_infinity(distance)) / self.sensor.pixel_pitch
             found["last_disparity_step"] = Limit(
                 value=value, bound=criteria.disparity_step_px, met=value > criteria.disparity_step_px
             )

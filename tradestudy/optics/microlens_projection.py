@@ -29,9 +29,7 @@ def main_lens_image_coordinate(
         a and f_M [m].
     """
     f = np.asarray(focal_length, dtype=np.float64)
-    return np.asarray(
-        -np.asarray(object_coordinate, dtype=np.float64) * (focus_shift(object_distance, f) / f)
-    )
+    return np.asarray(-np.asarray(object_coordinate, dtype=np.float64) * (focus_shift(object_distance, f) / f))
 
 
 def microlens_object_distance(
@@ -74,9 +72,7 @@ def object_distance_of_virtual_depth(
         +infinity where s = 0; NaN where s < 0, because no object in front of the camera gives that virtual depth.
     """
     f = np.asarray(focal_length, dtype=np.float64)
-    s = (np.asarray(mla_distance, dtype=np.float64) - f) - np.asarray(
-        virtual_depth, dtype=np.float64
-    ) * microlens_gap
+    s = (np.asarray(mla_distance, dtype=np.float64) - f) - np.asarray(virtual_depth, dtype=np.float64) * microlens_gap
     with np.errstate(divide="ignore"):
         a = f + f * (f / np.abs(s))
     return np.asarray(np.where(s < 0.0, np.nan, a))
@@ -111,7 +107,10 @@ def project_to_detector(
     x_image = main_lens_image_coordinate(object_coordinate, object_distance, focal_length)
     a_L = microlens_object_distance(object_distance, mla_distance, focal_length)
     with np.errstate(divide="ignore", invalid="ignore"):  # a_L = 0 is a pole of the law, documented above
-        return np.asarray((np.asarray(microlens_center, dtype=np.float64) - x_image) * (microlens_gap / a_L))
+        return np.asarray(
+            (np.asarray(microlens_center, dtype=np.float64) - x_image)
+            * (np.asarray(microlens_gap, dtype=np.float64) / a_L)
+        )
 
 
 def project_to_object(
@@ -142,7 +141,5 @@ def project_to_object(
     """
     f = np.asarray(focal_length, dtype=np.float64)
     v = virtual_depth(object_distance, mla_distance, microlens_gap, f)
-    x_image = np.asarray(microlens_center, dtype=np.float64) - v * np.asarray(
-        local_image_coordinate, dtype=np.float64
-    )
+    x_image = np.asarray(microlens_center, dtype=np.float64) - v * np.asarray(local_image_coordinate, dtype=np.float64)
     return np.asarray(-x_image * ((np.asarray(object_distance, dtype=np.float64) - f) / f))

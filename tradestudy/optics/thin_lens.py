@@ -35,9 +35,7 @@ def focus_shift(object_distance: ArrayLike, focal_length: ArrayLike) -> FloatArr
     exploration", less f.
     """
     a, f = np.asarray(object_distance, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
-    with np.errstate(
-        divide="ignore"
-    ):  # an object in the focal plane is imaged to infinity: that is the answer
+    with np.errstate(divide="ignore"):  # an object in the focal plane is imaged to infinity: that is the answer
         return np.asarray(f * (f / (a - f)))
 
 
@@ -86,8 +84,7 @@ def blur_diameter(
         difference of the shifts taken through ``f² (a₀ − a) / ((a − f)(a₀ − f))`` so that it does not cancel.
     """
     a, a0, f, pupil = (
-        np.asarray(value, dtype=np.float64)
-        for value in (object_distance, focus_distance, focal_length, pupil_diameter)
+        np.asarray(value, dtype=np.float64) for value in (object_distance, focus_distance, focal_length, pupil_diameter)
     )
     # s − s₀ = f (1/(1 − f/a) · 1/a − …): divided through by a a₀ so that either distance may be infinite.
     with np.errstate(divide="ignore"):

@@ -57,7 +57,9 @@ def plenoptic_focus_shift(
     with np.errstate(divide="ignore"):  # zero disparity is a_L = ±infinity
         v = np.asarray(microlens_baseline, dtype=np.float64) / np.asarray(disparity, dtype=np.float64)
     f = np.asarray(focal_length, dtype=np.float64)
-    return np.asarray((np.asarray(mla_distance, dtype=np.float64) - f) - microlens_gap * v)
+    return np.asarray(
+        (np.asarray(mla_distance, dtype=np.float64) - f) - np.asarray(microlens_gap, dtype=np.float64) * v
+    )
 
 
 def plenoptic_depth(
@@ -108,7 +110,7 @@ def plenoptic_depth_condition(
     """
     a, f = np.asarray(object_distance, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
     z = np.asarray(mla_distance, dtype=np.float64)
-    a_L = np.asarray(microlens_gap) * virtual_depth(a, z, microlens_gap, f)
+    a_L = np.asarray(microlens_gap, dtype=np.float64) * virtual_depth(a, z, microlens_gap, f)
     slope = ((a - f) / f) ** 2  # |∂a/∂s|
     return np.asarray((3.0 * np.abs(a_L) * slope + z * slope + f * (a / f) ** 2) / np.abs(a))
 

@@ -8,10 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr, ndtri
+
+from tradestudy.errors import OutOfRangeError
 
 FloatArray = NDArray[np.float64]
 
@@ -19,6 +22,9 @@ FloatArray = NDArray[np.float64]
 _NARROW = 1e-3
 _NODES = 48
 _BISECTIONS = 200
+_MOST_UNIFORMS = 3
+_FAR = 1e150
+_DENSITY_ENDS = 37.0  # exp(−37²/2) is below every digit of what it is added to
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,16 +43,19 @@ class SumOfErrors:
     half_widths: FloatArray
 
     @classmethod
-    def of(
-        cls, normals: Iterable[ArrayLike], uniforms: Iterable[ArrayLike], shape: tuple[int, ...]
-    ) -> SumOfErrors:
-        """Collect standard deviations of normal and of uniform errors, each broadcast to ``shape``."""
+    def of(cls, normals: Iterable[ArrayLike], uniforms: Iterable[ArrayLike], shape: tuple[int, ...]) -> SumOfErrors:
+        """Collect standard deviations of normal and of uniform errors, each broadcast to ``shape``.
+
+        Raises
+        ------
+        OutOfRangeError
+            For more than three uniform errors, whose numerical convolution would take 48ⁿ⁻¹ nodes.
+        """
         variance = np.zeros(shape)
         for deviation in normals:
             variance = variance + np.square(deviation)
         widths = [
-            np.broadcast_to(np.sqrt(3.0) * np.asarray(deviation, dtype=np.float64), shape)
-            for deviation in uniforms
+            np.broadcast_to(np.sqrt(3.0) * np.asarray(deviation, dtype=np.float64), shape) for deviation in uniforms
         ]
         half_widths = -np.sort(-np.stack(widths), axis=0) if widths else np.zeros((0, *shape))
         return cls(normal=np.sqrt(variance), half_widths=half_widths)
@@ -59,10 +68,11 @@ class SumOfErrors:
     def cumulative(self, value: ArrayLike) -> FloatArray:
         """Probability that the sum is at most ``value``, broadcast against the cases.
 
-        The widest uniform is integrated in closed form, the others by Gauss–Legendre with 48 nodes each; the error is below
-        1e-12 for one uniform and below 1e-6 for more, the larger where no normal error smooths the corners.
+        The widest uniform is integrated in closed form, the others by Gauss–Legendre with 48 nodes each; the error is
+        below 1e-12 for one uniform and below 1e-6 for more, where no normal error smooths the corners.
         """
-        x = np.asarray(value, dtype=np.float64)
+        # Infinite bounds are asked for where a camera has no pole; the largest floats stand for them.
+        x = np.clip(np.asarray(value, dtype=np.float64), -_FAR, _FAR)
         widest, others = _split(self.half_widths, self.normal.shape)
         points, weights = _mixture(others)
         return np.asarray(np.sum(weights * _normal_and_uniform(x - points, self.normal, widest), axis=0))
@@ -74,9 +84,7 @@ class SumOfErrors:
         """
         if not np.any(self.half_widths > 0.0):
             return np.asarray(self.normal * ndtri(probability))
-        reach = np.sum(self.half_widths, axis=0) + self.normal * max(
-            10.0, 2.0 * abs(float(ndtri(probability)))
-        )
+        reach = np.sum(self.half_widths, axis=0) + self.normal * max(10.0, 2.0 * abs(float(ndtri(probability))))
         low, high = -reach, reach
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
@@ -94,10 +102,10 @@ def _split(half_widths: FloatArray, shape: tuple[int, ...]) -> tuple[FloatArray,
 
 
 def _mixture(half_widths: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Nodes and weights of the sum of the uniforms that are integrated numerically; one node at 0 where there are none."""
+    """Nodes and weights of the sum of the uniforms that are integrated numerically; one node at 0 for none."""
     shape = half_widths.shape[1:]
     points, weights = np.zeros((1, *shape)), np.ones((1, *(1,) * len(shape)))
-    nodes, node_weights = np.polynomial.legendre.leggauss(_NODES)
+    nodes, node_weights = _gauss_legendre()
     column = (slice(None), *(np.newaxis,) * len(shape))
     for half_width in half_widths:
         points = (points[:, np.newaxis] + nodes[column] * half_width).reshape(-1, *shape)
@@ -105,10 +113,15 @@ def _mixture(half_widths: FloatArray) -> tuple[FloatArray, FloatArray]:
     return points, weights
 
 
+@cache
+def _gauss_legendre() -> tuple[FloatArray, FloatArray]:
+    return np.polynomial.legendre.leggauss(_NODES)
+
+
 def _normal_and_uniform(x: FloatArray, sigma: FloatArray, h: FloatArray) -> FloatArray:
-    """P(N(0, σ²) + U(−h, h) ≤ x): the mean of Φ((x − t)/σ) over \\|t\\| ≤ h."""
+    """P(N(0, σ²) + U(−h, h) ≤ x): the mean of Φ((x − t)/σ) over −h ≤ t ≤ h."""
     # Narrow uniforms are added in variance: their closed form would be a difference of nearly equal numbers.
-    narrow = h <= _NARROW * sigma
+    narrow = ~(h > _NARROW * sigma)  # so that NaN, too, goes the simple way and stays NaN
     width = np.where(narrow, np.sqrt(sigma**2 + h**2 / 3.0), sigma)
     some = np.where(width > 0.0, width, 1.0)
     normal_alone = np.where(width > 0.0, ndtr(x / some), np.where(x < 0.0, 0.0, 1.0))
@@ -121,4 +134,6 @@ def _normal_and_uniform(x: FloatArray, sigma: FloatArray, h: FloatArray) -> Floa
 def _integral_of_phi(x: FloatArray) -> FloatArray:
     """``∫_{−∞}^x Φ = x Φ(x) + φ(x)``."""
     with np.errstate(under="ignore"):  # far in the tail the density is zero to every digit
-        return np.asarray(x * ndtr(x) + np.exp(-0.5 * np.minimum(x * x, 1400.0)) / np.sqrt(2.0 * np.pi))
+        return np.asarray(
+            x * ndtr(x) + np.exp(-0.5 * np.square(np.minimum(np.abs(x), _DENSITY_ENDS))) / np.sqrt(2.0 * np.pi)
+        )

@@ -26,9 +26,7 @@ class LensPart(Part):
     """A lens: its focal length, or the field of view that gives it, and its f-number."""
 
     focal_length: PositiveLength | None = Field(default=None, description="Focal length f.")
-    field_of_view: PositiveAngle | None = Field(
-        default=None, description="Full angle, instead of a focal length."
-    )
+    field_of_view: PositiveAngle | None = Field(default=None, description="Full angle, instead of a focal length.")
     across: Literal["width", "diagonal"] | None = Field(
         default=None, description="What of the sensor the field of view covers."
     )
@@ -37,9 +35,7 @@ class LensPart(Part):
     @model_validator(mode="after")
     def _one_way(self) -> Self:
         if (self.focal_length is None) == (self.field_of_view is None):
-            raise MistakeAt(
-                (), "give exactly one of focal_length and field_of_view (null takes an inherited one back)"
-            )
+            raise MistakeAt((), "give exactly one of focal_length and field_of_view (null takes an inherited one back)")
         if (self.field_of_view is None) != (self.across is None):
             raise MistakeAt((), "field_of_view and across (width or diagonal) belong together")
         if self.field_of_view is not None and not self.field_of_view < math.pi:
@@ -68,9 +64,7 @@ class MicrolensesPart(Part):
         description="One per type; left out, they are designed so that their depths of field touch, at one pixel of blur, "
         "from the total covering plane on.",
     )
-    aperture_diameter: PositiveLength | None = Field(
-        default=None, description="Of one microlens; default: the pitch."
-    )
+    aperture_diameter: PositiveLength | None = Field(default=None, description="Of one microlens; default: the pitch.")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -80,9 +74,7 @@ class MicrolensesPart(Part):
                 f"{len(self.focal_lengths)} focal lengths for {self.types} types: give one for each type",
             )
         if self.layout == "square" and self.types != 1:
-            raise MistakeAt(
-                ("types",), "three types do not tile a square array evenly; use layout: hexagonal"
-            )
+            raise MistakeAt(("types",), "three types do not tile a square array evenly; use layout: hexagonal")
         if self.aperture_diameter is not None and self.aperture_diameter > self.pitch:
             raise MistakeAt(("aperture_diameter",), "the microlenses overlap: at most the pitch")
         return self
@@ -136,9 +128,7 @@ class PlenopticDepthPart(DisparityPart):
     @model_validator(mode="after")
     def _choice(self) -> Self:
         if self.lenses is not None and self.estimator in ("adjacent-pair", "same-type-pair"):
-            raise MistakeAt(
-                ("lenses",), f"the estimator {self.estimator} has no choice of lenses; leave it out"
-            )
+            raise MistakeAt(("lenses",), f"the estimator {self.estimator} has no choice of lenses; leave it out")
         return self
 
 
@@ -233,9 +223,7 @@ class StereoPart(_CameraPart):
     lenses: LensPart
     sensor: SensorPart
     baseline: PositiveLength
-    axes_meet_at: PositiveLengthOrInfinity = Field(
-        description="Where the optical axes meet; infinity is parallel."
-    )
+    axes_meet_at: PositiveLengthOrInfinity = Field(description="Where the optical axes meet; infinity is parallel.")
     focus_distance: PositiveLengthOrInfinity | Literal["every-object"] = Field(
         description="Where the lenses are focused; every-object: a mechanism refocuses them."
     )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.quantities import (
-    Fraction,
     PositiveFraction,
     PositiveLength,
     PositiveNumber,
@@ -18,6 +17,8 @@ from tradestudy.study.schema.quantities import (
 
 Way = Literal["noise", "calibration", "both"]
 Text = Annotated[str, Field(min_length=1, max_length=2000)]
+# A quantity whose dimension depends on what is asked; a plain number may stand without quotes.
+QuantityText = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) in (int, float) else value)]
 CameraName = Annotated[str, Field(min_length=1, max_length=80)]
 Scalar = str | int | float | bool | None
 
@@ -25,9 +26,7 @@ Scalar = str | int | float | bool | None
 class UsablePart(Part):
     """Limits of the usable range; one that is left out does not limit."""
 
-    overlap: PositiveFraction | None = Field(
-        default=None, description="Least common share of the two stereo views."
-    )
+    overlap: PositiveFraction | None = Field(default=None, description="Least common share of the two stereo views.")
     availability: PositiveFraction | None = Field(
         default=None, description="Least share of points seen by two of the estimator's microlenses."
     )
@@ -57,7 +56,7 @@ class ReadingPart(Part):
     """One other reading of the assumptions: values that replace those of the study."""
 
     says: Text
-    set: Annotated[dict[str, Any], Field(min_length=1)]
+    set: Annotated[dict[str, Scalar], Field(min_length=1)]
 
 
 class SolvePart(Part):
@@ -75,10 +74,10 @@ class SolvePart(Part):
 class ExpectPart(Part):
     """The expected value of a claim: about a value, or a bound."""
 
-    value: Text | None = None
+    value: QuantityText | None = None
     within: PositiveFraction | None = Field(default=None, description="Relative tolerance of value.")
-    above: Text | None = None
-    below: Text | None = None
+    above: QuantityText | None = None
+    below: QuantityText | None = None
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -92,13 +91,9 @@ class ExpectPart(Part):
 class _ClaimPart(Part):
     says: Text = Field(description="The claim in the words of its source.")
     source: Text
-    tolerance_reason: Text = Field(
-        description="Why this expectation and tolerance follow from the source's wording."
-    )
+    tolerance_reason: Text = Field(description="Why this expectation and tolerance follow from the source's wording.")
     expect: ExpectPart
-    under: tuple[CameraName, ...] = Field(
-        default=(), description="Readings of the assumptions it is also tried under."
-    )
+    under: tuple[CameraName, ...] = Field(default=(), description="Readings of the assumptions it is also tried under.")
 
 
 class LimitDistanceClaim(_ClaimPart):
@@ -149,10 +144,27 @@ ClaimPart = Annotated[
 
 
 class BoundOverPart(Part):
-    """An upper bound that holds over a range of distances."""
+    """An upper bound, absolute or relative to the distance, that holds over a range of distances."""
 
-    below: Fraction | PositiveLength
+    below: PositiveLength | None = Field(default=None, description="Absolute bound.")
+    below_relative: PositiveFraction | None = Field(default=None, description="Bound as a share of the distance.")
     over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)]
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.below is None) == (self.below_relative is None):
+            raise MistakeAt((), "give exactly one of below and below_relative")
+        return self
+
+    @property
+    def is_relative(self) -> bool:
+        """Whether the bound is a share of the distance."""
+        return self.below is None
+
+    @property
+    def limit(self) -> float:
+        """The bound, in metres or as a share."""
+        return self.below if self.below is not None else self.below_relative or 0.0
 
 
 class RequirementPart(Part):

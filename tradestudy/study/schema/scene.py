@@ -37,10 +37,7 @@ class DistanceRangePart(Part):
 class ScenePart(Part):
     """What is looked at."""
 
-    distances: (
-        DistanceRangePart
-        | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
-    )
+    distances: DistanceRangePart | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
     wavelength: PositiveWavelength
 
     @model_validator(mode="after")

@@ -1,0 +1,276 @@
+"""The façade: load a study, run it, look at its results, write its report.
+
+>>> import tradestudy
+>>> result = tradestudy.load("studies/plenoptic_vs_stereo.yaml").run()
+>>> result.data["depth"]
+>>> result.figure("whole_range")
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tradestudy import provenance
+from tradestudy.study.definition import StudyDefinition, load_definition
+
+if TYPE_CHECKING:
+    import xarray as xr
+    from matplotlib.figure import Figure
+
+    from tradestudy.study.schema.root import StudyFile
+
+Progress = Callable[[str, float], None]
+
+
+def load(path: str | Path, overrides: Sequence[str] = ()) -> Study:
+    """Read and check a study file.
+
+    Parameters
+    ----------
+    path
+        The study file.
+    overrides
+        ``path=value`` texts that replace values, as ``--set`` does.
+
+    Raises
+    ------
+    StudyError
+        With every mistake of the file at once.
+    """
+    return Study(load_definition(Path(path), tuple(overrides)))
+
+
+@dataclass(frozen=True)
+class Study:
+    """A valid study."""
+
+    definition: StudyDefinition
+
+    @property
+    def file(self) -> StudyFile:
+        """What the study says, value by value, in SI."""
+        return self.definition.file
+
+    @property
+    def name(self) -> str:
+        """Name of the study and of its report folder."""
+        return self.file.study
+
+    @property
+    def hash(self) -> str:
+        """Of what the study says, with its cameras and overrides in place."""
+        return provenance.study_hash(self.definition.document.tree)
+
+    def check_summary(self) -> str:
+        """One line on what the study would compute."""
+        file, case = self.file, self.definition.case
+        ends = f"{case.distance[0]:g} to {case.distance[-1]:g} m"
+        counted = [
+            (len(file.cameras), "camera"),
+            (len(case.distance), "distance"),
+            (len(file.readings), "reading"),
+            (len(file.claims), "claim"),
+            (len(file.requirements), "requirement"),
+        ]
+        words = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for count, word in counted if count)
+        return f"{self.name}: {words}; {ends}"
+
+    def with_values(self, values: Mapping[str, str]) -> Study:
+        """The same study with other values by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""
+        return Study(self.definition.with_values(values))
+
+    def run(self, progress: Progress = lambda _step, _share: None) -> Result:
+        """Compute everything that the study asks for.
+
+        Parameters
+        ----------
+        progress
+            Called with the step and the share of it done, 0 … 1.
+        """
+        from tradestudy.study.runner import compute
+
+        started = datetime.now(UTC)
+        begin = time.perf_counter()
+        tree = compute(self.definition, progress)
+        tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
+        return Result(data=tree, run_record=self._record(started, {"compute": time.perf_counter() - begin}))
+
+    def _record(self, started: datetime, seconds: Mapping[str, float]) -> dict[str, Any]:
+        return {
+            "study": self.name,
+            "study_hash": self.hash,
+            "code_hash": provenance.code_hash(),
+            "seed": None,
+            "started": started.isoformat(timespec="seconds"),
+            "versions": provenance.versions(),
+            "machine": provenance.machine(),
+            "seconds": {step: round(value, 3) for step, value in seconds.items()},
+        }
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><td>{escape(name)}</td><td>{escape(part.title)}</td><td>{escape(part.kind)}</td></tr>"
+            for name, part in self.file.cameras.items()
+        )
+        return (
+            f"<h3>{escape(self.file.title)}</h3><p>{escape(self.file.question)}</p>"
+            f"<table><tr><th>camera</th><th>title</th><th>kind</th></tr>{rows}</table>"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What a study found.
+
+    Parameters
+    ----------
+    data
+        The results tree, SI units in the attributes.
+    run_record
+        Provenance, the content of ``run.json``.
+    """
+
+    data: xr.DataTree
+    run_record: Mapping[str, Any]
+
+    @property
+    def unmet_requirements(self) -> list[str]:
+        """What the study requires and no camera gives."""
+        if "requirements" not in self.data.children:
+            return []
+        table = self.data["requirements"]
+        return [
+            f"{name}: {says} ({reason})"
+            for name, says, met, reason in zip(
+                table["requirement"].values,
+                table["says"].values,
+                table["met"].values,
+                table["reason"].values,
+                strict=True,
+            )
+            if not met
+        ]
+
+    @property
+    def figure_names(self) -> list[str]:
+        """Names that `figure` takes."""
+        from tradestudy import figures
+
+        return list(figures.build(self.data))
+
+    def figure(self, name: str) -> Figure:
+        """One figure of the report, as a matplotlib figure."""
+        from tradestudy import figures
+
+        return figures.figure(self.data, name)
+
+    def write(self, directory: str | Path, *, pdf: bool = True) -> Path:
+        """Write results, record, tables, figures and report; every file whole or not at all.
+
+        Parameters
+        ----------
+        directory
+            Where to; made if missing.
+        pdf
+            Whether to write the PDF too.
+        """
+        from tradestudy import report, storage
+
+        target = Path(directory)
+        storage.write_results(self.data, target)
+        storage.write_run(self.run_record, target)
+        # Read back, so that a report made now and one made later from the files are the same bytes.
+        report.write(storage.read_results(target), storage.read_run(target), target, pdf=pdf)
+        return target
+
+    def _repr_html_(self) -> str:
+        best = self.data["decision"]["best_camera"].sel(way="both")
+        distances = best["distance"].values
+        rows, start = [], 0
+        names = best.values
+        for i in range(1, len(names) + 1):
+            if i == len(names) or names[i] != names[start]:
+                span = f"{distances[start]:.3g} – {distances[i - 1]:.3g} m"
+                rows.append(f"<tr><td>{span}</td><td>{escape(str(names[start])) or '—'}</td></tr>")
+                start = i
+        return (
+            f"<h3>{escape(str(self.data.attrs['title']))}</h3><p>{escape(str(self.data.attrs['question']))}</p>"
+            f"<table><tr><th>distance</th><th>most certain usable camera</th></tr>{''.join(rows)}</table>"
+            f"<p>{escape(', '.join(self.data.children))}</p>"
+        )
+
+
+def run(
+    study: Study, directory: Path, *, fresh: bool = False, pdf: bool = True, progress: Progress = lambda _s, _p: None
+) -> Result:
+    """Run a study into a folder, taking up what a finished or interrupted run left there.
+
+    Results of the same study by the same code are not computed again unless ``fresh``; the report always is.
+    """
+    result = None if fresh else _finished(study, directory)
+    if result is None:
+        result = study.run(progress)
+    progress("report", 0.0)
+    result.write(directory, pdf=pdf)
+    progress("report", 1.0)
+    return result
+
+
+def _finished(study: Study, directory: Path) -> Result | None:
+    """Results of an earlier run in a folder, if they are of this study and this code."""
+    from tradestudy import storage
+    from tradestudy.errors import ResultsError
+
+    try:
+        tree, record = storage.read_results(directory), storage.read_run(directory)
+    except ResultsError:
+        return None
+    same = tree.attrs.get("study_hash") == study.hash and tree.attrs.get("code_hash") == provenance.code_hash()
+    return Result(data=tree, run_record=record) if same and record.get("study_hash") == study.hash else None
+
+
+def open_result(directory: str | Path) -> Result:
+    """Read what an earlier run wrote.
+
+    Raises
+    ------
+    ResultsError
+        Where there is nothing, or nothing that can be read.
+    """
+    from tradestudy import storage
+
+    return Result(data=storage.read_results(Path(directory)), run_record=storage.read_run(Path(directory)))
+
+
+def report(directory: str | Path, *, pdf: bool = True) -> None:
+    """Render the report of a finished run again, to the same bytes."""
+    from tradestudy import report as renderer
+
+    result = open_result(directory)
+    renderer.write(result.data, dict(result.run_record), Path(directory), pdf=pdf)
+
+
+def schema() -> dict[str, Any]:
+    """JSON Schema of study files."""
+    from tradestudy.study.schema.root import StudyFile
+
+    return StudyFile.model_json_schema()
+
+
+def starter(name: str) -> str:
+    """A commented study file to start from.
+
+    Raises
+    ------
+    StudyError
+        If the name cannot be a study's name.
+    """
+    template = files("tradestudy.study").joinpath("starter.yaml").read_text(encoding="utf-8")
+    return template.replace("NAME", name)

@@ -1,0 +1,49 @@
+"""What a run was made of: study, code, versions, machine. Nothing here reaches the numbers."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import json
+import os
+import platform
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+LIBRARIES = ("numpy", "scipy", "xarray", "h5netcdf", "matplotlib", "pandas", "pydantic", "ruamel.yaml", "pint", "typst")
+
+
+def study_hash(tree: Mapping[str, Any]) -> str:
+    """SHA-256 of what a study says, once cameras and overrides are in place."""
+    return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()
+
+
+@cache
+def code_hash() -> str:
+    """SHA-256 of the package's own sources: results of other code are not these results."""
+    digest = hashlib.sha256()
+    folder = Path(__file__).parent
+    for path in sorted(folder.rglob("*.py")):
+        digest.update(path.relative_to(folder).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python, of this package and of the libraries that numbers and pictures come from."""
+    return {
+        "python": platform.python_version(),
+        "tradestudy": importlib.metadata.version("tradestudy"),
+    } | {name: importlib.metadata.version(name) for name in LIBRARIES}
+
+
+def machine() -> dict[str, str | int]:
+    """The machine, as far as it matters to seconds."""
+    return {
+        "system": platform.system(),
+        "release": platform.release(),
+        "architecture": platform.machine(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+    }

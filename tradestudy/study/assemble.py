@@ -1,0 +1,176 @@
+"""From the parts of a study file to cameras and criteria in SI floats."""
+
+from __future__ import annotations
+
+import math
+from typing import assert_never
+
+from tradestudy.cameras.depth_camera import DepthCamera, ErrorSource, UsableCriteria
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic, PlenopticCalibration
+from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, focal_length_of_field_of_view
+from tradestudy.cameras.stereo import StereoCalibration, StereoRig
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.depth_of_field.microlens_relay import microlens_focal_length, touching_inverse_virtual_depths
+from tradestudy.optics.thin_lens import image_distance
+from tradestudy.study.schema.cameras import (
+    AngleErrorPart,
+    FocusedPlenopticPart,
+    LengthErrorPart,
+    LensPart,
+    NormalLengthErrorPart,
+    SensorPart,
+    StereoPart,
+)
+from tradestudy.study.schema.questions import UsablePart
+
+COVERING_VIRTUAL_DEPTH = 2.0
+
+
+def camera_of(part: FocusedPlenopticPart | StereoPart) -> DepthCamera:
+    """Build the camera that a part of a study file describes.
+
+    Raises
+    ------
+    OutOfRangeError
+        Where the parts do not make a camera.
+    """
+    match part:
+        case FocusedPlenopticPart():
+            return focused_plenoptic_of(part)
+        case StereoPart():
+            return stereo_of(part)
+        case _:
+            assert_never(part)
+
+
+def criteria_of(part: UsablePart) -> UsableCriteria:
+    """The limits of the usable range."""
+    return UsableCriteria(
+        overlap=part.overlap,
+        availability=part.availability,
+        virtual_depth=part.virtual_depth,
+        blur_px=part.blur,
+        disparity_step_px=part.disparity_step,
+        failed_fraction=part.failed_fraction,
+        relative_uncertainty=part.relative_uncertainty,
+    )
+
+
+def stereo_of(part: StereoPart) -> StereoRig:
+    """A stereo rig; axes that meet at Z₀ converge by ``2 atan(B / 2Z₀)``."""
+    sensor = sensor_of(part.sensor)
+    errors = part.calibration
+    return StereoRig(
+        lens=lens_of(part.lenses, sensor),
+        sensor=sensor,
+        focus_distance=None if part.focus_distance == "every-object" else part.focus_distance,
+        baseline=part.baseline,
+        convergence_angle=2.0 * math.atan(part.baseline / (2.0 * part.axes_meet_at)),
+        triangulation=part.depth.estimator,
+        disparity_error_px=part.depth.disparity_error_px,
+        discrimination_step_px=part.depth.discrimination_step,
+        calibration=StereoCalibration(
+            yaw=error_of(errors.yaw),
+            pitch=error_of(errors.pitch),
+            roll=error_of(errors.roll),
+            baseline=error_of(errors.baseline),
+            focal_length=error_of(errors.focal_length),
+            principal_point=error_of(errors.principal_point),
+        ),
+    )
+
+
+def focused_plenoptic_of(part: FocusedPlenopticPart) -> FocusedPlenoptic:
+    """A focused plenoptic camera; its array is put where the declared plane is the total covering plane.
+
+    With b_M the image distance of that plane, ``z = b_M ± 2 b_L`` (Keplerian +, Galilean −); with f-number matching, where
+    ``b_L = p z / A``, this is ``z = b_M / (1 ∓ 2p/A)``.
+    """
+    sensor = sensor_of(part.sensor)
+    lens = lens_of(part.main_lens, sensor)
+    array = part.microlenses
+    gap_over_z = array.pitch / lens.pupil_diameter
+    sign = -1.0 if part.focus.relay == "galilean" else 1.0
+    if part.focus.mla_distance is not None:
+        z = part.focus.mla_distance
+        gap = gap_over_z * z if array.gap == "f-number-matching" else array.gap
+        sign = math.copysign(1.0, z - lens.focal_length)
+    else:
+        plane = part.focus.total_covering_plane
+        if plane is None or not plane > lens.focal_length:
+            raise OutOfRangeError(
+                "the total covering plane",
+                value="none" if plane is None else f"{plane * 1e3:g} mm",
+                limit=f"beyond the main lens's focal length, {lens.focal_length * 1e3:g} mm",
+            )
+        b = float(image_distance(plane, lens.focal_length))
+        if array.gap == "f-number-matching":
+            z = b / (1.0 - sign * COVERING_VIRTUAL_DEPTH * gap_over_z)
+            gap = gap_over_z * z
+        else:
+            gap = array.gap
+            z = b + sign * COVERING_VIRTUAL_DEPTH * gap
+    if not (z > 0.0 and gap > 0.0):
+        raise OutOfRangeError(
+            "the microlens array would stand before the main lens", value=f"{z * 1e3:g} mm", remedy="reduce the gap"
+        )
+    depth, errors = part.depth, part.calibration
+    pair = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}
+    return FocusedPlenoptic(
+        main_lens=lens,
+        sensor=sensor,
+        microlenses=MicrolensArray(
+            layout=array.layout,
+            pitch=array.pitch,
+            gap=gap,
+            focal_lengths=array.focal_lengths or _designed_focal_lengths(part, gap, sign),
+            aperture_diameter=array.aperture_diameter or array.pitch,
+        ),
+        mla_distance=z,
+        estimator=depth.estimator,
+        lenses="all" if pair.get(depth.estimator, depth.lenses) == "all" else "sharpest-type",
+        disparity_error_px=depth.disparity_error_px,
+        discrimination_step_px=depth.discrimination_step,
+        calibration=PlenopticCalibration(
+            mla_distance=error_of(errors.mla_distance),
+            focal_length=error_of(errors.focal_length),
+            correlation=errors.correlation,
+            microlens_gap=error_of(errors.microlens_gap),
+        ),
+    )
+
+
+def _designed_focal_lengths(part: FocusedPlenopticPart, gap: float, sign: float) -> tuple[float, ...]:
+    """Focal lengths of types whose depths of field touch, at one pixel of blur, from the total covering plane on."""
+    array = part.microlenses
+    inverse_depths = touching_inverse_virtual_depths(
+        nearest_virtual_depth=COVERING_VIRTUAL_DEPTH,
+        pixels_per_lens=(array.aperture_diameter or array.pitch) / part.sensor.pixel_pitch,
+        types=array.types,
+    )
+    return tuple(float(focal_length) for focal_length in microlens_focal_length(sign * inverse_depths, gap))
+
+
+def sensor_of(part: SensorPart) -> Sensor:
+    """A pixel array."""
+    return Sensor(columns=part.pixels[0], rows=part.pixels[1], pixel_pitch=part.pixel_pitch)
+
+
+def lens_of(part: LensPart, sensor: Sensor) -> Lens:
+    """A lens, its focal length given or from the field of view on this sensor."""
+    focal_length = part.focal_length
+    if focal_length is None:
+        assert part.field_of_view is not None  # noqa: S101 - the schema asks for one of the two; this tells the type checker
+        extent = sensor.diagonal if part.across == "diagonal" else sensor.width
+        focal_length = focal_length_of_field_of_view(part.field_of_view, extent)
+    return Lens(focal_length=focal_length, f_number=part.f_number)
+
+
+def error_of(part: LengthErrorPart | AngleErrorPart | NormalLengthErrorPart | None) -> ErrorSource:
+    """A normal error by its standard deviation or a uniform one by its half width h, of deviation h/√3."""
+    if part is None:
+        return ErrorSource(standard_deviation=0.0)
+    half_width = getattr(part, "half_width", None)
+    if half_width is not None:
+        return ErrorSource(standard_deviation=half_width / math.sqrt(3.0), shape="uniform")
+    return ErrorSource(standard_deviation=part.standard_deviation or 0.0)

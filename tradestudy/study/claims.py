@@ -1,0 +1,186 @@
+"""Claims and requirements of a study, answered by what was computed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.study.decision import is_usable
+from tradestudy.study.definition import Case
+from tradestudy.study.depth import depth_uncertainty
+from tradestudy.study.schema.questions import (
+    ClaimPart,
+    ExpectPart,
+    LimitDistanceClaim,
+    RelativeUncertaintyDistanceClaim,
+    RequirementPart,
+    ShareBetterClaim,
+    UncertaintyRatioClaim,
+)
+from tradestudy.study.usable import boundaries, evaluate_limits
+from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, parse, pretty
+
+# Enough for a smooth curve over two decades; ends of ranges are always among them.
+_POINTS = 801
+_FARTHEST = 1e5
+
+
+def claim_dimension(claim: ClaimPart) -> Dimension:
+    """What the value of a claim measures."""
+    match claim:
+        case LimitDistanceClaim() | RelativeUncertaintyDistanceClaim():
+            return LENGTH
+        case UncertaintyRatioClaim():
+            return NUMBER
+        case ShareBetterClaim():
+            return FRACTION
+
+
+def claim_quantity(claim: ClaimPart) -> str:
+    """What is computed to answer a claim, in words."""
+    match claim:
+        case LimitDistanceClaim():
+            return f"{claim.end} end of the {claim.limit.replace('_', ' ')} limit of {claim.camera}"
+        case UncertaintyRatioClaim():
+            span = " to ".join(pretty(end, LENGTH) for end in claim.over)
+            return f"largest uncertainty of {claim.camera} over that of {claim.against}, {span} ({claim.way})"
+        case ShareBetterClaim():
+            span = " to ".join(pretty(end, LENGTH) for end in claim.over)
+            return f"share of {span} (log scale) where {claim.camera} is usable and better than {claim.against}"
+        case RelativeUncertaintyDistanceClaim():
+            share = pretty(claim.threshold, FRACTION)
+            return f"distance where the uncertainty of {claim.camera} reaches {share} of it ({claim.way})"
+
+
+def claim_value(claim: ClaimPart, case: Case) -> float:
+    """The value of a claim's quantity in SI; NaN where there is none."""
+    match claim:
+        case LimitDistanceClaim():
+            return _limit_distance(claim, case)
+        case UncertaintyRatioClaim():
+            first, second = (
+                depth_uncertainty(case.cameras[name], _span(claim.over), claim.way)
+                for name in (claim.camera, claim.against)
+            )
+            with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+                return float(np.max(first / second))
+        case ShareBetterClaim():
+            return _share_better(claim, case)
+        case RelativeUncertaintyDistanceClaim():
+            camera = case.cameras[claim.camera]
+            reached = boundaries(
+                lambda points: depth_uncertainty(camera, points, claim.way) > claim.threshold * points, case.distance
+            )
+            begins = [end.distance for end in reached if end.begins]
+            return begins[-1] if begins else math.nan
+
+
+def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
+    """The nearest begin or the farthest end of one limit, looked for far beyond the study's own distances.
+
+    The far end is infinite where the limit still holds at the end of the search, 100 km away.
+    """
+    camera = case.cameras[claim.camera]
+    if claim.limit not in evaluate_limits(camera, case.criteria, case.distance[:1]):
+        return math.nan
+    search = np.concatenate([case.distance, np.geomspace(case.distance[-1], _FARTHEST, _POINTS)[1:]])
+
+    def holds(points: FloatArray) -> BoolArray:
+        return evaluate_limits(camera, case.criteria, points)[claim.limit].met
+
+    if claim.end == "far" and holds(search[-1:])[0]:
+        return math.inf
+    ends = boundaries(holds, search)
+    found = [end.distance for end in ends if end.begins == (claim.end == "near")]
+    if not found:
+        return math.nan
+    return found[0] if claim.end == "near" else found[-1]
+
+
+def _share_better(claim: ShareBetterClaim, case: Case) -> float:
+    points = _span(claim.over)
+    first, second = (depth_uncertainty(case.cameras[name], points, claim.way) for name in (claim.camera, claim.against))
+    usable, other = (is_usable(case, name, points) for name in (claim.camera, claim.against))
+    better = usable & (~other | (first < second))
+    return float(np.mean(better[1:] & better[:-1]))
+
+
+def _span(over: tuple[float, ...]) -> FloatArray:
+    return np.geomspace(over[0], over[1], _POINTS)
+
+
+def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | None:
+    """Whether a value meets an expectation; None where there is no value."""
+    if math.isnan(value):
+        return None
+    if expect.value is not None:
+        expected = parse(expect.value, dimension)
+        return abs(value - expected) <= (expect.within or 0.0) * abs(expected)
+    if expect.above is not None:
+        return value > parse(expect.above, dimension)
+    return value < parse(expect.below, dimension)
+
+
+def expectation(expect: ExpectPart) -> str:
+    """An expectation in words."""
+    if expect.value is not None:
+        return f"{expect.value} ± {pretty(expect.within or 0.0, FRACTION)}"
+    return f"above {expect.above}" if expect.above is not None else f"below {expect.below}"
+
+
+def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
+    """The verdict of a claim from its answers under each reading, and the reason.
+
+    A claim whose answer depends on assumptions that its source does not state cannot be decided from the source.
+    """
+    decided = {name: answer for name, answer in met.items() if answer is not None}
+    if not decided:
+        return "cannot be decided from the paper", "no reading gives a value"
+    yes = [name for name, answer in decided.items() if answer]
+    no = [name for name, answer in decided.items() if not answer]
+    if not no:
+        return "met", f"under every reading tried ({len(yes)})" if len(decided) > 1 else "no other reading was tried"
+    if not yes:
+        return "not met", f"under no reading tried ({len(no)})" if len(decided) > 1 else "no other reading was tried"
+    return "cannot be decided from the paper", f"met under {', '.join(yes)}; not met under {', '.join(no)}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RequirementAnswer:
+    """Whether a requirement is met, by which camera and by what margin."""
+
+    met: bool
+    camera: str
+    margin_percent: float
+    reason: str
+
+
+def answer_requirement(requirement: RequirementPart, case: Case) -> RequirementAnswer:
+    """Hold depth uncertainty, noise and calibration together, against a bound over a range of distances."""
+    names = list(case.cameras) if requirement.camera == "any" else [requirement.camera]
+    answers = [_requirement_of(requirement, case, name) for name in names]
+    return max(answers, key=lambda answer: answer.margin_percent)
+
+
+def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
+    bound = requirement.depth_uncertainty
+    points = _span(bound.over)
+    usable = is_usable(case, name, points)
+    uncertainty = depth_uncertainty(case.cameras[name], points)
+    relative = bound.is_relative
+    value = uncertainty / points if relative else uncertainty
+    worst = int(np.argmax(np.where(np.isnan(value), np.inf, value)))
+    dimension = FRACTION if relative else LENGTH
+    margin = (bound.limit / value[worst] - 1.0) * 100.0 if math.isfinite(value[worst]) else -100.0
+    reason = f"worst {pretty(float(value[worst]), dimension)} at {pretty(float(points[worst]), LENGTH)}"
+    if not usable.all():
+        gap = pretty(float(points[np.argmin(usable)]), LENGTH)
+        return RequirementAnswer(
+            met=False, camera=name, margin_percent=min(margin, -100.0), reason=f"not usable at {gap}; {reason}"
+        )
+    return RequirementAnswer(
+        met=bool(value[worst] < bound.limit), camera=name, margin_percent=float(margin), reason=reason
+    )

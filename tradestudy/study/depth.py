@@ -1,0 +1,145 @@
+"""Depth of one camera over distances: discrimination, uncertainty with its parts, quantiles, failures."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.sum_of_errors import SumOfErrors
+
+WAYS: Final = ("noise", "calibration", "both")
+ONE_SIGMA: Final = (0.15865525393145707, 0.8413447460685429)
+QUANTILES: Final = (0.025, ONE_SIGMA[0], 0.5, ONE_SIGMA[1], 0.975)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthEvaluation:
+    """What one camera knows about depth; arrays over distance unless said otherwise.
+
+    Parameters
+    ----------
+    distance
+        True distance [m].
+    discrimination
+        Towards and away from the camera [m], shape (2, distance); the second may be infinite.
+    uncertainty, quantile, failed_fraction
+        For noise only, calibration only and both: half the central 68.27 % interval [m], shape (way, distance); the
+        quantiles of depth [m], shape (way, distance, quantile), infinite where they lie beyond the pole; the share of
+        measurements beyond it.
+    uncertainty_error
+        Estimated error [m] of the uncertainty for both, from the exact camera model.
+    parts
+        Uncertainty [m] from each part alone.
+    disparity_px, equivalent_baseline
+        As the camera defines them.
+    """
+
+    distance: FloatArray
+    discrimination: FloatArray
+    uncertainty: FloatArray
+    quantile: FloatArray
+    failed_fraction: FloatArray
+    uncertainty_error: FloatArray
+    parts: Mapping[str, FloatArray]
+    disparity_px: FloatArray
+    equivalent_baseline: FloatArray
+
+
+def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation:
+    """Evaluate a camera at distances [m], shape (distance,).
+
+    All errors are added up as errors of disparity, an inverse depth in which pixel noise acts exactly and calibration
+    almost linearly, and the quantiles are mapped back to depth; a standard deviation of depth, which often does not exist,
+    is never formed.
+    """
+    parts = camera.depth_error_parts(distance)
+    sums = [_sum(_of_way(parts, way), distance.shape) for way in WAYS]
+    quantile = np.stack([np.stack([_depth_quantile(camera, distance, s, p) for p in QUANTILES], axis=-1) for s in sums])
+    return DepthEvaluation(
+        distance=distance,
+        discrimination=np.stack(camera.depth_discrimination(distance)),
+        uncertainty=_half_width(quantile[..., 1], quantile[..., 3]),
+        quantile=quantile,
+        failed_fraction=np.stack([_failed_fraction(camera, distance, s) for s in sums]),
+        uncertainty_error=_linearisation_error(camera, distance, parts),
+        parts={part.name: _uncertainty(camera, distance, _sum((part,), distance.shape)) for part in parts},
+        disparity_px=camera.disparity_px(distance),
+        equivalent_baseline=camera.equivalent_baseline(distance),
+    )
+
+
+def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "both") -> FloatArray:
+    """Half the central 68.27 % interval of depth [m], and nothing else: for root finding."""
+    return _uncertainty(camera, distance, _sum(_of_way(camera.depth_error_parts(distance), way), distance.shape))
+
+
+def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Share of measurements, noise and calibration together, that end beyond infinity."""
+    return _failed_fraction(camera, distance, _sum(camera.depth_error_parts(distance), distance.shape))
+
+
+def _of_way(parts: tuple[DepthErrorPart, ...], way: str) -> tuple[DepthErrorPart, ...]:
+    if way == "both":
+        return parts
+    return tuple(part for part in parts if (part.error_class == "per measurement") == (way == "noise"))
+
+
+def _sum(parts: tuple[DepthErrorPart, ...], shape: tuple[int, ...]) -> SumOfErrors:
+    return SumOfErrors.of(
+        [part.disparity_error for part in parts if part.shape == "normal"],
+        [part.disparity_error for part in parts if part.shape == "uniform"],
+        shape,
+    )
+
+
+def _depth_quantile(camera: DepthCamera, distance: FloatArray, errors: SumOfErrors, probability: float) -> FloatArray:
+    # Depth falls with disparity: its p-quantile is the (1 − p)-quantile there, and the sum is symmetric.
+    return camera.depth_of_disparity(camera.disparity(distance) - errors.quantile(probability), distance)
+
+
+def _half_width(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Half an interval; infinite where its far end is, also where both are."""
+    unbounded = np.isinf(high)
+    return np.asarray(np.where(unbounded, np.inf, (high - np.where(unbounded, 0.0, low)) / 2.0))
+
+
+def _uncertainty(camera: DepthCamera, distance: FloatArray, errors: SumOfErrors) -> FloatArray:
+    low, high = (_depth_quantile(camera, distance, errors, probability) for probability in ONE_SIGMA)
+    return _half_width(low, high)
+
+
+def _failed_fraction(camera: DepthCamera, distance: FloatArray, errors: SumOfErrors) -> FloatArray:
+    return errors.cumulative(camera.disparity_of_infinity(distance) - camera.disparity(distance))
+
+
+def _linearisation_error(camera: DepthCamera, distance: FloatArray, parts: tuple[DepthErrorPart, ...]) -> FloatArray:
+    """How far errors added up in disparity miss the exact model, summed over one-deviation errors of each part [m].
+
+    Both the half difference (the width of the interval) and the half sum (its middle) of the two ends count; NaN where an
+    end is infinite, where the uncertainty is infinite or about to be.
+    """
+    disparity = camera.disparity(distance)
+    directions = camera.error_directions()
+    total = np.zeros_like(distance)
+    for name, errors in directions.items():
+        exact_width, exact_shift = np.zeros_like(distance), np.zeros_like(distance)
+        for error in errors:
+            plus, minus = (
+                camera.depth_with_errors(distance, {key: sign * value for key, value in error.items()})
+                for sign in (1.0, -1.0)
+            )
+            finite = np.isfinite(plus) & np.isfinite(minus)
+            plus, minus = np.where(finite, plus, np.nan), np.where(finite, minus, np.nan)
+            exact_width = np.hypot(exact_width, (plus - minus) / 2.0)
+            exact_shift = exact_shift + (plus + minus) / 2.0 - distance
+        linear = next((part.disparity_error for part in parts if part.name == name), np.zeros_like(distance))
+        far, near = (camera.depth_of_disparity(disparity + sign * linear, distance) for sign in (-1.0, 1.0))
+        both = np.isfinite(far)
+        far = np.where(both, far, np.nan)
+        total = total + np.abs(exact_width - (far - near) / 2.0) + np.abs(exact_shift - ((far + near) / 2.0 - distance))
+    return total

@@ -1,0 +1,89 @@
+"""Sweeps: any values of a study over lists or ranges, every combination a study of its own."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import UnaffordableError
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.questions import SweepRangePart
+from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse
+
+_DIMENSIONS: tuple[Dimension, ...] = (LENGTH, ANGLE, PIXELS, FRACTION, NUMBER)
+MOST_POINTS = 20_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepAxis:
+    """One swept value: its dotted path, the text of each value, and labels (SI floats, or text for choices)."""
+
+    path: str
+    values: tuple[str, ...]
+    labels: tuple[float, ...] | tuple[str, ...]
+    units: str
+
+
+def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
+    """The axes that a study declares; none where it sweeps nothing."""
+    return tuple(
+        _axis_of_range(path, part) if isinstance(part, SweepRangePart) else _axis(path, tuple(str(v) for v in part))
+        for path, part in definition.file.sweep.items()
+    )
+
+
+def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> list[StudyDefinition]:
+    """The study at every combination of the axes, the last axis fastest; the study itself where there is none.
+
+    Raises
+    ------
+    UnaffordableError
+        For more than 20 000 combinations.
+    """
+    if not axes:
+        return [definition]
+    count = int(np.prod([len(axis.values) for axis in axes]))
+    if count > MOST_POINTS:
+        raise UnaffordableError(
+            "points of the sweep", value=str(count), limit=f"at most {MOST_POINTS}", remedy="sweep fewer values"
+        )
+    return [
+        definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
+        for values in itertools.product(*(axis.values for axis in axes))
+    ]
+
+
+def _axis_of_range(path: str, part: SweepRangePart) -> SweepAxis:
+    dimension = common_dimension(part.start, part.stop)
+    if dimension is None:
+        raise UnitError(f"sweep of {path}: '{part.start}' and '{part.stop}' have no common unit")
+    space = np.geomspace if part.spacing == "log" else np.linspace
+    numbers = space(parse(part.start, dimension), parse(part.stop, dimension), part.points)
+    values = tuple(f"{float(number)!r} {dimension.unit}".strip() for number in numbers)
+    return SweepAxis(path=path, values=values, labels=tuple(float(n) for n in numbers), units=dimension.unit or "1")
+
+
+def _axis(path: str, values: tuple[str, ...]) -> SweepAxis:
+    dimension = common_dimension(*values)
+    if dimension is None:
+        return SweepAxis(path=path, values=values, labels=values, units="")
+    return SweepAxis(
+        path=path,
+        values=values,
+        labels=tuple(parse(value, dimension) for value in values),
+        units=dimension.unit or "1",
+    )
+
+
+def common_dimension(*texts: str) -> Dimension | None:
+    """The dimension in which all texts can be read, or None."""
+    for dimension in _DIMENSIONS:
+        try:
+            for text in texts:
+                parse(text, dimension)
+        except UnitError:
+            continue
+        return dimension
+    return None
