@@ -1,4 +1,4 @@
-"""Bundle adjustment of one camera or of a pair: all parameters and all board poses at once, poses marginalised after."""
+"""Bundle adjustment of a camera or a pair: all parameters and all board poses at once, the poses then marginalised."""
 
 from __future__ import annotations
 
@@ -161,9 +161,7 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
         ``RESIDUAL_LIMIT_PX``.
     """
     start = np.concatenate([left.intrinsics, right.intrinsics, _median_relative_pose(corners, left, right)])
-    shared, poses, blocks = _minimise(
-        lambda shared, poses: pair_blocks(shared, poses, corners), start, left.poses
-    )
+    shared, poses, blocks = _minimise(lambda shared, poses: pair_blocks(shared, poses, corners), start, left.poses)
     corner_rms, noise = _residual_sizes(blocks, 2 * corners.corner_count)
     return PairFit(
         shared=shared,

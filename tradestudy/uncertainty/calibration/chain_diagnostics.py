@@ -86,7 +86,7 @@ def _effective_size(chains: FloatArray) -> float:
     The mean of all draws is the mean over steps of the walkers' average, whose autocorrelation carries the correlation
     between walkers too. With one walker this is the effective size of the paper.
     """
-    count, steps, walkers = chains.shape
+    count, steps, _ = chains.shape
     single = _pooled_variance(chains.reshape(count, -1))
     series = chains.mean(axis=2)
     if single == 0.0:

@@ -71,9 +71,10 @@ def read_corners(path: str | Path) -> StereoCorners:
     Raises
     ------
     CornerFileError
-        A column is missing; a cell is no number; a corner stands twice; a view has too few corners or all in a line; there are
-        too few views; the board is mirrored, an image is mirrored, or x and y columns are swapped. Left and right
-        exchanged, and units that contradict the baseline, need a fit: see ``bundle_adjustment.check_rig``.
+        A column is missing; a cell is no number; a corner stands twice; a view has too few corners or all in a line;
+        there are too few views; the board is mirrored, an image is mirrored, or x and y columns are swapped. Left and
+        right exchanged, and units that contradict the baseline, need a fit:
+        see ``bundle_adjustment.check_rig``.
     """
     table, scale = _read_table(Path(path))
     groups = _group_views(table)
@@ -170,9 +171,7 @@ def _check_counts(corners: StereoCorners) -> None:
                 remedy="remove the view or add corners",
             )
         for what, plane in (("on the board", corners.board), ("left", corners.left), ("right", corners.right)):
-            spread = np.linalg.svd(
-                plane[row, :count] - plane[row, :count].mean(axis=0), compute_uv=False
-            )
+            spread = np.linalg.svd(plane[row, :count] - plane[row, :count].mean(axis=0), compute_uv=False)
             if spread[1] < 1e-3 * spread[0]:
                 raise CornerFileError(
                     f"view {view}: the corners ({what}) lie on a line",
@@ -215,9 +214,7 @@ def _check_handedness(corners: StereoCorners) -> None:
     raise CornerFileError(what, value=value, limit=limit, remedy=remedy)
 
 
-def _mirrored_image(
-    side: str, image: FloatArray, other: FloatArray, present: BoolArray
-) -> tuple[str, str]:
+def _mirrored_image(side: str, image: FloatArray, other: FloatArray, present: BoolArray) -> tuple[str, str]:
     """Swapped columns or a flipped picture: whichever brings the rows of both cameras closer."""
     flipped = image.copy()
     flipped[..., 0] = image[present][:, 0].max() + image[present][:, 0].min() - image[..., 0]

@@ -39,8 +39,9 @@ def homography(board: FloatArray, image: FloatArray) -> FloatArray:
         ]
     )
     solution = np.linalg.svd(rows)[2][-1].reshape(3, 3)
-    unscaled: FloatArray = np.linalg.inv(to_image) @ solution @ to_board
-    return unscaled / np.cbrt(np.linalg.det(unscaled))
+    unscaled = np.linalg.inv(to_image) @ solution @ to_board
+    scaled: FloatArray = unscaled / np.cbrt(np.linalg.det(unscaled))
+    return scaled
 
 
 def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
@@ -93,9 +94,7 @@ def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -
     return np.array([*(focal / zoom), *centre, 0.0, 0.0])
 
 
-def first_poses(
-    intrinsics: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray
-) -> FloatArray:
+def first_poses(intrinsics: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
     """Board poses from homographies, distortion ignored.
 
     Parameters
@@ -112,9 +111,7 @@ def first_poses(
     array (V, 6)
         Rotation vectors [rad] and translations [m] from board to camera.
     """
-    camera = np.array(
-        [[intrinsics[0], 0.0, intrinsics[2]], [0.0, intrinsics[1], intrinsics[3]], [0.0, 0.0, 1.0]]
-    )
+    camera = np.array([[intrinsics[0], 0.0, intrinsics[2]], [0.0, intrinsics[1], intrinsics[3]], [0.0, 0.0, 1.0]])
     poses = np.empty((len(board), 6))
     for row, there in enumerate(present):
         columns = np.linalg.solve(camera, homography(board[row, there], image[row, there]))
@@ -138,6 +135,4 @@ def _centring(points: FloatArray) -> FloatArray:
 def _conic_row(first: FloatArray, second: FloatArray) -> FloatArray:
     """Coefficients of (B11, B22, B13, B23, B33) in firstᵀ B second, with B12 = 0."""
     a, b = first, second
-    return np.array(
-        [a[0] * b[0], a[1] * b[1], a[0] * b[2] + a[2] * b[0], a[1] * b[2] + a[2] * b[1], a[2] * b[2]]
-    )
+    return np.array([a[0] * b[0], a[1] * b[1], a[0] * b[2] + a[2] * b[0], a[1] * b[2] + a[2] * b[1], a[2] * b[2]])

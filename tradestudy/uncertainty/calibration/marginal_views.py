@@ -1,8 +1,8 @@
 """Views of a pair with a left–right term, board poses and terms integrated out view by view (Laplace).
 
-The board moves a little between the two exposures of a view (or anything else does that looks like it): the right camera
-sees each corner displaced by a small rigid motion, normal with one scale τ: translations N(0, τ²) per axis, rotations
-N(0, (τ/lever)²) with the board's radius of gyration as lever, so that both displace the corners alike.
+The board moves a little between the two exposures of a view (or anything else does that looks like it): the right
+camera sees each corner displaced by a small rigid motion, normal with one scale τ: translations N(0, τ²) per axis,
+rotations N(0, (τ/lever)²) with the board's radius of gyration as lever, so that both displace the corners alike.
 """
 
 from __future__ import annotations
@@ -114,9 +114,7 @@ def gyration_radius(corners: StereoCorners) -> float:
     return float(np.sqrt(((corners.board - centre) ** 2 * weight).sum() / len(corners.views)))
 
 
-def compress_views(
-    shared: FloatArray, states: ViewStates, corners: StereoCorners, lever: float
-) -> CompressedViews:
+def compress_views(shared: FloatArray, states: ViewStates, corners: StereoCorners, lever: float) -> CompressedViews:
     """Linearise the views and reduce them by orthogonal transformations, view by view.
 
     Parameters
@@ -140,7 +138,7 @@ def compress_views(
     # at zero motion of the linearised model
     residuals = residuals + np.einsum("vmk,vk->vm", by_states[..., 6:], states.motions)
     table = np.concatenate([by_states, by_shared, residuals[..., None]], axis=-1)
-    triangle = np.linalg.qr(table, mode="r")
+    triangle = np.linalg.qr(table)[1]
     motion, rows = triangle[:, 6:12, 6:12], triangle[:, 6:12, 12:]
     left, gains, _ = np.linalg.svd(motion)
     coordinates = 4 * corners.corner_count
@@ -148,7 +146,7 @@ def compress_views(
         centre=shared,
         motion_rows=np.swapaxes(left, -1, -2) @ rows,
         motion_gains=gains**2,
-        rest=np.linalg.qr(triangle[:, 12:, 12:].reshape(-1, rows.shape[-1]), mode="r"),
+        rest=np.linalg.qr(triangle[:, 12:, 12:].reshape(-1, rows.shape[-1]))[1],
         rest_count=coordinates - 12 * len(corners.views),
     )
 

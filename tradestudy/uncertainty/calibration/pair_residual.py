@@ -11,6 +11,7 @@ from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.calibration.bundle_adjustment import PairFit
 from tradestudy.uncertainty.calibration.corners import StereoCorners
+from tradestudy.uncertainty.calibration.laplace import covariance_from_information
 from tradestudy.uncertainty.calibration.marginal_views import (
     CompressedViews,
     ViewStates,
@@ -18,7 +19,11 @@ from tradestudy.uncertainty.calibration.marginal_views import (
     gyration_radius,
     settle_views,
 )
-from tradestudy.uncertainty.calibration.view_blocks import pair_blocks, motion_columns
+from tradestudy.uncertainty.calibration.view_blocks import (
+    SHARED_NAMES,
+    motion_columns,
+    pair_blocks,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,9 +94,7 @@ def view_means(fit: PairFit, corners: StereoCorners) -> ViewMeans:
     shape = (len(corners.views), 2, -1, 2)
     total = fit.residuals_px.reshape(shape).sum(axis=2) / corners.present.sum(axis=1)[:, None, None]
     left, right = total[:, 0], total[:, 1]
-    return ViewMeans(
-        left=left, right=right, correlation=float(np.corrcoef(left.ravel(), right.ravel())[0, 1])
-    )
+    return ViewMeans(left=left, right=right, correlation=float(np.corrcoef(left.ravel(), right.ravel())[0, 1]))
 
 
 def fit_pair_residual(fit: PairFit, corners: StereoCorners, *, iterations: int = 20) -> PairResidualFit:
@@ -151,7 +154,7 @@ def _result(
     without: float,
 ) -> PairResidualFit:
     """Gather the fit and what it leaves unexplained."""
-    covariance = np.linalg.inv(compressed.information(noise, scale)[0])
+    covariance = covariance_from_information(compressed.information(noise, scale)[0], SHARED_NAMES)
     motion = motion_columns(compressed.centre, states.poses, corners, lever)
     left_over = pair_blocks(compressed.centre, states.poses, corners).residuals
     left_over = left_over - np.einsum("vmk,vk->vm", motion, states.motions)
@@ -180,9 +183,13 @@ def _restricted(compressed: CompressedViews, noise_px: float, motion_scale: floa
 
 def _best_scales(compressed: CompressedViews, noise_px: float, motion_scale: float) -> tuple[float, float]:
     """Noise and motion scale of highest restricted likelihood."""
+
+    def cost(logs: FloatArray) -> float:
+        return -_restricted(compressed, float(np.exp(logs[0])), float(np.exp(logs[1])))
+
     found = minimize(
-        lambda logs: -_restricted(compressed, *np.exp(logs)),
-        np.log([noise_px, motion_scale]),
+        cost,
+        np.array([np.log(noise_px), np.log(motion_scale)]),
         method="Nelder-Mead",
         options={"xatol": 1e-6, "fatol": 1e-8, "maxiter": 1000},
     )

@@ -297,7 +297,7 @@ def _check_starts(log_probability: LogProbability, starts: FloatArray, names: tu
         )
 
 
-def _sampler(  # type: ignore[no-untyped-def]  # noqa: ANN202 - emcee ships no types
+def _sampler(  # type: ignore[no-untyped-def]  # emcee ships no types
     log_probability: LogProbability, start: FloatArray, rng: np.random.Generator, proposal: LaplaceFit | None
 ):
     """One ensemble with its own random stream."""
@@ -307,7 +307,7 @@ def _sampler(  # type: ignore[no-untyped-def]  # noqa: ANN202 - emcee ships no t
     if proposal is not None and start.shape[1] >= _PROPOSAL_DIMENSIONS:
         moves.append((emcee.moves.MHMove(_independent_move(proposal)), 0.2))
     sampler = emcee.EnsembleSampler(*start.shape, log_probability, moves=moves, vectorize=True)
-    legacy = np.random.RandomState(int(rng.integers(2**32)))  # noqa: NPY002 - the only generator emcee takes
+    legacy = np.random.RandomState(int(rng.integers(2**32)))  # the only generator emcee takes
     sampler.random_state = legacy.get_state()
     return sampler
 
@@ -315,7 +315,7 @@ def _sampler(  # type: ignore[no-untyped-def]  # noqa: ANN202 - emcee ships no t
 def _independent_move(
     proposal: LaplaceFit,
 ) -> Callable[[FloatArray, np.random.RandomState], tuple[FloatArray, FloatArray]]:
-    """Proposals from a multivariate t about a Laplace fit: tails heavier than the posterior's keep the chain ergodic."""
+    """Proposals from a multivariate t about a Laplace fit: its tails keep the chain ergodic."""
     deviation = proposal.standard_deviation
     factor = np.linalg.cholesky(proposal.correlation)
 
@@ -352,9 +352,7 @@ def _stuck_ensembles(chains: FloatArray, r_hat: FloatArray) -> tuple[int, ...]:
     count = chains.shape[0]
     worst = chains[..., int(np.nanargmax(r_hat))]
     return tuple(
-        index
-        for index in range(count)
-        if rank_normalised_split_r_hat(worst[np.arange(count) != index]) <= R_HAT_LIMIT
+        index for index in range(count) if rank_normalised_split_r_hat(worst[np.arange(count) != index]) <= R_HAT_LIMIT
     )
 
 

@@ -117,6 +117,4 @@ def normal_priors(names: tuple[str, ...], mean: FloatArray, standard_deviation: 
         Centres and standard deviations.
     """
     everywhere = np.full(len(names), np.inf)
-    return Priors(
-        names=names, mean=mean, standard_deviation=standard_deviation, lower=-everywhere, upper=everywhere
-    )
+    return Priors(names=names, mean=mean, standard_deviation=standard_deviation, lower=-everywhere, upper=everywhere)

@@ -42,9 +42,7 @@ def project(intrinsics: FloatArray, points: FloatArray) -> FloatArray:
     """
     x, y = _normalised(points)
     radius_squared = x * x + y * y
-    factor = 1.0 + radius_squared * (
-        intrinsics[..., 4, None] + radius_squared * intrinsics[..., 5, None]
-    )
+    factor = 1.0 + radius_squared * (intrinsics[..., 4, None] + radius_squared * intrinsics[..., 5, None])
     return np.stack(
         [
             intrinsics[..., 0, None] * x * factor + intrinsics[..., 2, None],
@@ -54,9 +52,7 @@ def project(intrinsics: FloatArray, points: FloatArray) -> FloatArray:
     )
 
 
-def project_with_jacobians(
-    intrinsics: FloatArray, points: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Image of points with its derivatives by the intrinsic parameters and by the points.
 
     Parameters
@@ -172,7 +168,8 @@ def rotation_matrix(rotation_vector: FloatArray) -> FloatArray:
     angle = np.linalg.norm(rotation_vector, axis=-1)[..., None, None]
     generator = cross_matrix(rotation_vector)
     half = np.sinc(angle / (2.0 * np.pi))  # (1 - cos θ)/θ² = sinc²(θ/2)/2: no cancellation at small angles
-    return np.eye(3) + np.sinc(angle / np.pi) * generator + 0.5 * half**2 * (generator @ generator)
+    matrix: FloatArray = np.eye(3) + np.sinc(angle / np.pi) * generator + 0.5 * half**2 * (generator @ generator)
+    return matrix
 
 
 def rotation_vector(matrix: FloatArray) -> FloatArray:
@@ -180,7 +177,8 @@ def rotation_vector(matrix: FloatArray) -> FloatArray:
     from scipy.spatial.transform import Rotation
 
     vectors: FloatArray = Rotation.from_matrix(matrix.reshape(-1, 3, 3)).as_rotvec()
-    return vectors.reshape(matrix.shape[:-1])
+    reshaped: FloatArray = vectors.reshape(matrix.shape[:-1])
+    return reshaped
 
 
 def right_jacobian(rotation_vector: FloatArray) -> FloatArray:
@@ -199,7 +197,8 @@ def right_jacobian(rotation_vector: FloatArray) -> FloatArray:
         1.0 / 6.0 - angle**2 / 120.0 + angle**4 / 5040.0,
         (safe - np.sin(safe)) / safe**3,
     )
-    return np.eye(3) - first * generator + second * (generator @ generator)
+    jacobian: FloatArray = np.eye(3) - first * generator + second * (generator @ generator)
+    return jacobian
 
 
 def move(pose: FloatArray, points: FloatArray) -> FloatArray:

@@ -12,8 +12,8 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.calibration.projection import move
 
 CameraModel = Callable[[FloatArray, FloatArray], FloatArray]
-"""Takes parameters (..., P) and points in the camera's frame (..., N, 3) [m], returns observations (..., N, C), with NaN
-for what is not seen; leading axes broadcast."""
+"""Takes parameters (..., P) and points in the camera's frame (..., N, 3) [m], returns observations (..., N, C), with
+NaN for what is not seen; leading axes broadcast."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -125,45 +125,25 @@ def fit_target(problem: TargetProblem, *, iterations: int = 50) -> TargetFit:
     """
     begin = time.perf_counter()
     priors = problem.priors
-    parameters, poses, views = priors.mean, problem.target.poses, len(problem.target.poses)
+    parameters, poses = priors.mean, problem.target.poses
     for count in range(1, iterations + 1):
-        residuals, by_parameters = _linearise(problem, parameters, poses)
-        basis, factor = _pose_basis(problem, parameters, poses)
-        stacked = np.concatenate([residuals, _pose_misfit(problem, poses)], axis=-1)
-        table = np.concatenate([by_parameters, np.zeros((views, 6, len(parameters)))], axis=1)
-        free = table - basis @ (np.swapaxes(basis, -1, -2) @ table)
-        information = np.einsum("vmi,vmj->ij", free, free) + np.diag(priors.precision)
-        gradient = np.einsum("vmi,vm->i", free, stacked) - priors.precision * (parameters - priors.mean)
-        covariance = covariance_from_information(information, priors.names)
-        step = covariance @ gradient
-        inner = np.einsum("vmk,vm->vk", basis, stacked - table @ step)
-        pose_step = np.linalg.solve(factor, inner[..., None])[..., 0]
-        parameters, poses = parameters + step, poses + pose_step
-        if step @ information @ step + np.sum(inner**2) < _SETTLED * max(1.0, float(inner.size)):
-            break
-    else:
-        raise NotConvergedError(
-            "the calibration does not settle",
-            value=f"{iterations} steps",
-            limit="steps below 1e-4 standard deviations",
-            remedy="give nominal poses and prior means nearer to the truth, or narrower priors",
-        )
-    if not np.isfinite(priors.log_density(parameters)):
-        outside = np.flatnonzero((parameters < priors.lower) | (parameters > priors.upper))[0]
-        raise NotConvergedError(
-            f"the most probable {priors.names[outside]} lies outside its prior",
-            value=f"{parameters[outside]:g}",
-            limit=f"{priors.lower[outside]:g} to {priors.upper[outside]:g}",
-            remedy="widen the prior, or observe more: no normal approximation exists at a bound",
-        )
-    fit = LaplaceFit(
-        names=priors.names,
-        mean=parameters,
-        covariance=covariance,
-        evaluations=count * (2 * len(parameters) + 7),
-        seconds=time.perf_counter() - begin,
+        parameters, poses, covariance, size = _gauss_newton_step(problem, parameters, poses)
+        if size < _SETTLED:
+            _require_inside(priors, parameters)
+            laplace = LaplaceFit(
+                names=priors.names,
+                mean=parameters,
+                covariance=covariance,
+                evaluations=count * (2 * len(parameters) + 7),
+                seconds=time.perf_counter() - begin,
+            )
+            return TargetFit(laplace=laplace, poses=poses)
+    raise NotConvergedError(
+        "the calibration does not settle",
+        value=f"{iterations} steps",
+        limit="steps below 1e-4 standard deviations",
+        remedy="give nominal poses and prior means nearer to the truth, or narrower priors",
     )
-    return TargetFit(laplace=fit, poses=poses)
 
 
 def sample_target(
@@ -214,9 +194,7 @@ def sample_target(
     )
     draws = sample.thinned(CHECKED_POINTS)
     exact = np.array([exact_log_posterior(problem, fit.poses, draw) for draw in draws])
-    return TargetPosterior(
-        sample=sample, check=compare_log_posteriors(draws, exact, log_probability(draws))
-    )
+    return TargetPosterior(sample=sample, check=compare_log_posteriors(draws, exact, log_probability(draws)))
 
 
 def exact_log_posterior(
@@ -261,6 +239,39 @@ def exact_log_posterior(
     )
 
 
+def _gauss_newton_step(
+    problem: TargetProblem, parameters: FloatArray, poses: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """New parameters and poses, covariance before the step, and the mean squared step in standard deviations."""
+    priors = problem.priors
+    residuals, by_parameters = _linearise(problem, parameters, poses)
+    basis, factor = _pose_basis(problem, parameters, poses)
+    stacked = np.concatenate([residuals, _pose_misfit(problem, poses)], axis=-1)
+    table = np.concatenate([by_parameters, np.zeros((len(poses), 6, len(parameters)))], axis=1)
+    free = table - basis @ (np.swapaxes(basis, -1, -2) @ table)
+    information = np.einsum("vmi,vmj->ij", free, free) + np.diag(priors.precision)
+    gradient = np.einsum("vmi,vm->i", free, stacked) - priors.precision * (parameters - priors.mean)
+    covariance = covariance_from_information(information, priors.names)
+    step = covariance @ gradient
+    inner = np.einsum("vmk,vm->vk", basis, stacked - table @ step)
+    pose_step = np.linalg.solve(factor, inner[..., None])[..., 0]
+    size = float(step @ information @ step + np.sum(inner**2)) / (step.size + inner.size)
+    return parameters + step, poses + pose_step, covariance, size
+
+
+def _require_inside(priors: Priors, parameters: FloatArray) -> None:
+    """Refuse a peak outside the bounds: the posterior then ends at a bound, and no normal describes it."""
+    if np.isfinite(priors.log_density(parameters)):
+        return
+    outside = np.flatnonzero((parameters < priors.lower) | (parameters > priors.upper))[0]
+    raise NotConvergedError(
+        f"the most probable {priors.names[outside]} lies outside its prior",
+        value=f"{parameters[outside]:g}",
+        limit=f"{priors.lower[outside]:g} to {priors.upper[outside]:g}",
+        remedy="widen the prior, or observe more: no normal approximation exists at a bound",
+    )
+
+
 def _frozen_log_posterior(
     problem: TargetProblem, poses: FloatArray, basis: FloatArray, misfit: FloatArray, parameters: FloatArray
 ) -> FloatArray:
@@ -278,9 +289,7 @@ def _frozen_log_posterior(
     return np.where(np.isnan(result), -np.inf, result)  # an observed point that these parameters cannot see
 
 
-def _linearise(
-    problem: TargetProblem, parameters: FloatArray, poses: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _linearise(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Residuals (V, M) and the derivatives of the prediction by the parameters (V, M, P)."""
     step = _RELATIVE_STEP * problem.priors.scale
     shifted = parameters + np.concatenate([np.zeros((1, len(step))), np.diag(step), -np.diag(step)])
@@ -297,9 +306,7 @@ def _linearise(
     return values[0], np.moveaxis(derivative, 0, -1)
 
 
-def _pose_basis(
-    problem: TargetProblem, parameters: FloatArray, poses: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
     """QR factors of the derivatives by the poses, the rows of their priors below them."""
     points = move(poses, problem.target.points)
     step = _POINT_STEP * np.linalg.norm(points, axis=-1, keepdims=True)

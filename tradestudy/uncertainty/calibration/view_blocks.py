@@ -125,17 +125,13 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     right_by_relative = right_by_points @ move_jacobian(shared[RELATIVE], seen_left)
     right_by_pose = right_by_points @ rotation_matrix(shared[12:15]) @ left_pose
     there = corners.present
-    by_shared_left = np.concatenate(
-        [left_by_intrinsics, np.zeros((*left_by_intrinsics.shape[:-1], 12))], axis=-1
-    )
+    by_shared_left = np.concatenate([left_by_intrinsics, np.zeros((*left_by_intrinsics.shape[:-1], 12))], axis=-1)
     by_shared_right = np.concatenate(
         [np.zeros_like(right_by_intrinsics), right_by_intrinsics, right_by_relative], axis=-1
     )
     return ViewBlocks(
         residuals=np.concatenate([_flat(corners.left - left, there), _flat(corners.right - right, there)], axis=1),
-        by_shared=np.concatenate(
-            [_flat_rows(by_shared_left, there), _flat_rows(by_shared_right, there)], axis=1
-        ),
+        by_shared=np.concatenate([_flat_rows(by_shared_left, there), _flat_rows(by_shared_right, there)], axis=1),
         by_pose=np.concatenate(
             [_flat_rows(left_by_points @ left_pose, there), _flat_rows(right_by_pose, there)], axis=1
         ),

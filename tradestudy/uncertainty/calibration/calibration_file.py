@@ -1,0 +1,299 @@
+"""A calibration brought by the user: a covariance or joint draws, as CSV or NetCDF.
+
+CSV with draws: the first line names the parameters, every further line is one joint draw. CSV with a covariance: the
+first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
+covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
+the names in a text variable ``parameter``. Numbers are in SI units, and in pixels where the name ends in ``_px``.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tradestudy.errors import TradestudyError
+from tradestudy.optics.arrays import FloatArray
+
+MINIMUM_DRAWS = 100  # fewer do not carry a 95 % interval
+_SYMMETRY_LIMIT = 1e-9  # relative
+_NEGATIVE_LIMIT = 1e-10  # of the largest eigenvalue of the correlation: rounding of a written file
+
+
+class CalibrationFileError(TradestudyError):
+    """A calibration file cannot be what it says it is."""
+
+    exit_status = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationCovariance:
+    """Calibration as a mean and a covariance.
+
+    Parameters
+    ----------
+    names : tuple of str, length P
+        Parameters.
+    mean : array (P,)
+        Best values.
+    covariance : array (P, P)
+        Symmetric, positive semidefinite.
+    """
+
+    names: tuple[str, ...]
+    mean: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationDraws:
+    """Calibration as joint draws.
+
+    Parameters
+    ----------
+    names : tuple of str, length P
+        Parameters.
+    draws : array (K, P)
+        Joint draws.
+    """
+
+    names: tuple[str, ...]
+    draws: FloatArray
+
+
+def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDraws:
+    """Read a calibration; the suffix says the format (.csv, .nc), the content whether it is draws or a covariance.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+
+    Returns
+    -------
+    CalibrationCovariance or CalibrationDraws
+        Checked: names unique, numbers finite, covariance symmetric and positive semidefinite, enough draws.
+
+    Raises
+    ------
+    CalibrationFileError
+        With what is wrong, the limit and a remedy.
+    """
+    path = Path(path)
+    if path.suffix == ".csv":
+        names, mean, table = _read_csv(path)
+    elif path.suffix == ".nc":
+        names, mean, table = _read_netcdf(path)
+    else:
+        raise CalibrationFileError(
+            f"{path.name} has no known format", value=path.suffix, limit=".csv, .nc", remedy="rename or convert it"
+        )
+    _check_names(path, names)
+    if not np.all(np.isfinite(table)) or (mean is not None and not np.all(np.isfinite(mean))):
+        raise CalibrationFileError(
+            f"{path.name} holds what is no finite number",
+            value=f"{int(np.sum(~np.isfinite(table)))} cells",
+            limit="finite numbers",
+            remedy="remove draws that failed, and say why they did",
+        )
+    if mean is None:
+        _check_draws(path, names, table)
+        return CalibrationDraws(names=names, draws=table)
+    return CalibrationCovariance(names=names, mean=mean, covariance=_checked_covariance(path, names, table))
+
+
+def write_calibration(path: str | Path, calibration: CalibrationCovariance | CalibrationDraws) -> None:
+    """Write a calibration so that ``read_calibration`` reads the same numbers bit for bit.
+
+    Parameters
+    ----------
+    path : path
+        Ends in .csv or .nc.
+    calibration : CalibrationCovariance or CalibrationDraws
+        What to write.
+
+    Raises
+    ------
+    CalibrationFileError
+        The suffix is neither.
+    """
+    path = Path(path)
+    if path.suffix == ".csv":
+        _write_csv(path, calibration)
+    elif path.suffix == ".nc":
+        _write_netcdf(path, calibration)
+    else:
+        raise CalibrationFileError(
+            f"{path.name} has no known format", value=path.suffix, limit=".csv, .nc", remedy="choose one of them"
+        )
+
+
+def _read_csv(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatArray]:
+    """Names, mean (None for draws) and the table of covariance or draws."""
+    with path.open(newline="", encoding="utf-8") as stream:
+        lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if line]
+    if len(lines) < 2:
+        raise CalibrationFileError(
+            f"{path.name} is empty", value=f"{len(lines)} lines", limit=">= 2", remedy="give a header and numbers"
+        )
+    header, rows = lines[0], lines[1:]
+    for number, row in enumerate(rows, start=2):
+        if len(row) != len(header):
+            raise CalibrationFileError(
+                f"{path.name}:{number} is ragged",
+                value=f"{len(row)} cells",
+                limit=f"{len(header)} as in the header",
+                remedy="complete the line",
+            )
+    if header[:2] != ["parameter", "mean"]:
+        return tuple(header), None, _numbers(path, rows)
+    names = tuple(header[2:])
+    if tuple(row[0] for row in rows) != names:
+        raise CalibrationFileError(
+            f"{path.name} names rows and columns of the covariance differently",
+            value=", ".join(row[0] for row in rows),
+            limit=", ".join(names),
+            remedy="give the parameters in the same order both ways",
+        )
+    table = _numbers(path, [row[1:] for row in rows])
+    return names, table[:, 0], table[:, 1:]
+
+
+def _numbers(path: Path, rows: list[list[str]]) -> FloatArray:
+    """Cells as numbers."""
+    try:
+        return np.array(rows, dtype=np.float64)
+    except ValueError as error:
+        raise CalibrationFileError(
+            f"{path.name} holds a cell that is no number",
+            value=str(error),
+            limit="numbers in SI units",
+            remedy="remove units and text",
+        ) from error
+
+
+def _read_netcdf(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatArray]:
+    """Names, mean (None for draws) and the table of covariance or draws."""
+    import h5netcdf
+
+    with h5netcdf.File(path, "r") as file:
+        if "parameter" not in file.variables or not ({"draws", "covariance"} & set(file.variables)):
+            raise CalibrationFileError(
+                f"{path.name} holds no calibration",
+                value=", ".join(file.variables) or "no variables",
+                limit="parameter, and draws or mean and covariance",
+                remedy="name the variables so",
+            )
+        names = tuple(
+            name.decode() if isinstance(name, bytes) else str(name) for name in file.variables["parameter"][...]
+        )
+        if "draws" in file.variables:
+            return names, None, np.asarray(file.variables["draws"][...], dtype=np.float64)
+        if "mean" not in file.variables:
+            raise CalibrationFileError(
+                f"{path.name} has a covariance without its mean",
+                value=", ".join(file.variables),
+                limit="mean(parameter)",
+                remedy="add the best values",
+            )
+        mean = np.asarray(file.variables["mean"][...], dtype=np.float64)
+        return names, mean, np.asarray(file.variables["covariance"][...], dtype=np.float64)
+
+
+def _check_names(path: Path, names: tuple[str, ...]) -> None:
+    """Every parameter named once."""
+    repeated = sorted({name for name in names if names.count(name) > 1 or not name})
+    if repeated:
+        raise CalibrationFileError(
+            f"{path.name} names parameters more than once or not at all",
+            value=", ".join(repeated) or "''",
+            limit="each once",
+            remedy="rename the columns",
+        )
+
+
+def _check_draws(path: Path, names: tuple[str, ...], draws: FloatArray) -> None:
+    """Enough draws, one column per name."""
+    if draws.ndim != 2 or draws.shape[1] != len(names) or len(draws) < MINIMUM_DRAWS:
+        raise CalibrationFileError(
+            f"{path.name} holds too few draws or of the wrong shape",
+            value=" × ".join(map(str, draws.shape)),
+            limit=f">= {MINIMUM_DRAWS} draws of {len(names)} parameters",
+            remedy="write one joint draw per row; with fewer draws give their covariance instead",
+        )
+
+
+def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArray) -> FloatArray:
+    """Symmetric and positive semidefinite, or refused with the offending number."""
+    if covariance.shape != (len(names), len(names)):
+        raise CalibrationFileError(
+            f"the covariance in {path.name} does not match its names",
+            value=" × ".join(map(str, covariance.shape)),
+            limit=f"{len(names)} × {len(names)}",
+            remedy="give one row and one column per parameter",
+        )
+    variance = np.diag(covariance)
+    if np.any(variance < 0.0):
+        index = int(np.argmin(variance))
+        raise CalibrationFileError(
+            f"{path.name} gives {names[index]} a negative variance",
+            value=f"{variance[index]:g}",
+            limit=">= 0",
+            remedy="check the order of rows and columns",
+        )
+    scale = np.sqrt(np.where(variance > 0.0, variance, 1.0))
+    correlation = covariance / np.outer(scale, scale)
+    asymmetry = float(np.max(np.abs(correlation - correlation.T)))
+    if asymmetry > _SYMMETRY_LIMIT:
+        raise CalibrationFileError(
+            f"the covariance in {path.name} is not symmetric",
+            value=f"{asymmetry:.1e} of the deviations' product",
+            limit=f"<= {_SYMMETRY_LIMIT:g}",
+            remedy="write both triangles with all digits",
+        )
+    values = np.linalg.eigvalsh((correlation + correlation.T) / 2.0)
+    if values[0] < -_NEGATIVE_LIMIT * values[-1]:
+        raise CalibrationFileError(
+            f"the covariance in {path.name} is not positive semidefinite",
+            value=f"eigenvalue {values[0]:.2e} of the correlation matrix",
+            limit=">= 0",
+            remedy="write it with all digits; correlations beyond ±1 mean a wrong unit in one row",
+        )
+    return (covariance + covariance.T) / 2.0
+
+
+def _write_csv(path: Path, calibration: CalibrationCovariance | CalibrationDraws) -> None:
+    """Numbers in the shortest form that reads back alike."""
+    with path.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        if isinstance(calibration, CalibrationDraws):
+            writer.writerow(calibration.names)
+            writer.writerows(calibration.draws.tolist())
+            return
+        writer.writerow(["parameter", "mean", *calibration.names])
+        for name, mean, row in zip(
+            calibration.names, calibration.mean.tolist(), calibration.covariance.tolist(), strict=True
+        ):
+            writer.writerow([name, mean, *row])
+
+
+def _write_netcdf(path: Path, calibration: CalibrationCovariance | CalibrationDraws) -> None:
+    """NetCDF4 with the names as text."""
+    import h5netcdf
+    import h5py  # type: ignore[import-not-found,import-untyped,unused-ignore]  # ships no types
+
+    with h5netcdf.File(path, "w") as file:
+        count = len(calibration.names)
+        file.dimensions = {"parameter": count}
+        text: Any = h5py.string_dtype()
+        file.create_variable("parameter", ("parameter",), dtype=text)[...] = np.array(calibration.names, dtype=object)
+        if isinstance(calibration, CalibrationDraws):
+            file.dimensions["draw"] = len(calibration.draws)
+            file.create_variable("draws", ("draw", "parameter"), data=calibration.draws)
+            return
+        file.dimensions["parameter_"] = count
+        file.create_variable("mean", ("parameter",), data=calibration.mean)
+        file.create_variable("covariance", ("parameter", "parameter_"), data=calibration.covariance)
