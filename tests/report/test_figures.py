@@ -161,13 +161,22 @@ def test_stretches_of_one_winner_touch_and_cover_the_range(tree: xr.DataTree) ->
     assert all(a[1] == b[0] for a, b in itertools.pairwise(stretches))
 
 
-def test_every_reading_has_its_mark_at_its_ratio(tree: xr.DataTree) -> None:
-    axes = figures.figure(tree, "readings").axes[1]
-    ratio = tree["decision"].to_dataset()["decision_ratio"].isel(place=1)
-    marks = {
-        float(x) for line in axes.get_lines() for x in np.atleast_1d(line.get_xdata()) if line.get_linestyle() == "None"
-    }
-    assert {round(m, 9) for m in marks} == {round(float(v), 9) for v in ratio.values.ravel()}
+@pytest.mark.parametrize(("panel", "way"), [(0, "both"), (1, "noise"), (2, "calibration")])
+def test_every_reading_has_its_marks_at_its_ratios(tree: xr.DataTree, panel: int, way: str) -> None:
+    axes = figures.figure(tree, "readings").axes[panel]
+    decision = tree["decision"].to_dataset().sel(way=way)
+    marks: dict[bool, set[tuple[float, float]]] = {True: set(), False: set()}
+    for line in axes.get_lines():
+        if line.get_linestyle() == "None":
+            points = zip(*(np.asarray(values, dtype=float).tolist() for values in line.get_data()), strict=True)
+            marks[line.get_markerfacecolor() == "white"].update(points)
+    for flipped, drawn in marks.items():
+        expected = {
+            (float(decision["uncertainty_ratio"][reading, place]), float(reading))
+            for reading, place in np.ndindex(4, 3)
+            if bool(decision["flips"][reading, place]) == flipped
+        }
+        assert drawn == expected
 
 
 def test_the_frontier_keeps_what_nothing_beats() -> None:

@@ -135,10 +135,16 @@ def test_the_first_page_answers_the_question(page: Page) -> None:
     answer = page.text.partition("1 The answer")[2].partition("Assumptions register")[0]
     answer = answer.partition("1 The answer")[2] or answer
     # The synthetic tree: plenoptic from 0.15 m, stereo from 0.391 m, between two computed distances each.
-    assert re.search(r"0\.15 m to 0\.3\d+ m: Raytrix R5, Keplerian", answer)
-    assert re.search(r"0\.3\d+ m to 10 m: Stereo 100 mm, 65\.24° across", answer)
-    assert "flips under 1 of 3 readings: all-lens least squares" in answer
-    assert "yaw at which stereo equals the R5 at 0.5 m 0.682°" in answer
+    assert re.search(r"0\.15 m to 0\.391 m: Raytrix R5, Keplerian", answer)
+    assert re.search(r"0\.391 m to 10 m: Stereo 100 mm, 65\.24° across", answer)
+    assert "Which yaw makes stereo equal the R5 at 0.5 m? 0.682°" in answer
+
+
+def test_the_first_page_says_what_flips_the_verdict(page: Page) -> None:
+    # Ratios 3.4 at 0.3 m (the R5 is the only usable one) and 3.4 × 1.2 at 1 m; 0.9 under least squares, 1.08 at 1 m.
+    stereo, r5 = "Stereo 100 mm, 65.24° across", "Raytrix R5, Keplerian"
+    assert ["0.3 m", stereo, "3.4", r5, "1 of 3: least-squares-all"] in page.rows
+    assert ["1 m", stereo, "4.1", stereo, "0 of 3"] in page.rows
 
 
 def test_numbers_of_the_table_are_those_of_the_tree(page: Page, tree: xr.DataTree) -> None:

@@ -13,6 +13,7 @@ from tradestudy.figures.depth_data import (
     Camera,
     FloatArray,
     cameras,
+    has_winners,
     nominal,
     of_camera,
     usable_intervals,
@@ -43,7 +44,7 @@ def discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -
     """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
     with styled():
         depth, shown = nominal(tree), cameras(tree)
-        figure = new_figure(3.6)
+        figure = new_figure(3.3)
         left, right = figure.subplots(1, 2, sharex=True, sharey=True)
         distance = np.asarray(depth["distance"].values, dtype=float)
         # One point more on each side, so that a curve reaches the edge of the panel.
@@ -111,8 +112,8 @@ def whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     with styled():
         depth, shown = nominal(tree), cameras(tree)
-        figure = new_figure(3.3 + 0.17 * len(shown))
-        curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 0.17 * (len(shown) + 1) + 0.25))
+        figure = new_figure(2.75 + 0.17 * len(shown))
+        curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
         distance = np.asarray(depth["distance"].values, dtype=float)
         drawn = [of_camera(depth, "depth_uncertainty", camera) for camera in shown]
         for camera, uncertainty in zip(shown, drawn, strict=True):
@@ -124,7 +125,7 @@ def whole_range(tree: xr.DataTree) -> StudyFigure:
         curves.set_ylabel("depth uncertainty, 68 % [mm]")
         _relative_guides(curves, distance)
         _bars(bars, depth, shown)
-        if "decision" in tree.children:
+        if has_winners(tree):
             _best_camera_bar(bars, tree, shown)
             _crossovers((curves, bars), tree)
         bars.set_xlabel("distance [m]")
@@ -175,7 +176,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[Camera, ...]) -
             if letters >= _SHORTEST_NAME:
                 name = shortened(by_key[key].title, letters)
                 axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)
-    axes.set_yticks([*range(len(shown)), row], [*(shortened(camera.title) for camera in shown), "smallest uncertainty"])
+    axes.set_yticks([*range(len(shown)), row], [*(shortened(camera.title) for camera in shown), "best camera"])
     axes.get_yticklabels()[-1].set_fontweight("bold")
     axes.set_ylim(row + 0.6, -0.6)
 
@@ -190,9 +191,11 @@ def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
             f"{plain_number(float(f'{edge:.3g}'))} m",
             (edge, 1.0),
             xycoords=("data", "axes fraction"),
-            xytext=(2, -1),
+            xytext=(-1, -2),
             textcoords="offset points",
             fontsize=6.5,
+            rotation=90,
+            ha="right",
             va="top",
         )
 

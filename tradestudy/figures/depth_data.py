@@ -47,9 +47,21 @@ def swept(depth: xr.Dataset) -> tuple[str, ...]:
 
 
 def nominal(tree: xr.DataTree) -> xr.Dataset:
-    """``/depth`` at the first value of every swept parameter."""
+    """``/depth`` of one design: the declared value of every swept parameter, or the first where that is not swept."""
     depth = tree["depth"].to_dataset()
-    return depth.isel(dict.fromkeys(swept(depth), 0))
+    return depth.isel({name: _declared_place(depth[name]) or 0 for name in swept(depth)})
+
+
+def nominal_is_declared(tree: xr.DataTree) -> bool:
+    """Whether the design of :func:`nominal` is the one that the study declares, and ``/decision`` is about."""
+    depth = tree["depth"].to_dataset()
+    return all(_declared_place(depth[name]) is not None for name in swept(depth))
+
+
+def _declared_place(coordinate: xr.DataArray) -> int | None:
+    """Where the declared value, which the coordinate carries as an attribute, stands among the swept ones."""
+    same = np.flatnonzero(coordinate.values == coordinate.attrs.get("declared"))
+    return int(same[0]) if same.size else None
 
 
 def of_camera(depth: xr.Dataset, variable: str, camera: Camera, **where: str) -> FloatArray:
@@ -63,17 +75,41 @@ def usable_intervals(depth: xr.Dataset, camera: Camera) -> tuple[tuple[float, fl
     return tuple((a, b) for a, b in zip(near, far, strict=True) if np.isfinite(a) and not np.isnan(b))
 
 
+def has_winners(tree: xr.DataTree) -> bool:
+    """Whether the results name a best camera for every distance."""
+    return "decision" in tree.children and "best_camera" in tree["decision"].data_vars
+
+
 def winners(tree: xr.DataTree, way: str = "both") -> Iterator[tuple[float, float, str]]:
     """Stretches of distance with one best camera: (from, to, camera), camera "" where none is usable.
 
-    The stretch ends half way (in logarithm) between two computed distances.
+    Between two computed distances the stretch ends at the end of a usable range or at the crossover that lies there;
+    where neither does, half way (in logarithm).
     """
     best = tree["decision"].to_dataset()["best_camera"].sel(way=way)
     names = [str(name) for name in best.values]
-    distance = np.asarray(best["distance"].values, dtype=float)
-    edges = np.concatenate([distance[:1], np.sqrt(distance[1:] * distance[:-1]), distance[-1:]])
-    start = 0
+    distance = np.asarray(best["distance"].values, dtype=np.float64)
+    exact = _exact_ends(tree, way)
+    start, start_distance = 0, float(distance[0])
     for index in range(1, len(names) + 1):
-        if index == len(names) or names[index] != names[start]:
-            yield float(edges[start]), float(edges[index]), names[start]
-            start = index
+        if index == len(names):
+            yield start_distance, float(distance[-1]), names[start]
+        elif names[index] != names[start]:
+            low, high = float(distance[index - 1]), float(distance[index])
+            between = exact[(exact >= low) & (exact <= high)]
+            end = float(between[0]) if between.size else float(np.sqrt(low * high))
+            yield start_distance, end, names[start]
+            start, start_distance = index, end
+
+
+def _exact_ends(tree: xr.DataTree, way: str) -> FloatArray:
+    """Distances [m] at which the best camera can change: ends of usable ranges, and crossovers of the own reading."""
+    ends = [np.empty(0)]
+    if nominal_is_declared(tree):
+        depth = nominal(tree)
+        ends += [depth["usable_near"].values.ravel(), depth["usable_far"].values.ravel()]
+    decision = tree["decision"].to_dataset()
+    if "crossover_distance" in decision:
+        ends.append(decision["crossover_distance"].sel(way=way).values[0].ravel())
+    every = np.concatenate(ends).astype(np.float64)
+    return np.asarray(every[np.isfinite(every)])

@@ -12,6 +12,7 @@ from tradestudy.figures import depth_curves, readings, sweeps, uncertainty_parts
 from tradestudy.figures.depth_data import (
     Camera,
     cameras,
+    has_winners,
     nominal,
     of_camera,
     swept,
@@ -39,7 +40,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
         yield _parts(tree)
         if swept(tree["depth"].to_dataset()):
             yield from _sweeps(tree)
-    if "decision" in tree.children and "decision_ratio" in tree["decision"]:
+    if "decision" in tree.children and "uncertainty_ratio" in tree["decision"]:
         yield _readings(tree)
 
 
@@ -50,7 +51,8 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         "calibration together; bold where the camera is usable, thin elsewhere. Grey lines: equal shares of the "
         "distance. Bars: usable distances."
     )
-    if "decision" in tree.children:
+    caption += _design_words(tree)
+    if has_winners(tree):
         caption += (
             " The last bar names the usable camera with the smallest uncertainty; dashed lines mark where it changes."
         )
@@ -64,6 +66,16 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     )
 
 
+def _design_words(tree: xr.DataTree) -> str:
+    """Which of the swept designs the curves show; nothing to say without a sweep."""
+    depth = nominal(tree)
+    names = swept(tree["depth"].to_dataset())
+    if not names:
+        return ""
+    design = ", ".join(f"{name} = {sweeps.shown_value(depth[name], depth[name].item())}" for name in names)
+    return f" Of the swept designs the one with {design} is shown."
+
+
 def _usable_words(depth: xr.Dataset, shown: tuple[Camera, ...]) -> str:
     """Where each camera is usable, in one sentence each."""
     sentences = []
@@ -74,7 +86,7 @@ def _usable_words(depth: xr.Dataset, shown: tuple[Camera, ...]) -> str:
 
 
 def _winner_words(tree: xr.DataTree, shown: tuple[Camera, ...]) -> str:
-    if "decision" not in tree.children:
+    if not has_winners(tree):
         return ""
     titles = {camera.key: camera.title for camera in shown} | {"": "no camera"}
     stretches = [f"{pretty(a, LENGTH)} to {pretty(b, LENGTH)} {titles[key]}" for a, b, key in winners(tree)]
@@ -98,7 +110,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float, of_pa
         name=name,
         caption=f"Depth discriminating power and depth uncertainty from {span} ({of_paper}). Discrimination is the "
         "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
-        "uncertainty has both.",
+        "uncertainty has both." + _design_words(tree),
         alt=f"Two charts against distance from {span}, depth in millimetres on a logarithmic axis: discriminating "
         f"power and uncertainty. Uncertainty at {pretty(far, LENGTH)}: {_values_at(depth, shown, far)}.",
         draw=partial(depth_curves.discrimination_and_uncertainty, tree, near, far),
@@ -115,7 +127,7 @@ def _parts(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="uncertainty-parts",
         caption="What depth uncertainty is made of: each source of error alone, and all together (black). Shaded: "
-        "usable distances. Sources that are drawn jointly do not add in quadrature.",
+        "usable distances. Sources that are drawn jointly do not add in quadrature." + _design_words(tree),
         alt="One log-log chart per camera with a line per source of error. " + _largest_parts(tree),
         draw=partial(uncertainty_parts.uncertainty_parts, tree),
     )
@@ -141,8 +153,9 @@ def _largest_parts(tree: xr.DataTree) -> str:
 
 def _readings(tree: xr.DataTree) -> Drawing:
     decision = tree["decision"].to_dataset()
-    ratio = decision["decision_ratio"]
-    numerator, denominator = ratio.attrs["numerator"], ratio.attrs["denominator"]
+    ratio = decision["uncertainty_ratio"]
+    titles = {camera.key: camera.title for camera in cameras(tree)}
+    numerator, denominator = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
     sentences = []
     for place in ratio["place"].values:
         values = np.asarray(ratio.sel(place=place, way="both").values, dtype=float)
@@ -158,8 +171,8 @@ def _readings(tree: xr.DataTree) -> Drawing:
         caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under "
         f"every reading of what the sources leave open. Left of 1 (shaded) {numerator} is better, right of it "
         f"{denominator}.",
-        alt="Dot chart of the ratio of uncertainties, one row per reading, one panel per distance. "
-        + "".join(sentences),
+        alt="Dot chart of the ratio of uncertainties, one row per reading, one mark per distance, three panels: "
+        "noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.readings, tree),
     )
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
+from tradestudy.figures.depth_data import FloatArray, cameras
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -18,7 +21,6 @@ from tradestudy.figures.style import (
     log_axis,
     new_figure,
     plain_number,
-    printable,
     shortened,
     styled,
 )
@@ -27,68 +29,77 @@ if TYPE_CHECKING:
     import xarray as xr
 
 WAY_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
-_WAY_MARKERS = {"both": "D", "noise": "o", "calibration": "s"}
-_ROW = 0.3  # inches
+_ROW = 0.21  # inches
 
 
 def readings(tree: xr.DataTree) -> StudyFigure:
-    """One panel per declared distance, one row per reading: the ratio of the uncertainties, 1 marked."""
+    """One row per reading, one mark per declared distance: the ratio of the uncertainties, three ways, 1 marked."""
     with styled():
-        ratio = tree["decision"].to_dataset()["decision_ratio"]
+        decision = tree["decision"].to_dataset()
+        ratio = decision["uncertainty_ratio"]
+        titles = {camera.key: shortened(camera.title, 28) for camera in cameras(tree)}
         names = [str(name) for name in ratio["reading"].values]
-        places = np.asarray(ratio["place"].values, dtype=float)
-        figure = new_figure(1.75 + _ROW * len(names))
-        panels = figure.subplots(1, len(places), sharex=True, sharey=True, squeeze=False)[0]
-        finite = ratio.values[np.isfinite(ratio.values) & (ratio.values > 0)]
-        reach = 1.3 * max(float(np.exp(np.abs(np.log(finite)).max())), 3.0) if finite.size else 3.0
-        for axes, place in zip(panels, places, strict=True):
-            _panel(axes, ratio.sel(place=place), reach)
-            axes.set_title(f"at {plain_number(place)} m")
-        panels[0].set_yticks(range(len(names)), [shortened(name) for name in names])
+        places = np.asarray(ratio["place"].values, dtype=np.float64)
+        figure = new_figure(1.15 + _ROW * len(names))
+        panels = figure.subplots(1, len(WAY_TITLES), sharey=True, width_ratios=(2.2, 1.0, 1.0))
+        for axes, (way, title) in zip(panels, WAY_TITLES.items(), strict=True):
+            _panel(axes, np.asarray(ratio.sel(way=way).values, dtype=np.float64), decision["flips"].sel(way=way).values)
+            axes.set_title(title, fontsize=7.5)
+        panels[0].set_yticks(range(len(names)), [shortened(name, 30) for name in names])
         panels[0].get_yticklabels()[0].set_fontweight("bold")
         panels[0].set_ylim(len(names) - 0.4, -0.6)
-        numerator, denominator = (
-            printable(str(ratio.attrs["numerator"])),
-            printable(str(ratio.attrs["denominator"])),
-        )
-        panels[len(panels) // 2].set_xlabel(f"uncertainty of {numerator} / uncertainty of {denominator}")
-        ways = [str(way) for way in ratio["way"].values]
-        handles = [_marker(way) for way in ways]
-        handles.append(Line2D([], [], color=SOFT, marker=_WAY_MARKERS["both"], markerfacecolor="white", linestyle=""))
-        labels = [*(WAY_TITLES[way] for way in ways), "open: other winner than in the first reading"]
-        legend(figure, handles, labels, columns=2)
+        first, second = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
+        panels[0].set_xlabel(f"uncertainty of {first} / uncertainty of {second}")
+        for axes in panels[1:]:
+            axes.set_xlabel("the same ratio")
+        handles = [_mark(order, len(places), filled=True) for order in range(len(places))]
+        handles.append(_mark(0, 1, filled=False))
+        labels = [*(f"at {plain_number(place)} m" for place in places), "open: other camera than in the first row"]
+        legend(figure, handles, labels, columns=min(len(labels), 4))
     return figure
 
 
-def _marker(way: str) -> Line2D:
-    order = list(WAY_TITLES).index(way)
-    return Line2D([], [], color=line_style(order).color, marker=_WAY_MARKERS[way], linestyle="", markersize=4)
+def _place_color(order: int, count: int) -> Any:
+    """Near is dark, far is light: an order that colour-blind and grey-scale readers see too."""
+    return colormaps["cividis"](0.85 * order / max(count - 1, 1))
 
 
-def _panel(axes: Axes, ratio: xr.DataArray, reach: float) -> None:
-    log_axis(axes, "x", dense=reach < 12)
-    axes.set_xlim(1 / reach, reach)
-    axes.axvspan(1 / reach, 1, color=FAINT, alpha=0.5, linewidth=0, zorder=0)
+def _mark(order: int, count: int, *, filled: bool) -> Line2D:
+    color = _place_color(order, count) if filled else SOFT
+    return Line2D(
+        [],
+        [],
+        linestyle="",
+        marker=line_style(order).marker,
+        markersize=4.2,
+        color=color,
+        markerfacecolor=color if filled else "white",
+        markeredgewidth=0.9,
+    )
+
+
+def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
+    """All marks of one way; `ratio` and `flips` have shape (reading, place)."""
+    log_axis(axes, "x")
+    finite = ratio[np.isfinite(ratio) & (ratio > 0)]
+    low, high = (min(float(finite.min()), 0.5), max(float(finite.max()), 2.0)) if finite.size else (0.5, 2.0)
+    low, high = low / 1.4, high * 1.4
+    axes.set_xlim(low, high)
+    axes.axvspan(low, 1, color=FAINT, alpha=0.5, linewidth=0, zorder=0)
     axes.axvline(1, color=INK, linewidth=0.9, zorder=0.9)
     axes.grid(visible=True, axis="y", linewidth=0.4)
-    ways = [str(way) for way in ratio["way"].values]
-    for index, way in enumerate(ways):
-        values = np.asarray(ratio.sel(way=way).values, dtype=float)
-        rows = np.arange(len(values)) + 0.2 * (index - (len(ways) - 1) / 2)
-        flipped = (values > 1) != (values[0] > 1)
-        color = _marker(way).get_color()
-        for subset, face in ((~flipped, color), (flipped, "white")):
-            keep = subset & np.isfinite(values)
-            if not keep.any():
-                continue  # an empty line that is not clipped would count as a point at the origin in the layout
-            axes.plot(
-                values[keep],
-                rows[keep],
-                linestyle="",
-                marker=_WAY_MARKERS[way],
-                markersize=4.5 if way == "both" else 3.2,
-                color=color,
-                markerfacecolor=face,
-                markeredgewidth=0.9,
-                clip_on=False,
-            )
+    rows, places = ratio.shape
+    for row in range(rows):
+        inside = ratio[row][np.isfinite(ratio[row])]
+        if inside.size:
+            axes.plot([inside.min(), inside.max()], [row, row], color=SOFT, linewidth=0.6, zorder=1)
+    y = np.arange(rows)
+    for place in range(places):
+        for filled in (True, False):
+            keep = np.isfinite(ratio[:, place]) & (flips[:, place].astype(bool) != filled)
+            if keep.any():
+                mark = _mark(place, places, filled=True)
+                face = mark.get_markerfacecolor() if filled else "white"
+                mark.set_data(ratio[keep, place], y[keep])
+                mark.set_markerfacecolor(face)
+                axes.add_line(mark)

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
 INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
@@ -156,12 +156,15 @@ def plain_number(value: float, _position: int | None = None) -> str:
 
 
 def log_axis(axes: Axes, which: str, *, dense: bool = False) -> None:
-    """A logarithmic axis with plain numbers; `dense` labels 2 and 5 as well."""
+    """A logarithmic axis with plain numbers; `dense`, for few decades, labels 2 and 5 and has minor ticks."""
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else (1.0,), numticks=20))
     axis.set_major_formatter(FuncFormatter(plain_number))
-    axis.set_minor_locator(LogLocator(base=10.0, subs=tuple(float(n) for n in range(2, 10)), numticks=20))
+    # Minor ticks are most of the time that a figure takes, and over many decades most of its ink.
+    axis.set_minor_locator(
+        LogLocator(base=10.0, subs=tuple(map(float, range(2, 10))), numticks=20) if dense else NullLocator()
+    )
     axis.set_minor_formatter(NullFormatter())
 
 

@@ -48,13 +48,26 @@ def moved_cameras(tree: xr.DataTree) -> tuple[Camera, ...]:
     return tuple(camera for camera, moves in zip(cameras(tree), moved, strict=True) if moves)
 
 
-def _axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, str]:
-    """A swept coordinate in the unit a person expects, and its label."""
-    units = {"m": (MM, "mm"), "rad": (180.0 / np.pi, "°"), "px": (1.0, "px")}
-    factor, unit = units.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+# SI unit: factor and unit on axes.
+_AXIS_UNITS = {"m": (MM, "mm"), "rad": (180.0 / np.pi, "°"), "px": (1.0, "px")}
+
+
+def _axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, list[str], str]:
+    """Places of the values of a swept coordinate on an axis, their names, and the label; choices stand side by side."""
     name = printable(str(coordinate.attrs.get("long_name", coordinate.name)))
-    values = np.asarray(coordinate.values, dtype=float) * factor
-    return values, f"{name} [{unit}]" if unit else name
+    if coordinate.dtype.kind not in "fiu":
+        return np.arange(coordinate.size, dtype=np.float64), [shortened(str(v), 20) for v in coordinate.values], name
+    factor, unit = _AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+    values = np.asarray(coordinate.values, dtype=np.float64) * factor
+    return values, [plain_number(value) for value in values], f"{name} [{unit}]" if unit else name
+
+
+def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
+    """One value of a swept coordinate with its unit."""
+    if isinstance(value, str):
+        return value
+    factor, unit = _AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+    return f"{plain_number(value * factor)} {unit}".rstrip()
 
 
 def sweep_map(tree: xr.DataTree) -> StudyFigure:
@@ -76,13 +89,15 @@ def sweep_map(tree: xr.DataTree) -> StudyFigure:
 def _curves(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dim: str, place: float) -> StudyFigure:
     figure = new_figure(3.0)
     axes = figure.subplots()
-    x, label = _axis_values(uncertainty[dim])
+    x, names, label = _axis_values(uncertainty[dim])
     for camera in moved:
         y = np.asarray(uncertainty.sel(camera=camera.key).values, dtype=float) * MM
         style = camera.style
         y = np.where(np.isfinite(y), y, np.nan)
         axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
     log_axis(axes, "y", dense=True)
+    if uncertainty[dim].dtype.kind not in "fiu":
+        axes.set_xticks(x, names)
     axes.set_xlabel(label)
     axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m [mm]")
     handles = [
@@ -102,11 +117,14 @@ def _maps(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dims: tuple[str,
     finite = everything[np.isfinite(everything) & (everything > 0)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (1.0, 10.0)
     norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
-    (x, x_label), (y, y_label) = _axis_values(uncertainty[dims[0]]), _axis_values(uncertainty[dims[1]])
+    (x, x_names, x_label), (y, y_names, y_label) = (
+        _axis_values(uncertainty[dims[0]]),
+        _axis_values(uncertainty[dims[1]]),
+    )
     for axes, camera in zip(panels.flat, moved, strict=False):
         _map(axes, arrays[camera.key], norm)
-        axes.set_xticks(np.arange(len(x)) + 0.5, [plain_number(value) for value in x])
-        axes.set_yticks(np.arange(len(y)) + 0.5, [plain_number(value) for value in y])
+        axes.set_xticks(np.arange(len(x)) + 0.5, x_names)
+        axes.set_yticks(np.arange(len(y)) + 0.5, y_names)
         axes.set_title(shortened(camera.title, 34), fontsize=7.5)
     for axes in panels.flat[len(moved) :]:
         axes.set_visible(False)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Contents, Document, PageBreak
 from tradestudy.report.sections.answer import answer
+from tradestudy.report.sections.cameras import cameras
 from tradestudy.report.sections.method import method
 from tradestudy.report.sections.provenance import provenance
 from tradestudy.report.sections.registers import assumptions, claims, contradictions, requirements
@@ -42,6 +43,7 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from answer(tree, drawings)
     yield PageBreak()
     yield Contents()
+    yield from cameras(tree)
     yield from assumptions(tree)
     yield from method(tree)
     yield from results(tree, drawings)

@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, TEMPERATURE_DIFFERENCE, pretty, significant
+from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 if TYPE_CHECKING:
     import xarray as xr
-
-_DIMENSIONS = {"m": LENGTH, "rad": ANGLE, "px": PIXELS, "K": TEMPERATURE_DIFFERENCE, "percent": NUMBER}
 
 
 def has(tree: xr.DataTree, group: str, *variables: str) -> bool:
@@ -77,15 +75,6 @@ def share(value: float) -> str:
     return pretty(value, FRACTION).replace(" ", "\N{NO-BREAK SPACE}")
 
 
-def quantity(value: float, unit: str) -> str:
-    """Write a value of a given SI unit; a unit that is not known here is written behind the number."""
-    dimension = _DIMENSIONS.get(unit, NUMBER)
-    text = pretty(value, dimension)
-    if dimension is NUMBER and unit not in ("", "1", "percent"):
-        text += f" {unit}"
-    return (text + (" %" if unit == "percent" else "")).replace(" ", "\N{NO-BREAK SPACE}")
-
-
 def titles(tree: xr.DataTree) -> dict[str, str]:
     """Get the titles of the cameras by their keys, in the order of the study."""
     group = dataset(tree, "cameras")
@@ -108,26 +97,67 @@ def places(tree: xr.DataTree) -> npt.NDArray[np.float64]:
 
 @dataclass(frozen=True, kw_only=True)
 class Flips:
-    """How often the verdict at one declared distance differs from that of the study's own reading."""
+    """The verdict on the headline pair at one declared distance, and the readings under which it differs.
+
+    Parameters
+    ----------
+    place
+        Distance [m].
+    more_certain, winner
+        The camera of lower uncertainty, and the winner among the usable (may be empty), in the study's own reading.
+    ratio
+        Uncertainty of the pair's first camera over that of the second, in the study's own reading.
+    alternatives
+        How many other readings there are.
+    flipped
+        Those in which the other camera is more certain.
+    """
 
     place: float
+    more_certain: str
     winner: str
+    ratio: float
     alternatives: int
     flipped: tuple[str, ...]
 
 
 def flips(tree: xr.DataTree, way: str = "both") -> Iterator[Flips]:
     """Count the readings under which another camera wins, for every declared distance."""
-    if not has(tree, "decision", "decision_winner", "decision_flips"):
+    if not has(tree, "decision", "more_certain", "winner", "flips", "uncertainty_ratio"):
         return
     decision = dataset(tree, "decision").sel(way=way)
     names = [str(name) for name in decision["reading"].values]
     for place in decision["place"].values:
         there = decision.sel(place=place)
-        flipped = np.asarray(there["decision_flips"].values, dtype=bool)
+        flipped = np.asarray(there["flips"].values, dtype=bool)
         yield Flips(
             place=float(place),
-            winner=str(there["decision_winner"].values[0]),
+            more_certain=str(there["more_certain"].values[0]),
+            winner=str(there["winner"].values[0]),
+            ratio=float(there["uncertainty_ratio"].values[0]),
             alternatives=len(names) - 1,
             flipped=tuple(name for name, flips_here in zip(names[1:], flipped[1:], strict=True) if flips_here),
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """An inverse question with its answer in words; `found` says whether there is a value."""
+
+    says: str
+    answer: str
+    found: bool
+
+
+def solved(tree: xr.DataTree) -> tuple[Solved, ...]:
+    """Read the inverse questions of a study."""
+    if not has(tree, "decision", "solved_value", "solved_says", "solved_answer"):
+        return ()
+    return tuple(
+        Solved(
+            says=str(row["solved_says"]),
+            answer=str(row["solved_answer"]),
+            found=bool(np.isfinite(float(row["solved_value"]))),
+        )
+        for row in records(tree, "decision", "question")
+    )

@@ -8,8 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tradestudy.report import facts
-from tradestudy.report.document import Block, Bullets, Callout, Heading, KeyFigure, KeyFigures, Picture, Spans, say
-from tradestudy.report.facts import distance, in_words, length, quantity, share
+from tradestudy.report.document import (
+    Block,
+    Bullets,
+    Callout,
+    Column,
+    Heading,
+    Picture,
+    Spans,
+    Table,
+    say,
+)
+from tradestudy.report.facts import distance, in_words, length, share
+from tradestudy.units import significant
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,79 +33,90 @@ def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block
     if not facts.has(tree, "decision", "best_camera") or not facts.has(tree, "depth"):
         return
     yield Heading(text="The answer", anchor="answer")
-    sentences = (*_stretches(tree), *_stability(tree))
-    yield Callout(title=facts.attribute(tree, "question"), blocks=(Bullets(sentences),), tone="answer")
-    yield from _key_figures(tree)
+    yield Callout(
+        title="Which camera for which distance", blocks=(Bullets((*_stretches(tree), *_solved(tree))),), tone="answer"
+    )
     if "whole-range" in drawings:
         drawing = drawings["whole-range"]
         yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
+    yield from _stability(tree)
 
 
 def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
     """One sentence per stretch of distance with one best camera."""
-    from tradestudy.figures.depth_data import nominal, winners
+    from tradestudy.figures.depth_data import nominal, nominal_is_declared, winners
 
-    titles, depth = facts.titles(tree), nominal(tree)
+    titles, depth, declared = facts.titles(tree), nominal(tree), nominal_is_declared(tree)
     for start, end, key in winners(tree):
         span = f"{distance(start)} to {distance(end)}"
         if not key:
             yield say("**{span}: no camera is usable.**", span=span)
-            continue
-        sigma = depth["depth_uncertainty"].sel(camera=key)
-        inside = sigma.where((sigma["distance"] >= start) & (sigma["distance"] <= end), drop=True)
-        first, last = float(inside[0]), float(inside[-1])
-        ends = [float(inside["distance"][0]), float(inside["distance"][-1])]
-        yield say(
-            "**{span}: {camera}**, uncertain by {first} ({first_share}) at the near end and {last} ({last_share}) "
-            "at the far end; {part} decides.",
-            span=span,
-            camera=titles[key],
-            first=length(first),
-            first_share=share(first / ends[0]),
-            last=length(last),
-            last_share=share(last / ends[1]),
-            part=_deciding_part(depth, key, ends),
-        )
-
-
-def _deciding_part(depth: xr.Dataset, camera: str, ends: list[float]) -> str:
-    """The largest part of the uncertainty at both ends of a stretch."""
-    parts = depth["depth_uncertainty_part"].sel(camera=camera)
-    names = []
-    for end in ends:
-        values = np.asarray(parts.sel(distance=end, method="nearest").values, dtype=float)
-        names.append(in_words(str(parts["part"].values[int(np.nanargmax(values))])))
-    return names[0] if names[0] == names[1] else f"first {names[0]}, then {names[1]}"
-
-
-def _stability(tree: xr.DataTree) -> Iterator[Spans]:
-    """How the verdict fares under the other readings, at each declared distance."""
-    for one in facts.flips(tree):
-        if one.flipped:
+        elif declared:
             yield say(
-                "At {place} the verdict **flips under {count} of {all} readings**: {names}.",
-                place=distance(one.place),
-                count=str(len(one.flipped)),
-                all=str(one.alternatives),
-                names=", ".join(one.flipped),
+                "**{span}: {camera}**, {how}.", span=span, camera=titles[key], how=_how_sure(depth, key, start, end)
             )
         else:
-            yield say(
-                "At {place} the verdict holds under all {all} other readings.",
-                place=distance(one.place),
-                all=str(one.alternatives),
-            )
+            yield say("**{span}: {camera}**.", span=span, camera=titles[key])
 
 
-def _key_figures(tree: xr.DataTree) -> Iterator[Block]:
-    """The solved inverse questions, as numbers to remember."""
-    if not facts.has(tree, "decision", "solved_value", "solved_unit", "solved_says"):
+def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
+    """The uncertainty at both ends of a stretch, absolute and relative, and what decides it there."""
+    sigma = depth["depth_uncertainty"].sel(camera=camera)
+    inside = sigma.where((sigma["distance"] >= start) & (sigma["distance"] <= end), drop=True)
+    places = inside["distance"].values[[0, -1]]
+    near, far = (
+        f"{length(float(s))} ({share(float(s / z))})" for s, z in zip(inside.values[[0, -1]], places, strict=True)
+    )
+    first, last = (_largest_part(depth, camera, float(place)) for place in places)
+    cause = f"set by {first}" if first == last else f"set first by {first}, then by {last}"
+    return f"uncertain by {near} at its near end and {far} at its far end, {cause}"
+
+
+def _largest_part(depth: xr.Dataset, camera: str, place: float) -> str:
+    parts = depth["depth_uncertainty_part"].sel(camera=camera).sel(distance=place, method="nearest")
+    return in_words(str(parts["part"].values[int(np.nanargmax(np.asarray(parts.values, dtype=np.float64)))]))
+
+
+def _solved(tree: xr.DataTree) -> Iterator[Spans]:
+    for one in facts.solved(tree):
+        yield say("{says} **{answer}**.", says=one.says, answer=one.answer)
+
+
+def _stability(tree: xr.DataTree) -> Iterator[Block]:
+    """How the verdict on the headline pair fares under the other readings, at each declared distance."""
+    flips = tuple(facts.flips(tree))
+    if not flips:
         return
-    solved = facts.records(tree, "decision", "question")
-    items = [
-        KeyFigure(value=quantity(float(one["solved_value"]), str(one["solved_unit"])), label=str(one["solved_says"]))
-        for one in solved
-        if np.isfinite(float(one["solved_value"]))
-    ]
-    if items:
-        yield KeyFigures(tuple(items[:4]))
+    titles, decision = facts.titles(tree) | {"": "neither"}, facts.dataset(tree, "decision")
+
+    def factor(one: facts.Flips) -> str:
+        ratio = max(one.ratio, 1.0 / one.ratio) if one.ratio > 0 else np.inf
+        return significant(ratio, 2) if np.isfinite(ratio) else "∞"
+
+    yield Table(
+        name="verdict-table",
+        caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: who is more certain, "
+        f"and under which of {flips[0].alternatives} other readings of the open questions that flips.",
+        columns=(
+            Column(title="At", align="right"),
+            Column(title="More certain"),
+            Column(title="by a factor", align="right"),
+            Column(title="Best usable"),
+            Column(title="Flips under", weight=1),
+        ),
+        rows=tuple(
+            (
+                distance(one.place),
+                titles[one.more_certain],
+                factor(one),
+                titles[one.winner],
+                say(
+                    "**{count} of {all}**{names}",
+                    count=str(len(one.flipped)),
+                    all=str(one.alternatives),
+                    names=(": " if one.flipped else "") + ", ".join(one.flipped),
+                ),
+            )
+            for one in flips
+        ),
+    )

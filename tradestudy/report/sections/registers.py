@@ -6,11 +6,8 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.facts import quantity
 from tradestudy.units import significant
 
 if TYPE_CHECKING:
@@ -21,7 +18,7 @@ _BASES = ("assumed", "derived", "datasheet", "measured", "paper")
 
 def assumptions(tree: xr.DataTree) -> Iterator[Block]:
     """Write the register of assumptions: every value with a basis, what is assumed first."""
-    rows = facts.records(tree, "assumptions", "assumption")
+    rows = facts.records(tree, "assumptions", "path")
     if not rows:
         return
     yield Heading(text="Assumptions", anchor="assumptions")
@@ -34,18 +31,50 @@ def assumptions(tree: xr.DataTree) -> Iterator[Block]:
             counts=", ".join(f"{counts[basis]} {basis}" for basis in known),
         )
     )
-    rows.sort(key=lambda row: known.index(str(row["basis"])))
     yield Table(
         name="assumption-register",
         caption="Assumptions register.",
         columns=(
-            Column(title="Basis"),
-            Column(title="Where", weight=3),
+            Column(title="Of", weight=3),
+            Column(title="What", weight=3),
             Column(title="Value", weight=2),
-            Column(title="Note", weight=4),
+            Column(title="Note", weight=5),
         ),
-        rows=tuple((str(r["basis"]), str(r["path"]), str(r["value"]), str(r["note"])) for r in rows),
+        rows=tuple(_by_basis(rows, known, tree)),
+        notes=("Values that a camera takes over from another one stand once, with all cameras that share them.",),
     )
+
+
+def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -> Iterator[tuple[Text, ...]]:
+    """Rows under a heading for every basis; equal values of several cameras become one row."""
+    for basis in bases:
+        owners: dict[tuple[str, str, str], list[str]] = {}
+        for row in rows:
+            if str(row["basis"]) == basis:
+                owner, what = _owner(str(row["path"]))
+                owners.setdefault((what, str(row["value"]), str(row["note"])), []).append(owner)
+        yield (f"{basis.capitalize()} ({sum(map(len, owners.values()))})",)
+        yield from ((_shared(names, tree), *entry) for entry, names in owners.items())
+
+
+def _owner(path: str) -> tuple[str, str]:
+    """Split a path into the key of the camera that it belongs to (or "study"), and what it is, in words."""
+    steps = path.split(".")
+    if len(steps) > 2 and steps[0] == "cameras":
+        return steps[1], facts.in_words(" › ".join(steps[2:]))
+    return "study", facts.in_words(" › ".join(steps))
+
+
+def _shared(owners: list[str], tree: xr.DataTree) -> str:
+    """Name the cameras that share a value, all of a family at once."""
+    titles, families = facts.titles(tree), facts.families(tree)
+    left, parts = list(owners), []
+    for family in dict.fromkeys(families.values()):
+        members = [key for key, other in families.items() if other == family]
+        if len(members) > 2 and set(members) <= set(left):
+            parts.append(f"all {family} cameras")
+            left = [key for key in left if key not in members]
+    return ", ".join([*(titles.get(key, key) for key in left), *parts])
 
 
 def contradictions(tree: xr.DataTree) -> Iterator[Block]:
@@ -91,7 +120,7 @@ def claims(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="Claim"),
             Column(title="Says", weight=4),
             Column(title="Expected", weight=2),
-            Column(title="Verdict", weight=2),
+            Column(title="Verdict", weight=3),
             Column(title="Why", weight=5),
         ),
         rows=tuple(
@@ -104,6 +133,10 @@ def claims(tree: xr.DataTree) -> Iterator[Block]:
             )
             for r in rows
         ),
+        notes=tuple(
+            say("**{claim}** is expected so because: {why}.", claim=str(r["claim"]), why=str(r["tolerance_reason"]))
+            for r in rows
+        ),
     )
     yield from _claim_values(tree, rows)
 
@@ -113,30 +146,26 @@ def _with_source(row: dict[str, Any]) -> Text:
 
 
 def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Block]:
-    """The value of every claim under every reading."""
+    """Write the value of every claim under every reading that it was tried under."""
     data = facts.dataset(tree, "claims")
-    if not {"value", "met", "unit"} <= set(map(str, data.data_vars)) or "reading" not in data["value"].dims:
+    if not {"value_text", "met"} <= set(map(str, data.data_vars)):
         return
-    readings = [str(name) for name in data["reading"].values]
 
-    def cell(claim: Any, unit: str, reading: Any) -> Text:
-        value = float(data["value"].sel(claim=claim, reading=reading))
-        if np.isnan(value):
-            return "—"
-        met = bool(data["met"].sel(claim=claim, reading=reading))
-        return say("{value} {mark}", value=quantity(value, unit), mark="✓" if met else "✗")
+    def cell(claim: Any, reading: Any) -> Text:
+        one = data.sel(claim=claim, reading=reading)
+        met, text = int(one["met"]), str(one["value_text"].item())
+        return f"{text} {'✓' if met == 1 else '✗'}" if met >= 0 else text
 
+    tried = [name for name in data["reading"].values if any(cell(row["claim"], name) for row in rows)]
     yield Table(
         name="claim-values",
-        caption="The value found for each claim under each reading; ✓ met, ✗ not met, — not defined there.",
+        caption="The value found for each claim under each reading that it was tried under: ✓ met, ✗ not met.",
         columns=(
             Column(title="Reading", weight=2),
             *(Column(title=str(row["claim"]), align="right", weight=1) for row in rows),
         ),
-        rows=tuple(
-            (name, *(cell(row["claim"], str(row["unit"]), reading) for row in rows))
-            for name, reading in zip(readings, data["reading"].values, strict=True)
-        ),
+        rows=tuple((str(name), *(cell(row["claim"], name) for row in rows)) for name in tried),
+        notes=tuple(say("**{claim}**: {quantity}.", claim=str(r["claim"]), quantity=str(r["quantity"])) for r in rows),
     )
 
 
@@ -145,33 +174,30 @@ def requirements(tree: xr.DataTree) -> Iterator[Block]:
     rows = facts.records(tree, "requirements", "requirement")
     if not rows:
         return
+    titles = facts.titles(tree)
     yield Heading(text="Requirements", anchor="requirements")
     yield Table(
         name="requirement-table",
-        caption="Requirements of the study; a positive margin is room to spare.",
+        caption="Requirements of the study, each with the camera that comes nearest; a positive margin is room to "
+        "spare.",
         columns=(
             Column(title="Requirement", weight=3),
             Column(title="Met"),
+            Column(title="Camera", weight=2),
             Column(title="Margin", unit="%", align="right"),
-            Column(title="Margin", unit="σ", align="right"),
-            Column(title="Why", weight=4),
+            Column(title="Why", weight=3),
         ),
         rows=tuple(
             (
                 str(r["says"]),
                 say("**{met}**", met="yes" if bool(r["met"]) else "no"),
-                _margin(r["margin_percent"]),
-                _margin(r["margin_sigma"]),
+                titles.get(str(r["camera"]), str(r["camera"])),
+                significant(float(r["margin_percent"]), 2),
                 str(r["reason"]),
             )
             for r in rows
         ),
     )
-
-
-def _margin(value: Any) -> str:
-    number = float(value)
-    return "—" if np.isnan(number) else "∞" if np.isinf(number) else significant(number)
 
 
 def criteria(tree: xr.DataTree) -> Iterator[Block]:

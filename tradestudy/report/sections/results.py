@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Picture, Table, Text, say
-from tradestudy.report.facts import distance, in_words, interval, length, quantity, share
+from tradestudy.report.facts import distance, in_words, interval, length, share
 from tradestudy.report.sections.registers import criteria
 from tradestudy.units import significant
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from tradestudy.figures.drawing import Drawing
 
-WAYS = {"noise": "noise only", "calibration": "calibration only", "both": "both"}
+WAYS = {"noise": "noise", "calibration": "calibration", "both": "both"}
 
 
 def results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -57,7 +57,7 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
             )
             if np.isfinite(near) and not np.isnan(far)
         ]
-        rows += [(title, *interval) for interval in intervals] or [(title, "nowhere", "", "", "")]
+        rows += [(title, *interval) for interval in intervals] or [(title, "nowhere", _what_is_missing(camera), "", "")]
     yield Heading(text="Where each camera is usable", anchor="usable-range", level=2)
     yield Table(
         name="usable-range-table",
@@ -70,8 +70,15 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="set by", weight=2),
         ),
         rows=tuple(rows),
-        notes=("An end without a limit is the end of the distances that were computed.",),
     )
+
+
+def _what_is_missing(camera: xr.Dataset) -> str:
+    """Name the limits that are broken where fewest are, for a camera that is usable nowhere."""
+    broken = camera["limit_met"].transpose("distance", "limit").values == 0
+    best = int(np.argmin(broken.sum(axis=1)))
+    names = ", ".join(in_words(str(name)) for name in camera["limit"].values[broken[best]])
+    return f"{names} (even at {distance(float(camera['distance'].values[best]))})"
 
 
 def _curves(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -98,7 +105,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
                 (
                     title,
                     "yes" if bool(camera["usable"]) else "no",
-                    length(nearer) if length(nearer) == length(farther) else f"{length(nearer)} / {length(farther)}",
+                    _step(nearer, farther),
                     *(length(sigma[way]) for way in WAYS),
                     share(sigma["both"] / float(place)),
                     interval(low, high),
@@ -124,6 +131,15 @@ def _values_at_places(tree: xr.DataTree) -> Table:
     )
 
 
+def _step(nearer: float, farther: float) -> str:
+    """Write the steps nearer and farther; one number where three digits do not tell them apart."""
+    near, far = length(nearer), length(farther)
+    if near == far:
+        return near
+    (number, _, unit), (_, _, other) = near.partition("\N{NO-BREAK SPACE}"), far.partition("\N{NO-BREAK SPACE}")
+    return f"{number} / {far}" if unit == other else f"{near} / {far}"
+
+
 def _parts(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     if "uncertainty-parts" in drawings:
         yield Heading(text="What the uncertainty is made of", anchor="parts", level=2)
@@ -132,51 +148,50 @@ def _parts(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
 
 def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """The verdict under every reading, the crossovers, and the inverse questions."""
-    if not facts.has(tree, "decision", "decision_winner", "decision_ratio", "reading_says"):
-        return
-    decision, titles = facts.dataset(tree, "decision"), facts.titles(tree) | {"": "none usable"}
-    both = decision.sel(way="both")
-    yield Heading(text="The decision under every reading", anchor="decision", level=2)
-    yield Paragraph(
-        "The sources leave questions open. Each reading below answers one of them differently from the study's own "
-        "(the first row); everything else stays."
-    )
-    yield from _pictures(drawings, "readings")
-    place_columns = tuple(
-        column
-        for place in decision["place"].values
-        for column in (
-            Column(title=f"Best at {distance(float(place))}", weight=2),
-            Column(title="ratio", align="right"),
-        )
-    )
-    rows: list[tuple[Text, ...]] = []
-    for reading in decision["reading"].values:
-        cells: list[Text] = []
-        for place in decision["place"].values:
-            at = both.sel(reading=reading, place=place)
-            winner = titles[str(at["decision_winner"].item())]
-            cells += [
-                say("**{w}**", w=winner) if bool(at["decision_flips"]) else winner,
-                _ratio(float(at["decision_ratio"])),
-            ]
-        rows.append(
-            (
-                say("{name}: {says}", name=str(reading), says=str(both["reading_says"].sel(reading=reading).item())),
-                *cells,
+    if facts.has(tree, "decision", "uncertainty_ratio", "flips", "reading_says"):
+        decision, titles = facts.dataset(tree, "decision"), facts.titles(tree)
+        pair = {end: titles[decision.attrs[end]] for end in ("first", "second")}
+        yield Heading(text="The decision under every reading", anchor="decision", level=2)
+        yield Paragraph(
+            say(
+                "The sources leave questions open. Each reading answers one of them differently from the study as "
+                "declared; everything else stays. The pair compared is {first} and {second}.",
+                **pair,
             )
         )
-    ratio = decision["decision_ratio"].attrs
-    yield Table(
-        name="reading-table",
-        caption="The camera with the smallest uncertainty (noise and calibration) under every reading; bold where "
-        "it differs from the first row.",
-        columns=(Column(title="Reading", weight=4), *place_columns),
-        rows=tuple(rows),
-        notes=(f"Ratio: uncertainty of {ratio['numerator']} over that of {ratio['denominator']}.",),
-    )
-    yield from _crossovers(decision)
+        yield from _pictures(drawings, "readings")
+        yield _ratio_table(decision, pair)
+        yield from _crossovers(decision)
     yield from _solved(tree)
+
+
+def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
+    """The ratio of uncertainties, noise and calibration together, for every reading and place."""
+    both = decision.sel(way="both")
+
+    def cell(reading: Any, place: Any) -> Text:
+        at = both.sel(reading=reading, place=place)
+        text = _ratio(float(at["uncertainty_ratio"]))
+        return say("**{text}**", text=text) if bool(at["flips"]) else text
+
+    places = decision["place"].values
+    return Table(
+        name="reading-table",
+        caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, noise and calibration together, under "
+        "every reading; bold where the verdict flips.",
+        columns=(
+            Column(title="Reading"),
+            Column(title="assumes that", weight=1),
+            *(Column(title=distance(float(place)), align="right") for place in places),
+        ),
+        rows=tuple(
+            (str(reading), str(both["reading_says"].sel(reading=reading).item()), *(cell(reading, p) for p in places))
+            for reading in decision["reading"].values
+        ),
+        notes=(
+            f"Below 1 {pair['first']} is more certain, above 1 {pair['second']}, whether or not they are usable there.",
+        ),
+    )
 
 
 def _ratio(value: float) -> str:
@@ -184,33 +199,39 @@ def _ratio(value: float) -> str:
 
 
 def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
+    """Where the uncertainties of the pair are equal, and how far readings move that."""
     if "crossover_distance" not in decision:
         return
-    values = np.asarray(decision["crossover_distance"].values, dtype=float)
-    finite = values[np.isfinite(values)]
-    if finite.size:
-        own = [distance(float(v)) for v in values[0] if np.isfinite(v)]
-        yield Paragraph(
-            say(
-                "In the study's own reading the better family changes at {own}. Over all readings the crossovers "
-                "lie between {low} and {high}; this is a range of assumptions, not a confidence interval.",
-                own=" and ".join(own) or "no distance",
-                low=distance(float(finite.min())),
-                high=distance(float(finite.max())),
-            )
+    values = np.asarray(decision["crossover_distance"].sel(way="both").values, dtype=np.float64)
+    own = [distance(float(v)) for v in values[0] if np.isfinite(v)]
+    others = values[1:][np.isfinite(values[1:])]
+    text = f"at {' and '.join(own)}" if own else "nowhere in the range of the study"
+    if not others.size:
+        yield Paragraph(say("In the study as declared the two are equally uncertain {own}.", own=text))
+        return
+    yield Paragraph(
+        say(
+            "In the study as declared the two are equally uncertain {own}. Under {count} of the {all} other "
+            "readings they are so somewhere between {low} and {high}; this is a range of assumptions, not a "
+            "confidence interval.",
+            own=text,
+            count=str(int(np.isfinite(values[1:]).any(axis=1).sum())),
+            all=str(len(values) - 1),
+            low=distance(float(others.min())),
+            high=distance(float(others.max())),
         )
+    )
 
 
 def _solved(tree: xr.DataTree) -> Iterator[Block]:
-    if not facts.has(tree, "decision", "solved_value", "solved_unit", "solved_says"):
-        return
-    rows = facts.records(tree, "decision", "question")
-    yield Table(
-        name="solved-table",
-        caption="Questions turned round: which value would change the verdict.",
-        columns=(Column(title="Question", weight=3), Column(title="Answer", align="right")),
-        rows=tuple((str(r["solved_says"]), quantity(float(r["solved_value"]), str(r["solved_unit"]))) for r in rows),
-    )
+    rows = facts.solved(tree)
+    if rows:
+        yield Table(
+            name="solved-table",
+            caption="Questions turned round: which value would change the verdict.",
+            columns=(Column(title="Question", weight=2), Column(title="Answer", weight=1)),
+            rows=tuple((one.says, one.answer) for one in rows),
+        )
 
 
 def _sweeps(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
