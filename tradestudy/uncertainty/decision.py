@@ -251,11 +251,19 @@ def crossings(
     tuple of Solution
         Rising; empty where the curves do not cross on the grid.
     """
-    signs = np.sign(np.stack([curve(distances, replicate) for replicate in range(replicates)]))
-    # The majority of replicates decides where to look; ties count with the cell before them.
-    majority = np.sign(np.sum(signs, axis=0))
+    signs = _carried(np.sign(np.stack([curve(distances, replicate) for replicate in range(replicates)])))
+    # The majority of replicates decides where to look.
+    majority = _carried(np.sign(np.nansum(signs, axis=0)))
     cells = np.flatnonzero(majority[:-1] * majority[1:] < 0.0)
     return tuple(_crossing(curve, distances, signs, int(cell)) for cell in cells)
+
+
+def _carried(signs: FloatArray) -> FloatArray:
+    """Signs along the last axis with a zero counted to the side that it is reached from."""
+    carried = signs.copy()
+    for k in range(1, signs.shape[-1]):
+        carried[..., k] = np.where(carried[..., k] == 0.0, carried[..., k - 1], carried[..., k])
+    return carried
 
 
 def _crossing(

@@ -178,7 +178,7 @@ def second_order_uncertainty(model: Model, sources: Sources) -> FloatArray:
     values = _evaluate(model, sources, offsets)
     centre, along = values[0], values[1 : 1 + 4 * count].reshape(4, count, -1)
     plus, minus, plus2, minus2 = along
-    first = (plus - minus) / (2.0 * h)
+    first = (8.0 * (plus - minus) - (plus2 - minus2)) / (12.0 * h)
     second = (plus + minus - 2.0 * centre) / h**2
     third = (plus2 - minus2 - 2.0 * (plus - minus)) / (2.0 * h**3)
     variance = np.sum(first**2 + 0.5 * second**2 + first * third, axis=0)

@@ -1,0 +1,180 @@
+import numpy as np
+import pytest
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty.distributions import Normal, StudentT
+from tradestudy.uncertainty.evaluation import Outcome
+from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
+from tradestudy.uncertainty.monte_carlo import Sampling
+from tradestudy.uncertainty.sensitivity import parameter_tornado, sobol_indices, tornado
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+
+RIG = ErrorClass.RIG
+SAMPLING = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14)
+
+
+def normal(name, deviation):
+    return Source(name=name, distribution=Normal(mean=0.0, standard_deviation=deviation), error_class=RIG)
+
+
+def pair(correlation, deviations=(1.0, 1.0)):
+    return JointNormal.from_correlation(
+        name="optics",
+        parameters=("z", "f"),
+        mean=np.zeros(2),
+        standard_deviation=np.array(deviations),
+        correlation=np.array([[1.0, correlation], [correlation, 1.0]]),
+        error_class=RIG,
+    )
+
+
+def indices(model, sources, draws=2**11):
+    return sobol_indices(model, sources, SAMPLING, draws=draws, seed=0, point="s")
+
+
+def test_bars_have_the_widths_of_their_sources():
+    sources = Sources(groups=(normal("yaw", 0.03), normal("pixel", 0.01)))
+    bars = tornado(
+        lambda v: Outcome(values=1.0 + v["yaw"] + 2.0 * v["pixel"]),
+        sources,
+        SAMPLING,
+        seed=0,
+        point="t",
+        inverse_depth=False,
+    )
+    assert bars.names == ("yaw", "pixel")
+    np.testing.assert_allclose(bars.half_width[:, 0], [0.03, 0.02], rtol=1e-3)
+
+
+def test_a_group_moves_together_in_the_tornado():
+    sources = Sources(groups=(pair(0.99), normal("pixel", 0.5)))
+    bars = tornado(
+        lambda v: Outcome(values=v["z"] - v["f"] + v["pixel"]),
+        sources,
+        SAMPLING,
+        seed=0,
+        point="t",
+        inverse_depth=False,
+    )
+    np.testing.assert_allclose(bars.half_width[:, 0], [np.sqrt(0.02), 0.5], rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "group",
+    [
+        pair(-0.31),
+        GaussianCopula(
+            name="optics",
+            parameters=("z", "f"),
+            marginals=(Normal(mean=0, standard_deviation=1), Normal(mean=0, standard_deviation=1)),
+            correlation=np.array([[1.0, 0.996], [0.996, 1.0]]),
+            error_class=RIG,
+        ),
+        JointDraws(
+            name="optics",
+            parameters=("z", "f"),
+            draws=np.random.default_rng(0).normal(size=(500, 2)) @ np.array([[1.0, 1.0], [0.0, 0.5]]),
+            error_class=RIG,
+        ),
+    ],
+    ids=["covariance", "copula", "posterior"],
+)
+def test_a_parameter_alone_is_refused_where_it_is_correlated(group):
+    with pytest.raises(OutOfRangeError, match=r"mislead in optics: z and f correlated by [+-]0\.\d+.*by group"):
+        parameter_tornado(
+            lambda v: Outcome(values=v["z"] - v["f"]),
+            Sources(groups=(group,)),
+            SAMPLING,
+            seed=0,
+            point="t",
+            inverse_depth=False,
+        )
+
+
+def test_weakly_correlated_parameters_get_a_bar_each_and_held_sources_stay_nominal():
+    held = Source(name="held", distribution=Normal(mean=5.0, standard_deviation=9.0), error_class=ErrorClass.SESSION)
+    sources = Sources(groups=(pair(0.29, (1.0, 3.0)), held)).of_class([RIG])
+    bars = parameter_tornado(
+        lambda v: Outcome(values=v["held"] + v["z"] - v["f"]), sources, SAMPLING, seed=0, point="t", inverse_depth=False
+    )
+    assert bars.names == ("z", "f")
+    np.testing.assert_allclose(bars.half_width[:, 0], [1.0, 3.0], rtol=1e-3)
+    np.testing.assert_allclose(bars.bars[0].nominal, 5.0)
+
+
+def test_grouped_indices_share_out_the_variance_of_correlated_parameters():
+    """Y = z − f + p + z p: var of the group 2(1 − ρ), of p s², of the interaction s²."""
+    rho, s = 0.9, 0.4
+    mine = indices(
+        lambda v: Outcome(values=v["z"] - v["f"] + v["p"] + v["z"] * v["p"]),
+        Sources(groups=(pair(rho), normal("p", s))),
+        draws=2**13,
+    )
+    group, noise = 2.0 * (1.0 - rho), s**2
+    total = group + 2.0 * noise
+    assert mine.names == ("optics", "p")
+    np.testing.assert_allclose(mine.first[:, 0], [group / total, noise / total], atol=4.0 * mine.first_error.max())
+    np.testing.assert_allclose(
+        mine.total[:, 0], [(group + noise) / total, 2.0 * noise / total], atol=4.0 * mine.total_error.max()
+    )
+    assert mine.first_error.max() < 0.01
+    assert mine.evaluations == 4 * 2**13 * 8
+
+
+def test_an_output_with_one_bad_draw_is_refused_and_its_neighbours_are_not():
+    def model(v):
+        bad = np.where(v["a"] > 3.0, np.nan, v["a"])
+        return Outcome(values=np.concatenate([v["a"] + v["b"], bad, 0.0 * v["a"]], axis=1))
+
+    mine = indices(model, Sources(groups=(normal("a", 1.0), normal("b", 1.0))))
+    np.testing.assert_allclose(mine.first[:, 0], 0.5, atol=0.02)
+    assert np.all(np.isnan(mine.first[:, 1:]))
+    assert np.all(np.isnan(mine.total[:, 1:]))
+    assert mine.refused[0] == ""
+    assert "not finite" in mine.refused[1]
+    assert "does not vary" in mine.refused[2]
+
+
+def test_inverse_depth_has_indices_where_depth_is_infinite():
+    sources = Sources(groups=(normal("yaw", 0.06), normal("pixel", 0.08)))
+    inverse = indices(lambda v: Outcome(values=0.1 + v["yaw"] + v["pixel"]), sources)
+    np.testing.assert_allclose(inverse.first[:, 0], [0.36, 0.64], atol=0.01)
+
+    def depth(v):
+        w = 0.1 + v["yaw"] + v["pixel"]
+        return Outcome(values=np.where(w > 0.0, 1.0 / w, np.inf))
+
+    assert "analyse inverse depth" in indices(depth, sources).refused[0]
+
+
+def test_indices_do_not_depend_on_batches():
+    sources = Sources(groups=(normal("a", 1.0), normal("b", 2.0)))
+    small = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14, batch_draws=2**5)
+    model = lambda v: Outcome(values=v["a"] * v["b"] + v["a"])  # noqa: E731  one line is the whole model
+    first = sobol_indices(model, sources, SAMPLING, draws=2**9, seed=0, point="s")
+    second = sobol_indices(model, sources, small, draws=2**9, seed=0, point="s")
+    np.testing.assert_array_equal(first.first, second.first)
+    np.testing.assert_array_equal(first.total, second.total)
+
+
+@pytest.mark.parametrize(
+    ("groups", "draws", "message"),
+    [
+        ((normal("a", 1.0),), 100, "power of two"),
+        ((normal("a", 0.0),), 128, "without an uncertain source"),
+        (
+            (
+                Source(
+                    name="a",
+                    distribution=StudentT(location=0.0, scale=1.0, degrees_of_freedom=2.0),
+                    error_class=RIG,
+                ),
+            ),
+            128,
+            "share out a variance",
+        ),
+    ],
+)
+def test_indices_that_cannot_exist_are_refused(groups, draws, message):
+    with pytest.raises(OutOfRangeError, match=message):
+        indices(lambda v: Outcome(values=v["a"]), Sources(groups=groups), draws=draws)
