@@ -9,7 +9,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -19,14 +19,13 @@ from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.study.definition import StudyDefinition, load_definition
+from tradestudy.study.progress import Progress
 
 if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
     from tradestudy.study.schema.root import StudyFile
-
-Progress = Callable[[str, float], None]
 
 
 def load(path: str | Path, overrides: Sequence[str] = ()) -> Study:

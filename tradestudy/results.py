@@ -254,6 +254,7 @@ ASSUMPTIONS: Final[Mapping[str, Variable]] = {
     "value": Variable(dims=("path",), units="", long_name="the value as written"),
     "basis": Variable(dims=("path",), units="", long_name="paper, datasheet, measured, assumed or derived"),
     "note": Variable(dims=("path",), units="", long_name="note"),
+    "cameras": Variable(dims=("path",), units="", long_name="cameras that the value belongs to; empty for the study"),
 }
 
 CONTRADICTIONS: Final[Mapping[str, Variable]] = {

@@ -51,6 +51,14 @@ class SumOfErrors:
         OutOfRangeError
             For more than three uniform errors, whose numerical convolution would take 48ⁿ⁻¹ nodes.
         """
+        uniforms = list(uniforms)
+        if len(uniforms) > _MOST_UNIFORMS:
+            raise OutOfRangeError(
+                "uniform errors that one closed form can add up",
+                value=str(len(uniforms)),
+                limit=f"at most {_MOST_UNIFORMS}",
+                remedy="declare the smaller ones as normal",
+            )
         variance = np.zeros(shape)
         for deviation in normals:
             variance = variance + np.square(deviation)

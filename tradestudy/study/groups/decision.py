@@ -1,0 +1,73 @@
+"""/decision: which camera for which distance, under every reading of the assumptions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results import dataset
+from tradestudy.study.decision import PairVerdict, best_cameras, decide_pair, solve
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.depth import WAYS
+from tradestudy.study.groups.depth import depth_as_declared
+
+
+def decision_group(
+    definition: StudyDefinition, readings: Mapping[str, StudyDefinition], depth: xr.Dataset
+) -> xr.Dataset:
+    """/decision from /depth and from the study under each reading."""
+    file, case = definition.file, definition.case
+    values: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {"distance": case.distance, "way": list(WAYS)}
+    attributes: dict[str, Any] = {}
+    nominal = depth if depth["depth_uncertainty"].ndim == 2 else depth_as_declared(definition)
+    names = list(case.cameras)
+    usable = {name: nominal["usable"].values[i] for i, name in enumerate(names)}
+    values["best_camera"] = np.stack(
+        [
+            np.array(
+                best_cameras(usable, {n: nominal["depth_uncertainty_way"].values[i, :, w] for i, n in enumerate(names)})
+            )
+            for w in range(len(WAYS))
+        ],
+        axis=-1,
+    )
+    if file.decision is not None:
+        pair = (file.decision.between[0], file.decision.between[1])
+        places = np.array(file.decision.at)
+        verdicts = {name: decide_pair(reading.case, pair, places) for name, reading in readings.items()}
+        values |= _pair_arrays(verdicts)
+        values["reading_says"] = ["the study as declared", *(reading.says for reading in file.readings.values())]
+        coordinates |= {"reading": list(readings), "place": places}
+        attributes |= {"first": pair[0], "second": pair[1]}
+    if file.solve:
+        solved = [solve(definition, question) for question in file.solve.values()]
+        values |= {
+            "solved_value": [answer.value for answer in solved],
+            "solved_units": [answer.dimension.unit for answer in solved],
+            "solved_says": [question.says for question in file.solve.values()],
+            "solved_answer": [answer.answer for answer in solved],
+        }
+        coordinates["question"] = list(file.solve)
+    return dataset("decision", values, coordinates, attributes=attributes)
+
+
+def _pair_arrays(verdicts: Mapping[str, PairVerdict]) -> dict[str, Any]:
+    first = next(iter(verdicts.values()))
+    most = max((len(c) for v in verdicts.values() for c in v.crossings.values()), default=0)
+    crossings = [
+        [[*v.crossings[way], *[(math.nan, "")] * (max(most, 1) - len(v.crossings[way]))] for way in WAYS]
+        for v in verdicts.values()
+    ]
+    return {
+        "winner": np.array([v.winner for v in verdicts.values()]),
+        "more_certain": np.array([v.more_certain for v in verdicts.values()]),
+        "uncertainty_ratio": np.stack([v.ratio for v in verdicts.values()]),
+        "flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
+        "crossover_distance": np.array([[[c[0] for c in way] for way in reading] for reading in crossings]),
+        "crossover_nearer": np.array([[[c[1] for c in way] for way in reading] for reading in crossings]),
+    }

@@ -1,0 +1,128 @@
+"""/depth: every camera over distance and over the study's sweep."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.depth import QUANTILES, WAYS, DepthEvaluation, evaluate_depth
+from tradestudy.study.progress import Progress
+from tradestudy.study.sweep import sweep_axes, sweep_points
+from tradestudy.study.usable import LIMIT_NAMES, Interval, all_met, evaluate_limits, usable_intervals
+
+
+def depth_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
+    """/depth over (swept parameters, camera, distance)."""
+    axes = sweep_axes(definition)
+    points = sweep_points(definition, axes)
+    tables = []
+    for number, point in enumerate(points):
+        progress("depth", number / len(points))
+        tables.append(_depth_of_case(point.case))
+    part_names = list(dict.fromkeys(name for table in tables for name in table["parts"]))
+    intervals = max(len(rows) for table in tables for rows in table["intervals"])
+    shape = tuple(len(axis.labels) for axis in axes)
+    arrays = [_depth_arrays(table, part_names, max(intervals, 1)) for table in tables]
+    stacked = {
+        name: np.stack([array[name] for array in arrays]).reshape(shape + np.shape(arrays[0][name]))
+        for name in arrays[0]
+    }
+    leading = tuple(axis.path for axis in axes)
+    coordinates: dict[str, Any] = {axis.path: axis.labels for axis in axes}
+    coordinates |= {
+        "camera": list(definition.case.cameras),
+        "distance": definition.case.distance,
+        "side": ["nearer", "farther"],
+        "way": list(WAYS),
+        "quantile": list(QUANTILES),
+        "part": part_names,
+        "limit": list(LIMIT_NAMES),
+    }
+    result = dataset("depth", stacked, coordinates, leading=leading)
+    for axis in axes:
+        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path}
+    return result
+
+
+def _depth_of_case(case: Case) -> dict[str, Any]:
+    """Evaluate all cameras of one case; ragged things stay lists."""
+    evaluations = {name: evaluate_depth(camera, case.distance) for name, camera in case.cameras.items()}
+    limits = [evaluate_limits(camera, case.criteria, case.distance) for camera in case.cameras.values()]
+    return {
+        "evaluations": list(evaluations.values()),
+        "limits": limits,
+        "parts": list(dict.fromkeys(name for e in evaluations.values() for name in e.parts)),
+        "intervals": [usable_intervals(camera, case.criteria, case.distance) for camera in case.cameras.values()],
+        "virtual_depth": [
+            camera.virtual_depth(case.distance)
+            if isinstance(camera, FocusedPlenoptic)
+            else np.full_like(case.distance, np.nan)
+            for camera in case.cameras.values()
+        ],
+        "usable": [all_met(limit, case.distance.shape) for limit in limits],
+    }
+
+
+def _depth_arrays(table: Mapping[str, Any], part_names: list[str], most_intervals: int) -> dict[str, Any]:
+    """The variables of /depth for one case, camera first."""
+    evaluations: list[DepthEvaluation] = table["evaluations"]
+    distance = evaluations[0].distance
+    missing = np.full_like(distance, np.nan)
+
+    def over_limits(attribute: str, absent: float) -> FloatArray:
+        rows = [
+            [
+                np.broadcast_to(
+                    np.asarray(getattr(limits[name], attribute) if name in limits else absent, dtype=np.float64),
+                    distance.shape,
+                )
+                for name in LIMIT_NAMES
+            ]
+            for limits in table["limits"]
+        ]
+        return np.moveaxis(np.array(rows), 1, 2)
+
+    def over_intervals(attribute: str, absent: Any) -> Any:
+        return np.array([_padded(rows, attribute, absent, most_intervals) for rows in table["intervals"]])
+
+    uncertainty = np.stack([e.uncertainty for e in evaluations])
+    return {
+        "depth_discrimination": np.stack([e.discrimination.T for e in evaluations]),
+        "depth_uncertainty": uncertainty[:, WAYS.index("both")],
+        "depth_uncertainty_error": np.stack([e.uncertainty_error for e in evaluations]),
+        "depth_uncertainty_way": np.moveaxis(uncertainty, 1, 2),
+        "depth_uncertainty_part": np.stack(
+            [np.stack([e.parts.get(name, missing) for name in part_names], axis=-1) for e in evaluations]
+        ),
+        "depth_quantile": np.stack([np.moveaxis(e.quantile, 0, 1) for e in evaluations]),
+        "failed_fraction": np.stack([e.failed_fraction.T for e in evaluations]),
+        "equivalent_baseline": np.stack([e.equivalent_baseline for e in evaluations]),
+        "disparity_px": np.stack([e.disparity_px for e in evaluations]),
+        "virtual_depth": np.stack(table["virtual_depth"]),
+        "usable": np.stack(table["usable"]),
+        "limit_value": over_limits("value", math.nan),
+        "limit_met": over_limits("met", -1.0).astype(np.int8),
+        "limit_bound": over_limits("bound", math.nan)[:, 0],
+        "usable_near": over_intervals("near", math.nan),
+        "usable_far": over_intervals("far", math.nan),
+        "near_limit": over_intervals("near_limit", ""),
+        "far_limit": over_intervals("far_limit", ""),
+    }
+
+
+def _padded(rows: tuple[Interval, ...], attribute: str, absent: Any, length: int) -> list[Any]:
+    return [getattr(row, attribute) for row in rows] + [absent] * (length - len(rows))
+
+
+def depth_as_declared(definition: StudyDefinition) -> xr.Dataset:
+    """/depth of the study as declared, without its sweep."""
+    table = _depth_of_case(definition.case)
+    return dataset("depth", _depth_arrays(table, table["parts"], 1 + max(map(len, table["intervals"]))), {})
