@@ -22,7 +22,7 @@ Weideman, "The exponentially convergent trapezoidal rule", 2014 (poles).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.propagation.rays import Rays
 
-_PAIRS_AT_ONCE = 100_000
+_PAIRS_AT_ONCE = 12_000  # a dozen arrays of this size stay in the second-level cache
 _POLE_STEPS = 12
 _LEAST_DEPTH = (
     1e-7  # a target exactly on the shadow of the edge: the two poles meet there, and only their sum is finite
@@ -104,6 +104,11 @@ def edge_field(
     return EdgeField(field=field + correction, failed=failed)
 
 
+def pole_reach(count: int, tolerance: float) -> float:
+    """Distance of a pole from the edge, |ln(ray radius/aperture radius)|, from which it needs no correction."""
+    return -1.2 * math.log(tolerance) / count
+
+
 def _trapezoid(
     wave: LensWave, kernel: KirchhoffKernel, angle: FloatArray, x: Array, y: Array, z: Array
 ) -> ComplexArray:
@@ -149,19 +154,53 @@ def _obliquity_ratio(kernel: KirchhoffKernel, p_z: Array, s: Array, z: Array) ->
     return np.asarray(ratio * (1 + 1j / (kernel.wavenumber * s)))
 
 
-def _numerator(wave: LensWave, kernel: KirchhoffKernel, angle: Array, x: Array, y: Array, z: Array) -> Array:
-    """Integrand over the angle times s − p·S, at complex angles of the edge."""
+@dataclass(frozen=True, kw_only=True)
+class _EdgePoint:
+    """Geometry at complex angles of the edge; every entry is conjugate at the conjugate angle."""
+
+    u: ComplexArray
+    v: ComplexArray
+    p_z: ComplexArray
+    s: ComplexArray
+    path: ComplexArray  # along the wave and on to the target
+    across: ComplexArray  # (p × S)·t
+    denominator: ComplexArray  # s − p·S
+    slope: ComplexArray  # its derivative by the angle
+
+    def conjugate(self) -> _EdgePoint:
+        return _EdgePoint(**{f.name: np.conj(getattr(self, f.name)) for f in fields(self)})
+
+
+def _edge_point(wave: LensWave, angle: ComplexArray, x: Array, y: Array, z: Array) -> _EdgePoint:
     radius = wave.lens.radius
     cos, sin = np.cos(angle), np.sin(angle)
     u, v = radius * cos, radius * sin
-    p_x, p_y = wave.paths.slope(u, v)
-    p_z = np.sqrt(1 - p_x**2 - p_y**2)
+    wavefront = wave.paths.expansion(u, v)
+    p_x, p_y = wavefront.p_x, wavefront.p_y
+    p_z = np.sqrt(1 - p_x * p_x - p_y * p_y)
+    turn_x = radius * (wavefront.xy * cos - wavefront.xx * sin)
+    turn_y = radius * (wavefront.yy * cos - wavefront.xy * sin)
+    turn_z = -(p_x * turn_x + p_y * turn_y) / p_z
     a, b = x - u, y - v
     s = np.sqrt(a * a + b * b + z * z)
-    across = a * p_z * cos + b * p_z * sin - z * (p_x * cos + p_y * sin)
-    phase = np.exp(1j * wave.wavenumber * (wave.paths.value(u, v) + s))
-    strength = wave.amplitude(u, v) * phase * radius / (4 * math.pi)
-    return np.asarray(strength * across / s * _obliquity_ratio(kernel, p_z, s, z))
+    slope = (a * sin - b * cos) * radius / s - (turn_x * a + turn_y * b + turn_z * z)
+    return _EdgePoint(
+        u=u,
+        v=v,
+        p_z=p_z,
+        s=s,
+        path=wavefront.value + s,
+        across=p_z * (a * cos + b * sin) - z * (p_x * cos + p_y * sin),
+        denominator=s - (p_x * a + p_y * b + p_z * z),
+        slope=slope - radius * (p_x * sin - p_y * cos),
+    )
+
+
+def _residue(wave: LensWave, kernel: KirchhoffKernel, at: _EdgePoint, z: Array) -> ComplexArray:
+    """Residue of the integrand over the angle at a zero of its denominator."""
+    strength = wave.amplitude(at.u, at.v) * np.exp(1j * wave.wavenumber * at.path)
+    ratio = _obliquity_ratio(kernel, at.p_z, at.s, z)
+    return np.asarray(strength * (wave.lens.radius / (4 * math.pi)) * at.across / at.s * ratio / at.slope)
 
 
 def _pole_terms(
@@ -185,48 +224,32 @@ def _pole_terms(
     distance = np.hypot(rays.u[0], rays.v[0]) / wave.lens.radius
     with np.errstate(divide="ignore"):  # a ray through the vertex has its poles at infinity
         depth = np.abs(np.log(distance))
-    near = np.flatnonzero(rays.found[0] & (depth * count < -1.2 * math.log(tolerance)))
+    near = np.flatnonzero(rays.found[0] & (depth < pole_reach(count, tolerance)))
     if near.size == 0:
         return correction, failed
     x, y, z = x[near], y[near], z[near]
-    pole = np.arctan2(rays.v[0, near], rays.u[0, near]) + 1j * np.maximum(depth[near], _LEAST_DEPTH)
-    pole, converged = _find_poles(wave, pole, x, y, z)
+    start_angle = np.arctan2(rays.v[0, near], rays.u[0, near]) + 1j * np.maximum(depth[near], _LEAST_DEPTH)
+    angle, above, converged = _find_poles(wave, start_angle, x, y, z)
     total = np.zeros(near.size, dtype=np.complex128)
-    for angle, sign in ((pole, 1), (pole.conj(), -1)):
-        _, slope = _denominator(wave, angle, x, y, z)
-        numerator = _numerator(wave, kernel, angle, x, y, z)
-        decay = np.exp(-sign * 1j * count * (angle - start[near]))
+    for at, pole, sign in ((above, angle, 1), (above.conjugate(), angle.conj(), -1)):
+        decay = np.exp(-sign * 1j * count * (pole - start[near]))
         # Above: 1/(1 − decay). Below: 1/(decay − 1).
-        total += 2j * math.pi * numerator / slope / (sign * (1 - decay))
+        total += 2j * math.pi * _residue(wave, kernel, at, z) / (sign * (1 - decay))
     correction[near] = np.where(converged, total, 0.0)
     failed[near] = ~converged
     return correction, failed
 
 
-def _find_poles(wave: LensWave, angle: ComplexArray, x: Array, y: Array, z: Array) -> tuple[ComplexArray, BoolArray]:
+def _find_poles(
+    wave: LensWave, angle: ComplexArray, x: Array, y: Array, z: Array
+) -> tuple[ComplexArray, _EdgePoint, BoolArray]:
     """Zeros of the denominator next to starting angles, above or on the real axis, by Newton's method."""
+    at = _edge_point(wave, angle, x, y, z)
     for _ in range(_POLE_STEPS):
-        value, slope = _denominator(wave, angle, x, y, z)
-        step = np.where(slope == 0, 0.0, value / np.where(slope == 0, 1.0, slope))
-        angle = angle - step * np.minimum(1.0, 0.3 / np.maximum(np.abs(step), 1e-300))
-        if np.max(np.abs(step)) < 1e-8:  # the convergence is quadratic: the next step would be rounding
+        step = np.where(at.slope == 0, 0.0, at.denominator / np.where(at.slope == 0, 1.0, at.slope))
+        size = np.abs(step)
+        angle = angle - step * np.minimum(1.0, 0.3 / np.maximum(size, 0.3))
+        at = _edge_point(wave, angle, x, y, z)
+        if np.max(size) < 1e-4:  # the convergence is quadratic: the next step would be 1e-8
             break
-    good = (np.abs(step) < 1e-5) & (angle.imag >= 0)
-    return np.where(good, angle, 1j), good
-
-
-def _denominator(wave: LensWave, angle: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    """s − p·S at complex angles of the edge, and its derivative by the angle."""
-    radius = wave.lens.radius
-    cos, sin = np.cos(angle), np.sin(angle)
-    u, v = radius * cos, radius * sin
-    p_x, p_y = wave.paths.slope(u, v)
-    p_z = np.sqrt(1 - p_x**2 - p_y**2)
-    xx, xy, yy = wave.paths.curvature(u, v)
-    turn_x = radius * (xy * cos - xx * sin)
-    turn_y = radius * (yy * cos - xy * sin)
-    turn_z = -(p_x * turn_x + p_y * turn_y) / p_z
-    a, b = x - u, y - v
-    s = np.sqrt(a * a + b * b + z * z)
-    slope = (a * sin - b * cos) * radius / s - (turn_x * a + turn_y * b + turn_z * z)
-    return s - (p_x * a + p_y * b + p_z * z), slope - radius * (p_x * sin - p_y * cos)
+    return angle, at, np.asarray((size < 1e-3) & (angle.imag >= 0))

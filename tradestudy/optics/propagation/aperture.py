@@ -110,7 +110,7 @@ def aperture_field(
     kernel: Kernel = FresnelKernel(wavelength=wavelength) if method == "fresnel" else exact
     return propagate_wave(
         sample=lambda n: sample_wave(wave, n),
-        counts=counts or nodes_for(wave, targets, accuracy),
+        counts=counts or (lambda: nodes_for(wave, targets, accuracy)),
         kernel=kernel,
         targets=targets,
         accuracy=accuracy,

@@ -16,7 +16,7 @@ from tradestudy.optics.quadrature import QuadratureNodes
 
 ComplexArray = npt.NDArray[np.complex128]
 
-_PAIRS_AT_ONCE = 400_000  # node–target pairs per block: a few blocks of this size stay in the cache
+_PAIRS_AT_ONCE = 16_000  # node–target pairs per block: a few blocks of this size stay in the cache
 
 
 class Kernel(Protocol):

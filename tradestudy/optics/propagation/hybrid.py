@@ -10,14 +10,20 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.boundary_wave import edge_field
+from tradestudy.optics.boundary_wave import edge_field, pole_reach
 from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum, unit_phasor
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
-from tradestudy.optics.propagation.rays import find_rays, one_ray_per_target, ray_fields
+from tradestudy.optics.propagation.rays import Rays, find_rays, one_ray_per_target, ray_fields, within_rim
 from tradestudy.optics.propagation.result import ApertureField, Effort, squared_magnitude
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, check_affordable
+from tradestudy.optics.propagation.sampling import (
+    Limits,
+    NodeCounts,
+    check_affordable,
+    edge_node_count,
+    outline,
+)
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.upsampling import ChebyshevGrid, chebyshev_grid
 from tradestudy.optics.propagation.wave_optics import (
@@ -80,13 +86,14 @@ def hybrid_field(
     UnaffordableError
         The limits do not allow the targets handed over, or the check.
     """
-    counts = nodes_for(wave, targets, accuracy)
     size = math.prod(targets.shape)
-    edge = edge_nodes or counts.angular
+    seconds = 0.0
+    started = time.perf_counter()
+    edge = edge_nodes or _edge_nodes(wave, targets, accuracy)
+    seconds += time.perf_counter() - started
     check_affordable(NodeCounts(radial=1, angular=edge), targets=size, check_targets=0, limits=limits)
     index, *at = check_points(targets, accuracy)
-    reference = _reference(wave, kernel, counts, at, limits)
-    seconds = 0.0
+    reference = _reference(wave, kernel, targets, at, accuracy, limits)
     for round_number in range(1, _MAX_ROUNDS + 1):
         started = time.perf_counter()
         result = _evaluate(wave, kernel, targets, edge, 0.03 * accuracy.tolerance)
@@ -135,6 +142,22 @@ def hybrid_field(
     )
 
 
+def _edge_nodes(wave: LensWave, targets: Targets, accuracy: Accuracy) -> int:
+    """Nodes on the edge by the slope of the path along it."""
+    lens = wave.lens
+    x, y, z = targets.coordinates()
+    x, y, z = outline(x - lens.centre[0], y - lens.centre[1], z)
+    return edge_node_count(
+        wave.paths,
+        radius=lens.radius,
+        wavenumber=wave.wavenumber,
+        x=x,
+        y=y,
+        z=z,
+        tolerance=0.03 * accuracy.tolerance,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Reference:
     field: ComplexArray
@@ -142,10 +165,15 @@ class _Reference:
 
 
 def _reference(
-    wave: LensWave, kernel: KirchhoffKernel, counts: NodeCounts, at: list[FloatArray], limits: Limits
+    wave: LensWave,
+    kernel: KirchhoffKernel,
+    targets: Targets,
+    at: list[FloatArray],
+    accuracy: Accuracy,
+    limits: Limits,
 ) -> _Reference:
     """Direct quadrature of the area integral at the check targets, on half as many nodes again as are needed."""
-    finer = counts.scaled(1.5)
+    finer = nodes_for(wave, targets, accuracy).scaled(1.5)
     check_affordable(finer, targets=0, check_targets=at[0].size, limits=limits)
     started = time.perf_counter()
     samples: ApertureSamples = sample_wave(wave, finer)
@@ -192,8 +220,7 @@ def _rays_and_edge(
     if not one_ray_per_target(wave, z):
         return _Evaluation(field=np.zeros(x.size, dtype=np.complex128), singular=np.ones(x.size, dtype=bool))
     rays = find_rays(wave, x, y, z, all_branches=False)
-    zones = wave.lens.radius**2 * np.sqrt(np.abs(rays.determinant[0])) / wave.wavelength
-    singular = (zones < _LEAST_ZONES) | ~rays.found[0]
+    singular = _singular(wave, rays, x, y, z, edge, tolerance)
     part = np.flatnonzero(~singular)
     field = np.zeros(x.size, dtype=np.complex128)
     if part.size:
@@ -218,6 +245,22 @@ def _rays_and_edge(
         field[part] = ray_fields(wave, kernel, kept, x[part], y[part], z[part])[0] + from_edge.field
         singular[part] |= from_edge.failed
     return _Evaluation(field=field, singular=singular)
+
+
+def _singular(
+    wave: LensWave, rays: Rays, x: FloatArray, y: FloatArray, z: FloatArray, edge: int, tolerance: float
+) -> BoolArray:
+    """Targets at a focus, on a caustic, or lit by a ray that was not found.
+
+    A ray far outside the aperture matters neither by its light nor by its pole, wherever its caustics lie.
+    """
+    zones = wave.lens.radius**2 * np.sqrt(np.abs(rays.determinant[0])) / wave.wavelength
+    reach = math.exp(pole_reach(edge, tolerance)) * wave.lens.radius
+    matters = rays.found[0] & (np.hypot(rays.u[0], rays.v[0]) <= reach)
+    singular = matters & (zones < _LEAST_ZONES)
+    lost = np.flatnonzero(~rays.found[0])
+    singular[lost] = within_rim(wave, x[lost], y[lost], z[lost])
+    return np.asarray(singular)
 
 
 def _handed_over(

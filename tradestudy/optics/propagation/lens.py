@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -165,7 +166,7 @@ class LensWave:
         """2π/λ [rad/m]."""
         return 2.0 * math.pi / self.wavelength
 
-    @property
+    @cached_property
     def paths(self) -> PathSum:
         """Path behind the lens relative to the vertex."""
         return lens_paths(self.source, self.lens, paraxial=self.paraxial)

@@ -8,7 +8,9 @@ complex: the boundary-diffracted wave looks for poles beside the real edge.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import reduce
+from operator import add
 from typing import Any, Protocol
 
 import numpy as np
@@ -17,8 +19,23 @@ import numpy.typing as npt
 Array = npt.NDArray[Any]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Expansion:
+    """A path with its first and second derivatives at points."""
+
+    value: Array
+    p_x: Array
+    p_y: Array
+    xx: Array
+    xy: Array
+    yy: Array
+
+    def __add__(self, other: Expansion) -> Expansion:
+        return Expansion(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
+
+
 class PathTerm(Protocol):
-    """A path over the lens plane with its first and second derivatives."""
+    """A path over the lens plane with its derivatives."""
 
     def value(self, x: Array, y: Array) -> Array:
         """Path relative to the vertex [m]."""
@@ -26,8 +43,8 @@ class PathTerm(Protocol):
     def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Gradient of the path: transverse direction cosines."""
 
-    def curvature(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Second derivatives xx, xy, yy of the path [1/m]."""
+    def expansion(self, x: Array, y: Array) -> Expansion:
+        """Path, gradient and second derivatives [1/m], together for the price of one square root."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,12 +76,21 @@ class SphericalPath:
         scale = self._sign() / self._range(x, y)
         return scale * (x - self.x), scale * (y - self.y)
 
-    def curvature(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Second derivatives xx, xy, yy of the path [1/m]."""
+    def expansion(self, x: Array, y: Array) -> Expansion:
+        """Path, gradient and second derivatives [1/m], together for the price of one square root."""
         r = self._range(x, y)
+        sign = self._sign()
+        vertex = math.hypot(self.distance, self.x, self.y)
         cos_x, cos_y = (x - self.x) / r, (y - self.y) / r
-        scale = self._sign() / r
-        return scale * (1 - cos_x**2), -scale * cos_x * cos_y, scale * (1 - cos_y**2)
+        scale = sign / r
+        return Expansion(
+            value=sign * ((x - 2 * self.x) * x + (y - 2 * self.y) * y) / (r + vertex),
+            p_x=sign * cos_x,
+            p_y=sign * cos_y,
+            xx=scale * (1 - cos_x * cos_x),
+            xy=-scale * cos_x * cos_y,
+            yy=scale * (1 - cos_y * cos_y),
+        )
 
     def _range(self, x: Array, y: Array) -> Array:
         return np.asarray(np.sqrt(self.distance**2 + (x - self.x) ** 2 + (y - self.y) ** 2))
@@ -97,10 +123,11 @@ class ParabolicPath:
         """Gradient of the path: transverse direction cosines."""
         return (x - self.x) / self.distance, (y - self.y) / self.distance
 
-    def curvature(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Second derivatives xx, xy, yy of the path [1/m]."""
+    def expansion(self, x: Array, y: Array) -> Expansion:
+        """Path, gradient and second derivatives [1/m]."""
+        p_x, p_y = self.slope(x, y)
         constant = np.full(np.broadcast(x, y).shape, 1.0 / self.distance)
-        return constant, np.zeros_like(constant), constant
+        return Expansion(value=self.value(x, y), p_x=p_x, p_y=p_y, xx=constant, xy=np.zeros_like(constant), yy=constant)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,8 +145,6 @@ class PathSum:
         parts = [term.slope(x, y) for term in self.terms]
         return np.asarray(sum(p[0] for p in parts)), np.asarray(sum(p[1] for p in parts))
 
-    def curvature(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Second derivatives xx, xy, yy of the path [1/m]."""
-        parts = [term.curvature(x, y) for term in self.terms]
-        xx, xy, yy = (np.asarray(sum(p[i] for p in parts)) for i in range(3))
-        return xx, xy, yy
+    def expansion(self, x: Array, y: Array) -> Expansion:
+        """Path, gradient and second derivatives [1/m]."""
+        return reduce(add, (term.expansion(x, y) for term in self.terms))

@@ -94,11 +94,14 @@ def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
     Sufficient: the symmetric part of the map's derivative keeps one sign over the (convex) aperture.
     """
     paths = wave.paths
+    if len(paths.terms) == 1:
+        return True  # straight lines through one point
     ring = wave.lens.radius * np.arange(1, 17) / 16.0
     angle = 2 * np.pi * np.arange(32) / 32
     u, v = np.multiply.outer(ring, np.cos(angle)).ravel(), np.multiply.outer(ring, np.sin(angle)).ravel()
     p_x, p_y = paths.slope(u, v)
-    xx, xy, yy = paths.curvature(u, v)
+    front = paths.expansion(u, v)
+    xx, xy, yy = front.xx, front.xy, front.yy
     c = np.sqrt(1 - p_x**2 - p_y**2)
     for distance in {float(z.min()), float(z.max())}:
         # Derivative of q + z p/c with respect to q.
@@ -110,6 +113,15 @@ def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
         if not definite.all() or (a > 0).any() != (a > 0).all():
             return False
     return True
+
+
+def within_rim(wave: LensWave, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
+    """Whether targets lie within the curve where the rays from the rim land: winding number by quadrant angles."""
+    angle = 2 * np.pi * np.arange(129) / 128
+    rim_x, rim_y = land(wave, wave.lens.radius * np.cos(angle), wave.lens.radius * np.sin(angle), z[:, None])
+    seen = np.arctan2(rim_y - y[:, None], rim_x - x[:, None])
+    turn = np.diff(seen, axis=1)
+    return np.asarray(np.abs(np.sum(turn - 2 * np.pi * np.round(turn / (2 * np.pi)), axis=1)) > np.pi)
 
 
 def land(wave: LensWave, u: FloatArray, v: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -151,7 +163,8 @@ def _newton(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array, ra
         with np.errstate(invalid="ignore", divide="ignore"):  # a flat path gives no step: that start is dropped
             shrink = np.minimum(1.0, longest / np.where(length > 0, length, 1.0))
             u[active], v[active] = here_u + shrink * step_u, here_v + shrink * step_v
-            done = length < 1e-13 * radius + 4e-16 * np.hypot(here_u, here_v)
+            # The next step would be the square of this one, and the path changes by its square again.
+            done = length < 1e-4 * radius
             lost = ~np.isfinite(length) | (np.hypot(u[active], v[active]) > 60 * radius)
         found[active] = done
         going = np.zeros_like(active)
@@ -159,33 +172,30 @@ def _newton(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array, ra
         active = going
         if not active.any():
             break
-    # Rounding may keep the last steps above the limit; a residual step far below a Fresnel zone is as good.
-    found |= _settled(paths, u, v, x, y, z, radius) & active
     return found
 
 
-def _settled(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array, radius: float) -> BoolArray:
-    step_u, step_v = _step(paths, u, v, x, y, z)
-    with np.errstate(invalid="ignore"):
-        return np.asarray(np.hypot(step_u, step_v) < 1e-9 * radius)
-
-
 def _step(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    p_x, p_y = paths.slope(u, v)
-    a, b = u - x, v - y
-    s = np.sqrt(a * a + b * b + z * z)
-    g_x, g_y = p_x + a / s, p_y + b / s
-    xx, xy, yy = _curvature(paths, u, v, x, y, z)
+    """Newton's step towards zero gradient of the path."""
+    g_x, g_y, xx, xy, yy = _derivatives(paths, u, v, x, y, z)
     determinant = xx * yy - xy * xy
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return -(yy * g_x - xy * g_y) / determinant, -(xx * g_y - xy * g_x) / determinant
+    with np.errstate(divide="ignore", invalid="ignore"):  # a flat path gives no step: that start is dropped
+        return (xy * g_y - yy * g_x) / determinant, (xy * g_x - xx * g_y) / determinant
 
 
-def _curvature(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
-    xx, xy, yy = paths.curvature(u, v)
+def _derivatives(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array) -> tuple[Array, ...]:
+    """Gradient and second derivatives of the path by way of (u, v) to the target."""
+    front = paths.expansion(u, v)
     a, b = u - x, v - y
     s = np.sqrt(a * a + b * b + z * z)
-    return xx + (1 - (a / s) ** 2) / s, xy - a * b / s**3, yy + (1 - (b / s) ** 2) / s
+    cos_x, cos_y = a / s, b / s
+    return (
+        front.p_x + cos_x,
+        front.p_y + cos_y,
+        front.xx + (1 - cos_x * cos_x) / s,
+        front.xy - cos_x * cos_y / s,
+        front.yy + (1 - cos_y * cos_y) / s,
+    )
 
 
 def _distinct(u: Array, v: Array, found: BoolArray, radius: float) -> BoolArray:
@@ -200,5 +210,5 @@ def _distinct(u: Array, v: Array, found: BoolArray, radius: float) -> BoolArray:
 
 def _with_curvature(paths: PathSum, u: Array, v: Array, x: Array, y: Array, z: Array, found: BoolArray) -> Rays:
     safe_u, safe_v = np.where(found, u, 0.0), np.where(found, v, 0.0)
-    xx, xy, yy = _curvature(paths, safe_u, safe_v, x, y, z)
+    *_, xx, xy, yy = _derivatives(paths, safe_u, safe_v, x, y, z)
     return Rays(u=safe_u, v=safe_v, found=found, determinant=xx * yy - xy * xy, trace=xx + yy)

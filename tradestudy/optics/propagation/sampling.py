@@ -110,6 +110,27 @@ def needed_nodes(
     )
 
 
+def edge_node_count(
+    paths: PathTerm,
+    *,
+    radius: float,
+    wavenumber: float,
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    tolerance: float,
+) -> int:
+    """Nodes that resolve exp(i k (path(q) + |P − q|)) on the edge of a disc; parameters as for `needed_nodes`."""
+    angle = 2 * np.pi * np.arange(64) / 64.0
+    u, v = radius * np.cos(angle), radius * np.sin(angle)
+    p_x, p_y = paths.slope(u, v)
+    a, b = u - x[:, None], v - y[:, None]
+    s = np.sqrt(a * a + b * b + z[:, None] ** 2)
+    along = (p_y + b / s) * np.cos(angle) - (p_x + a / s) * np.sin(angle)
+    turns = wavenumber * radius * float(np.max(np.abs(along)))
+    return math.ceil(turns + bessel_margin(turns, tolerance)) + 1
+
+
 def outline(x: FloatArray, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Corners, edge middles and centre of the box around targets, where path slopes are extreme."""
     mesh = np.meshgrid(*(_three(c) for c in (x, y, z)), indexing="ij")
@@ -141,7 +162,7 @@ def bessel_margin(turns: float, tolerance: float) -> float:
     """Orders beyond the argument until a Bessel function has fallen to the tolerance."""
     decay = math.log(1.0 / tolerance)
     airy = (1.5 * decay) ** (2.0 / 3.0) / 2.0 ** (1.0 / 3.0) * max(turns, 1.0) ** (1.0 / 3.0)
-    return airy + 2.0
+    return float(airy + 2.0)
 
 
 def _three(values: FloatArray) -> FloatArray:

@@ -132,7 +132,7 @@ def propagate_samples(
 def propagate_wave(
     *,
     sample: Callable[[NodeCounts], ApertureSamples],
-    counts: NodeCounts,
+    counts: NodeCounts | Callable[[], NodeCounts],
     kernel: Kernel,
     targets: Targets,
     accuracy: Accuracy,
@@ -146,7 +146,7 @@ def propagate_wave(
     sample
         Gives the wave on nodes of the counts asked for: twice as many in each direction are asked for in the check.
     counts
-        Node counts to begin with, from `needed_nodes`.
+        Node counts to begin with, from `needed_nodes`, or a function that finds them, which is then timed as set-up.
     kernel
         `KirchhoffKernel` or `FresnelKernel`.
     targets
@@ -190,7 +190,7 @@ def _method(kernel: Kernel) -> Method:
 def _refined(
     *,
     sample: Callable[[NodeCounts], ApertureSamples],
-    counts: NodeCounts,
+    counts: NodeCounts | Callable[[], NodeCounts],
     kernel: Kernel,
     targets: Targets,
     accuracy: Accuracy,
@@ -201,9 +201,12 @@ def _refined(
 ) -> ApertureField:
     """Compute, check against direct quadrature, and refine what limits the result until it meets the tolerance."""
     share = 0.2 * accuracy.tolerance
-    seconds = check_seconds = 0.0
+    started = time.perf_counter()
+    if callable(counts):
+        counts = counts()
+    seconds, check_seconds = time.perf_counter() - started, 0.0
     size = math.prod(targets.shape)
-    for round_number in range(1, _MAX_ROUNDS + 1):
+    for rounds in range(1, _MAX_ROUNDS + 1):
         check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=limits)
         started = time.perf_counter()
         samples = sample(counts)
@@ -244,7 +247,7 @@ def _refined(
             angular_nodes=counts.angular,
             rank=fast.rank,
             tiles=fast.tiles,
-            rounds=round_number,
+            rounds=rounds,
             seconds=seconds,
             check_seconds=check_seconds,
             check_targets=check.targets,
