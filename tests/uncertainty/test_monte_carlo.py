@@ -8,7 +8,7 @@ from scipy.special import ndtri
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.uncertainty.adaptive import jcgm_adaptive
 from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.evaluation import Outcome
+from tradestudy.uncertainty.evaluation import Outcome, alignment_with
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.monte_carlo import Sampling, propagate, propagate_parts
 from tradestudy.uncertainty.outputs import PROBABILITIES
@@ -96,6 +96,31 @@ def test_samplers_never_reach_zero_or_one_and_sobol_points_are_balanced():
     balanced = scrambled_sobol(3, np.random.default_rng(0))(2**12)
     for row in balanced:
         np.testing.assert_array_equal(np.histogram(row, bins=2**12, range=(0.0, 1.0))[0], 1)
+
+
+def test_alignment_is_a_rotation_that_puts_each_response_first():
+    sources = independent(a=1.0, b=2.0, c=0.5, d=1.0, e=3.0)
+    weights = np.array([[1.0, -1.0, 0.0, 2.0, 0.3], [0.0, 0.5, 1.0, 2.0, 0.3]])
+
+    def model(v):
+        return Outcome(values=np.concatenate(list(v.values()), axis=1) @ weights.T)
+
+    rotation = alignment_with([model], sources).apply(np.eye(5))
+    np.testing.assert_allclose(rotation @ rotation.T, np.eye(5), atol=1e-14)
+    responses = (weights * [1.0, 2.0, 0.5, 1.0, 3.0]) @ rotation
+    assert np.all(np.abs(responses[:, :2]).max(axis=1) > 1.0)
+    np.testing.assert_allclose(responses[:, 2:], 0.0, atol=1e-12)
+
+
+def test_alignment_leaves_out_what_is_not_finite():
+    sources = independent(a=1.0, b=2.0)
+
+    def model(v):
+        return Outcome(values=np.concatenate([np.where(v["a"] < 2.0, np.inf, 0.0), v["a"] + v["b"]], axis=1))
+
+    rotation = alignment_with([model], sources).apply(np.eye(2))
+    np.testing.assert_allclose(np.abs(rotation[:, 0]), np.array([1.0, 2.0]) / np.sqrt(5.0), atol=1e-14)
+    assert alignment_with([lambda v: Outcome(values=v["a"] + np.inf)], sources).reflectors.size == 0
 
 
 def test_linear_stereo_lies_within_three_standard_errors_of_its_closed_form():
@@ -224,7 +249,7 @@ def test_a_part_without_sources_is_a_point_without_error():
 
 
 def test_the_adaptive_rule_reproduces_a_normal_and_is_fooled_where_no_variance_exists():
-    """Twelve numbers of 0.2° at 10 m, run twice: the rule is content with standard deviations that disagree."""
+    """Yaw of 0.2° at 10 m: the rule is content with a standard deviation that does not exist."""
 
     def depth(v):
         return Outcome(values=1.0 / (0.1 + v["yaw"] / 0.1))

@@ -124,6 +124,11 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> Alignment:
         Models whose draws are compared or reported together; each is evaluated at ± 1 of each score.
     sources : Sources
         What is uncertain.
+
+    Returns
+    -------
+    Alignment
+        Outputs that are not finite at one of these points take no part; without any, nothing is rotated.
     """
     size = sources.dimensions
     if size < 2:
@@ -131,8 +136,8 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> Alignment:
     scores = np.concatenate([np.eye(size), -np.eye(size)], axis=1)
     parameters = sources.draw(scores)
     responses = np.concatenate([ranked(model(parameters), inverse_depth=False, draws=2 * size)[0] for model in models])
+    responses = responses[np.all(np.isfinite(responses), axis=1)]
     difference = responses[:, :size] - responses[:, size:]
-    difference = difference[np.all(np.isfinite(difference), axis=1)]
     norm = np.linalg.norm(difference, axis=1, keepdims=True)
     directions = (difference / np.where(norm > 0.0, norm, 1.0)).T
     if not np.any(directions):

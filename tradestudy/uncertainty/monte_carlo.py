@@ -53,7 +53,8 @@ class Sampling:
     first_draws : int
         Draws per replicate before the first look, a power of two >= 64.
     batch_draws : int
-        Draws per call of the model, a power of two; changes memory and speed, never a result.
+        Draws per call of the model, a power of two; changes memory and speed, never a result. The arrays of one
+        such call come on top of ``memory_bytes``.
     memory_bytes : int
         Bound on the draws that are held. Replicates are not lengthened beyond it; more replicates of the same
         length are added, whose quantiles stay exact, until their bias could count (status ``memory``).
