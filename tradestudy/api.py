@@ -144,18 +144,9 @@ class Result:
         """What the study requires and no camera gives."""
         if "requirements" not in self.data.children:
             return []
-        table = self.data["requirements"]
-        return [
-            f"{name}: {says} ({reason})"
-            for name, says, met, reason in zip(
-                table["requirement"].values,
-                table["says"].values,
-                table["met"].values,
-                table["reason"].values,
-                strict=True,
-            )
-            if not met
-        ]
+        table = self.data["requirements"].to_dataset().to_dataframe()
+        missed = table[~table["met"].astype(bool)]
+        return [f"{name}: {row['says']} ({row['camera']}: {row['reason']})" for name, row in missed.iterrows()]
 
     @property
     def figure_names(self) -> list[str]:
@@ -190,18 +181,15 @@ class Result:
         return target
 
     def _repr_html_(self) -> str:
-        best = self.data["decision"]["best_camera"].sel(way="both")
-        distances = best["distance"].values
-        rows, start = [], 0
-        names = best.values
-        for i in range(1, len(names) + 1):
-            if i == len(names) or names[i] != names[start]:
-                span = f"{distances[start]:.3g} – {distances[i - 1]:.3g} m"
-                rows.append(f"<tr><td>{span}</td><td>{escape(str(names[start])) or '—'}</td></tr>")
-                start = i
+        best = self.data["decision"].to_dataset()["best_camera"].sel(way="both").to_series()
+        runs = best.groupby((best != best.shift()).cumsum())
+        rows = "".join(
+            f"<tr><td>{run.index[0]:.3g} – {run.index[-1]:.3g} m</td><td>{escape(str(run.iloc[0])) or '—'}</td></tr>"
+            for _, run in runs
+        )
         return (
             f"<h3>{escape(str(self.data.attrs['title']))}</h3><p>{escape(str(self.data.attrs['question']))}</p>"
-            f"<table><tr><th>distance</th><th>most certain usable camera</th></tr>{''.join(rows)}</table>"
+            f"<table><tr><th>distance</th><th>most certain usable camera</th></tr>{rows}</table>"
             f"<p>{escape(', '.join(self.data.children))}</p>"
         )
 

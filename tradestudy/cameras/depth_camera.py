@@ -145,7 +145,7 @@ class DepthCamera(Protocol):
         ...
 
     def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
-        """For each part, the independent one-standard-deviation errors it is made of, as `depth_with_errors` takes them."""
+        """For each part, the independent one-deviation errors it is made of, as `depth_with_errors` takes them."""
         ...
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:

@@ -216,8 +216,8 @@ class FocusedPlenoptic:
         """Parts of the error as errors of disparity [m], to first order.
 
         A change δs of the focus shift read from a fixed picture acts like ``δd = Δx δs / (b_L v²)``, and ``∂s/∂z = 1``,
-        ``∂s/∂b_L = −v`` and, for all that the focal length does to depth, ``−(1 + s/f)²``, of opposite sign to z: the two
-        are one part, with their correlation.
+        ``∂s/∂b_L = −v`` and, for all that the focal length does to depth, ``−(1 + s/f)²``, of opposite sign to z:
+        the two are one part, with their correlation.
         """
         f, gap = self.main_lens.focal_length, self.microlenses.gap
         s, v = focus_shift(distance, f), self.virtual_depth(distance)

@@ -85,7 +85,7 @@ class Lens:
         return self.focal_length / self.f_number
 
     def field_of_view(self, extent: float) -> float:
-        """Full angle [rad] that an extent [m] in the focal plane covers: ``2 atan(extent / 2f)``, focused at infinity."""
+        """Full angle [rad] that an extent [m] in the focal plane covers: ``2 atan(extent / 2f)``."""
         return 2.0 * math.atan(extent / (2.0 * self.focal_length))
 
 

@@ -71,8 +71,10 @@ def object_distance_of_virtual_depth(
     FloatArray
         +infinity where s = 0; NaN where s < 0, because no object in front of the camera gives that virtual depth.
     """
-    f = np.asarray(focal_length, dtype=np.float64)
-    s = (np.asarray(mla_distance, dtype=np.float64) - f) - np.asarray(virtual_depth, dtype=np.float64) * microlens_gap
+    v, z, gap, f = (
+        np.asarray(value, dtype=np.float64) for value in (virtual_depth, mla_distance, microlens_gap, focal_length)
+    )
+    s = (z - f) - v * gap
     with np.errstate(divide="ignore"):
         a = f + f * (f / np.abs(s))
     return np.asarray(np.where(s < 0.0, np.nan, a))

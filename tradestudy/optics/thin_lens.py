@@ -1,8 +1,8 @@
 """The thin lens, written in the focus shift ``s = b − f`` so that no digit is lost for far objects.
 
 The textbook pair ``b = a f / (a − f)``, ``a = b f / (b − f)`` loses eight of sixteen digits in a round trip at
-``a = 1e8 m`` with ``f = 50 mm``, because ``b`` then differs from ``f`` only in its last digits. Newton's form keeps that
-difference as the variable.
+``a = 1e8 m`` with ``f = 50 mm``, because ``b`` then differs from ``f`` only in its last digits. Newton's form keeps
+that difference as the variable.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ def focus_shift(object_distance: ArrayLike, focal_length: ArrayLike) -> FloatArr
     Returns
     -------
     FloatArray
-        s [m]; 0 for an object at infinity, ±infinity for one in the front focal plane, below −f (a virtual image) for one
-        inside the focal length. Relative error: a few units in the last place of ``a − f``.
+        s [m]; 0 for an object at infinity, infinite for one in the front focal plane, below −f (a virtual image) for
+        one inside the focal length. Relative error: a few units in the last place of ``a − f``.
 
     Notes
     -----

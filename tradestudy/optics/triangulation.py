@@ -192,7 +192,7 @@ def midpoint_depth(
         Depth [m], shape (...); +infinity where the rays are parallel or meet behind the cameras.
     """
     offset = right_centre - left_centre
-    # (ray × ray) · normal equations of the closest points, in the form that uses the cross product and so does not cancel.
+    # The closest points by cross products, which do not cancel where the rays are nearly parallel.
     normal = np.cross(left_direction, right_direction)
     square = np.sum(normal * normal, axis=-1)
     safe = np.where(square > 0.0, square, 1.0)

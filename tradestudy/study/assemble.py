@@ -83,8 +83,8 @@ def stereo_of(part: StereoPart) -> StereoRig:
 def focused_plenoptic_of(part: FocusedPlenopticPart) -> FocusedPlenoptic:
     """A focused plenoptic camera; its array is put where the declared plane is the total covering plane.
 
-    With b_M the image distance of that plane, ``z = b_M ± 2 b_L`` (Keplerian +, Galilean −); with f-number matching, where
-    ``b_L = p z / A``, this is ``z = b_M / (1 ∓ 2p/A)``.
+    With b_M the image distance of that plane, ``z = b_M ± 2 b_L`` (Keplerian +, Galilean −); with f-number matching,
+    where ``b_L = p z / A``, this is ``z = b_M / (1 ∓ 2p/A)``.
     """
     sensor = sensor_of(part.sensor)
     lens = lens_of(part.main_lens, sensor)
@@ -160,7 +160,7 @@ def lens_of(part: LensPart, sensor: Sensor) -> Lens:
     """A lens, its focal length given or from the field of view on this sensor."""
     focal_length = part.focal_length
     if focal_length is None:
-        assert part.field_of_view is not None  # noqa: S101 - the schema asks for one of the two; this tells the type checker
+        assert part.field_of_view is not None  # the schema asks for one of the two
         extent = sensor.diagonal if part.across == "diagonal" else sensor.width
         focal_length = focal_length_of_field_of_view(part.field_of_view, extent)
     return Lens(focal_length=focal_length, f_number=part.f_number)

@@ -14,8 +14,8 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.depth import WAYS, depth_uncertainty
 from tradestudy.study.schema.questions import SolvePart
-from tradestudy.study.usable import all_met, boundaries, evaluate_limits
 from tradestudy.study.sweep import common_dimension
+from tradestudy.study.usable import all_met, boundaries, evaluate_limits
 from tradestudy.units import Dimension, parse, pretty
 
 _ROOT_TOLERANCE = 1e-10

@@ -54,8 +54,8 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation
     """Evaluate a camera at distances [m], shape (distance,).
 
     All errors are added up as errors of disparity, an inverse depth in which pixel noise acts exactly and calibration
-    almost linearly, and the quantiles are mapped back to depth; a standard deviation of depth, which often does not exist,
-    is never formed.
+    almost linearly, and the quantiles are mapped back to depth; a standard deviation of depth, which often does not
+    exist, is never formed.
     """
     parts = camera.depth_error_parts(distance)
     sums = [_sum(_of_way(parts, way), distance.shape) for way in WAYS]
@@ -120,8 +120,8 @@ def _failed_fraction(camera: DepthCamera, distance: FloatArray, errors: SumOfErr
 def _linearisation_error(camera: DepthCamera, distance: FloatArray, parts: tuple[DepthErrorPart, ...]) -> FloatArray:
     """How far errors added up in disparity miss the exact model, summed over one-deviation errors of each part [m].
 
-    Both the half difference (the width of the interval) and the half sum (its middle) of the two ends count; NaN where an
-    end is infinite, where the uncertainty is infinite or about to be.
+    Both the half difference (the width of the interval) and the half sum (its middle) of the two ends count; NaN where
+    an end is infinite, where the uncertainty is infinite or about to be.
     """
     disparity = camera.disparity(distance)
     directions = camera.error_directions()

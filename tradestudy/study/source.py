@@ -28,10 +28,13 @@ from tradestudy.study.mistakes import nearest_name
 from tradestudy.units import nearest
 
 # A study of 100 cameras with 100 000 written-out distances fits; a file made to exhaust the machine does not.
-MOST_VALUES = 250_000
+MOST_VALUES = 120_000
+MOST_MISTAKES = 500
 DEEPEST = 32
 
 # The scalars of the core schema of YAML 1.2; everything else is text.
+# A tag of this length takes the parser seconds, and tags are refused anyway.
+_ENDLESS_TAG = re.compile(r"!\S{1000}")
 _NULL = re.compile(r"|~|null|Null|NULL")
 _BOOLEAN = re.compile(r"true|True|TRUE|false|False|FALSE")
 _INTEGER = re.compile(r"[-+]?[0-9]{1,30}|0o[0-7]{1,30}|0x[0-9a-fA-F]{1,30}")
@@ -69,6 +72,8 @@ def compose(text: str, start: Place) -> tuple[Entry, list[Problem]]:
         When nothing stands: empty text, broken syntax, too many or too deeply nested values.
     """
     composer = _Composer(start=start, last=start)
+    if tag := _ENDLESS_TAG.search(text):
+        composer.fail(composer.place_in(text, tag.start()), "tags ('!…') have no meaning in a study; leave it out")
     try:
         for event in YAML(typ="safe", pure=True).parse(text):
             composer.take(event)
@@ -77,8 +82,7 @@ def compose(text: str, start: Place) -> tuple[Entry, list[Problem]]:
     except MarkedYAMLError as error:
         composer.fail(_marked(error, start), _syntax(error))
     except ReaderError as error:
-        before = text[: error.position]
-        place = composer.place_at(before.count("\n"), len(before) - before.rfind("\n") - 1)
+        place = composer.place_in(text, error.position)
         composer.fail(
             place, f"the character U+{ord(text[error.position]):04X} is not allowed in YAML; this may be no text"
         )
@@ -126,6 +130,11 @@ class _Composer:
         """Place a position of the text, counted from 0, in its file."""
         return Place(self.start.file, self.start.line + line, column + (self.start.column if line == 0 else 1))
 
+    def place_in(self, text: str, position: int) -> Place:
+        """Place a character of the text in its file."""
+        before = text[:position]
+        return self.place_at(before.count("\n"), len(before) - before.rfind("\n") - 1)
+
     def path(self) -> Path:
         """Say where reading is."""
         return tuple(step for frame in self.frames if (step := frame.step()) != "")
@@ -133,6 +142,8 @@ class _Composer:
     def note(self, place: Place, what: str, path: Path | None = None) -> None:
         """Remember a mistake."""
         self.problems.append(place.problem(self.path() if path is None else path, what))
+        if len(self.problems) >= MOST_MISTAKES:
+            self.fail(place, "reading ends here, after too many mistakes")
 
     def fail(self, place: Place, what: str) -> None:
         """Remember a mistake and end reading."""
@@ -221,8 +232,8 @@ class _Composer:
         """Read an entry as a key; one that is not text is noted and kept as it is written."""
         if isinstance(entry, ScalarEntry) and isinstance(entry.value, str) and entry.value:
             return entry.value, entry.place
-        text = entry.text if isinstance(entry, ScalarEntry) else "…"
-        self.note(entry.place, f"a key is text; write '{text}' in quotes, or a name instead")
+        text = entry.text if isinstance(entry, ScalarEntry) else ""
+        self.note(entry.place, f"a key is text; write '{text}' in quotes" if text else "a name is expected as the key")
         return text or "…", entry.place
 
     def tags(self, event: Any, place: Place) -> None:

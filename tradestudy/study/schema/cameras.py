@@ -61,8 +61,8 @@ class MicrolensesPart(Part):
     types: Literal[1, 3] = Field(default=1, description="Kinds of microlenses, by focal length.")
     focal_lengths: tuple[PositiveLength, ...] | None = Field(
         default=None,
-        description="One per type; left out, they are designed so that their depths of field touch, at one pixel of blur, "
-        "from the total covering plane on.",
+        description="One per type; left out, they are designed so that their depths of field touch, at one "
+        "pixel of blur, from the total covering plane on.",
     )
     aperture_diameter: PositiveLength | None = Field(default=None, description="Of one microlens; default: the pitch.")
 

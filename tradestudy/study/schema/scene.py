@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -43,7 +44,7 @@ class ScenePart(Part):
     @model_validator(mode="after")
     def _sorted(self) -> Self:
         values = self.distance_values()
-        if any(not a < b for a, b in zip(values, values[1:], strict=False)):
+        if any(not a < b for a, b in itertools.pairwise(values)):
             raise MistakeAt(("distances",), "must increase")
         return self
 

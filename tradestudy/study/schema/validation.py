@@ -14,6 +14,7 @@ from tradestudy.errors import Problem, StudyError
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child
 from tradestudy.study.mistakes import MistakeAt, nearest_name
 from tradestudy.study.schema.alignment import Alignment, align, key_names
+from tradestudy.study.source import MOST_MISTAKES
 from tradestudy.units import nearest
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
@@ -67,8 +68,12 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     try:
         valid = model.model_validate(document.tree)
     except ValidationError as error:
-        found = [_Finding.of(details, document, model) for details in error.errors(include_url=False)]
+        details = error.errors(include_url=False, include_input=False)
+        found = [_Finding.of(detail, document, model) for detail in details[:MOST_MISTAKES]]
         problems = _problems(document, model, found)
+        if len(details) > MOST_MISTAKES:
+            more = f"and {len(details) - MOST_MISTAKES} more mistakes"
+            problems.append(document.root.place.problem((), more))
     else:
         problems = []
     if problems or document.problems:
@@ -114,7 +119,11 @@ class _Finding:
 def _problems(document: Document, model: type[BaseModel], found: list[_Finding]) -> list[Problem]:
     """Turn findings into problems: one for each place, the likeliest member of a union speaking for it."""
     kept = [finding for finding in found if not finding.is_consequence()]
-    kept = [finding for finding in kept if not any(finding.path[: len(path)] == path for path in document.broken)]
+    kept = [
+        finding
+        for finding in kept
+        if not any(finding.path[:n] in document.broken for n in range(len(finding.path) + 1))
+    ]
     problems: list[Problem] = []
     for path, group in groupby(sorted(_likeliest(kept), key=_order), key=lambda finding: finding.path):
         findings = list(group)
@@ -147,8 +156,8 @@ def _likeliest(findings: list[_Finding]) -> list[_Finding]:
                     by_label.setdefault(label, []).append(finding)
         misshapen = {label for label, tried in by_label.items() if any(f.is_shape() and f.path == union for f in tried)}
         if len(misshapen) < len(by_label):
-            dropped = [finding for label in misshapen for finding in by_label[label]]
-            findings = [finding for finding in findings if finding not in dropped]
+            dropped = {id(finding) for label in misshapen for finding in by_label[label]}
+            findings = [finding for finding in findings if id(finding) not in dropped]
     return findings
 
 
