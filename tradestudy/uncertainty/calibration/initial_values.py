@@ -38,7 +38,7 @@ def homography(board: FloatArray, image: FloatArray) -> FloatArray:
             np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v]),
         ]
     )
-    solution = np.linalg.svd(rows)[2][-1].reshape(3, 3)
+    solution = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
     unscaled = np.linalg.inv(to_image) @ solution @ to_board
     scaled: FloatArray = unscaled / np.cbrt(np.linalg.det(unscaled))
     return scaled
