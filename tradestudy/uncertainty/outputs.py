@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr, ndtri
 
 from tradestudy.uncertainty.distributions import FloatArray
@@ -16,6 +16,8 @@ PROBABILITIES = (0.025, float(ndtr(-1.0)), 0.5, float(ndtr(1.0)), 0.975)
 
 COVERAGE = 0.95
 """Probability content of the shortest interval."""
+
+_LEFT_OUT_BELOW = np.linspace(0.0, 1.0 - COVERAGE, 401)
 
 POLE_MARGIN = 6.0
 """Mean and standard deviation of a depth are stated where infinity is at least so many normal standard
@@ -36,7 +38,9 @@ class ReplicateStatistics:
     quantiles: FloatArray
     half_width: FloatArray
     shortest: FloatArray
-    shortest_width: FloatArray
+    low_ends: FloatArray
+    high_ends: FloatArray
+    widths: FloatArray
     mean: FloatArray
     standard_deviation: FloatArray
     tail_shape: FloatArray
@@ -45,15 +49,28 @@ class ReplicateStatistics:
     failed_fraction: FloatArray
 
 
-def order_quantile(ascending: FloatArray, probability: float) -> FloatArray:
-    """Quantile of sorted rows, interpolated between order statistics at (k − ½)/n; +∞ next to a +∞ is +∞."""
-    n = ascending.shape[-1]
-    position = min(max(probability * n - 0.5, 0.0), n - 1.0)
-    low = int(position)
+def order_quantile(ascending: FloatArray, probability: ArrayLike) -> FloatArray:
+    """Quantiles of sorted rows, interpolated between order statistics at (k − ½)/n; +∞ next to a +∞ is +∞.
+
+    Parameters
+    ----------
+    ascending : array, shape (rows, n)
+        Sorted along the last axis, without NaN.
+    probability : array, shape (p,) or ()
+        Probabilities; the first and last draw stand for what lies beyond them.
+
+    Returns
+    -------
+    array, shape (p, rows) or (rows,)
+    """
+    p, n = np.asarray(probability, float), ascending.shape[-1]
+    position = np.clip(p * n - 0.5, 0.0, n - 1.0)
+    low = position.astype(np.int64)
     weight = position - low
-    if weight == 0.0:
-        return np.asarray(ascending[..., low])
-    return np.asarray((1.0 - weight) * ascending[..., low] + weight * ascending[..., low + 1])
+    # An upper neighbour of no weight must not count: it may be infinite.
+    upper = np.where(weight > 0.0, ascending[..., np.minimum(low + 1, n - 1)], 0.0)
+    value = (1.0 - weight) * ascending[..., low] + weight * upper
+    return np.moveaxis(value, -1, 0) if p.ndim else np.asarray(value)
 
 
 def shortest_interval(ascending: FloatArray, coverage: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
@@ -72,6 +89,13 @@ def shortest_interval(ascending: FloatArray, coverage: float = COVERAGE) -> tupl
     high = np.take_along_axis(upper, best, -1)[..., 0]
     unbounded = np.isinf(width)
     return np.stack([np.where(unbounded, np.nan, low), np.where(unbounded, np.inf, high)]), width
+
+
+def _difference(high: FloatArray, low: FloatArray) -> FloatArray:
+    """high − low, and +∞ where high is infinite whatever low is."""
+    difference = np.full(high.shape, np.inf)
+    np.subtract(high, low, out=difference, where=np.isfinite(high))
+    return difference
 
 
 def _upper_tail_shape(ascending: FloatArray) -> FloatArray:
@@ -111,10 +135,9 @@ def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
     infinite = np.isinf(ascending)
     has_infinite = infinite[:, -1]
     finite = np.where(has_infinite[:, None], 0.0, ascending) if np.any(has_infinite) else ascending
-    quantiles = np.stack([order_quantile(ascending, p) for p in PROBABILITIES])
-    half_width = np.full(quantiles.shape[1], np.inf)
-    np.subtract(quantiles[3], quantiles[1], out=half_width, where=np.isfinite(quantiles[3]))
-    shortest, width = shortest_interval(ascending)
+    quantiles = order_quantile(ascending, PROBABILITIES)
+    low_ends = order_quantile(ascending, _LEFT_OUT_BELOW)
+    high_ends = order_quantile(ascending, _LEFT_OUT_BELOW + COVERAGE)
     freedom = 1 if ascending.shape[-1] > 1 else 0
     margin = (
         _pole_margin(quantiles[2], order_quantile(ascending, 1.0 - _TAIL_PROBABILITY))
@@ -123,9 +146,11 @@ def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
     )
     return (
         quantiles,
-        0.5 * half_width,
-        shortest,
-        width,
+        0.5 * _difference(quantiles[3], quantiles[1]),
+        shortest_interval(ascending)[0],
+        low_ends,
+        high_ends,
+        _difference(high_ends, low_ends),
         np.where(has_infinite, np.nan, np.mean(finite, axis=-1)),
         np.where(has_infinite, np.nan, np.std(finite, axis=-1, ddof=freedom)),
         _tail_shape(ascending, has_infinite),
@@ -158,7 +183,9 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
         "quantiles": np.full((len(PROBABILITIES), outputs), np.nan),
         "half_width": np.full(outputs, np.nan),
         "shortest": np.full((2, outputs), np.nan),
-        "shortest_width": np.full(outputs, np.nan),
+        "low_ends": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
+        "high_ends": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
+        "widths": np.full((_LEFT_OUT_BELOW.size, outputs), np.nan),
         "mean": np.full(outputs, np.nan),
         "standard_deviation": np.full(outputs, np.nan),
         "tail_shape": np.full(outputs, np.nan),
@@ -283,6 +310,24 @@ class Propagated:
         return np.asarray(np.isinf(self.quantiles[4]))
 
 
+def _shortest(running: RunningStatistics) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Ends, width and its error of the shortest interval, (2, outputs), (outputs,), (outputs,).
+
+    The width is averaged over replicates before its minimum is sought: the minimum of a single noisy curve is too
+    small by more than its scatter shows.
+    """
+    widths = running["widths"].mean
+    best = np.argmin(np.where(np.isnan(widths), np.inf, widths), axis=0)[None]
+
+    def at_best(values: FloatArray) -> FloatArray:
+        return np.asarray(np.take_along_axis(values, best, 0)[0])
+
+    width = at_best(widths)
+    low = np.where(np.isinf(width), np.nan, at_best(running["low_ends"].mean))
+    high = np.where(np.isinf(width), np.inf, at_best(running["high_ends"].mean))
+    return np.stack([low, high]), width, at_best(running["widths"].standard_error)
+
+
 def summarise(
     running: RunningStatistics,
     *,
@@ -302,6 +347,8 @@ def summarise(
         & sources_have_variance
     )
 
+    shortest, width, width_error = _shortest(running)
+
     def stated(value: FloatArray) -> FloatArray:
         return np.where(exist, value, np.nan)
 
@@ -311,10 +358,10 @@ def summarise(
         quantiles_error=running["quantiles"].standard_error,
         half_width=running["half_width"].mean,
         half_width_error=running["half_width"].standard_error,
-        shortest=running["shortest"].mean,
+        shortest=shortest,
         shortest_error=running["shortest"].standard_error,
-        shortest_width=running["shortest_width"].mean,
-        shortest_width_error=running["shortest_width"].standard_error,
+        shortest_width=width,
+        shortest_width_error=width_error,
         moments_exist=exist,
         mean=stated(running["mean"].mean),
         mean_error=stated(running["mean"].standard_error),
