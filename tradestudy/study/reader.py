@@ -203,6 +203,8 @@ class _Cameras:
         below = source(name, member.entry.value, member.entry.place, (*chain, name))
         if below is None:
             return None
+        if self.values > MOST_VALUES:
+            return None  # told at the camera that went beyond
         self.values += count_values(below)
         if self.values > MOST_VALUES:
             self.note(member.entry.place, name, sharing[0], f"the cameras together hold more than {MOST_VALUES} values")
