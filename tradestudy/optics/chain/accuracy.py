@@ -1,0 +1,111 @@
+"""How accurate the chain shall be, each knob that buys accuracy, and the image with its error."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+
+_COARSER_TOLERANCE = 4.0
+_COARSER_NODES = 0.9
+_COARSER_SAMPLING = 0.85
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChainAccuracy:
+    """The error aimed at, and factors on what follows from it; 2 refines a knob twice.
+
+    Parameters
+    ----------
+    tolerance
+        Relative L2 error over pixels to aim at, in 1e-6 … 0.2.
+    pupil_nodes
+        Factor on the phase that the nodes of the main pupil resolve.
+    microlens_nodes
+        The same for the nodes of a microlens.
+    field_sampling
+        Factor on the sampling of the main-lens field.
+    diffraction_reach
+        Factor on the distance from its geometric image up to which diffracted light is followed.
+    pixel_sampling
+        Factor on the detector samples along a pixel.
+    source_sampling
+        Factor on the phase that the nodes on an extended source resolve, and on the radii at which the main-lens
+        field is computed.
+    memory_limit
+        Largest memory [bytes] that the arrays may take.
+
+    Raises
+    ------
+    OutOfRangeError
+        If a value is outside its range.
+    """
+
+    tolerance: float = 1e-4
+    pupil_nodes: float = 1.0
+    microlens_nodes: float = 1.0
+    field_sampling: float = 1.0
+    diffraction_reach: float = 1.0
+    pixel_sampling: float = 1.0
+    source_sampling: float = 1.0
+    memory_limit: float = 2e9
+
+    def __post_init__(self) -> None:
+        if not 1e-6 <= self.tolerance <= 0.2:
+            raise OutOfRangeError("tolerance of the chain", value=f"{self.tolerance:g}", limit="1e-6 … 0.2")
+        for name in (
+            "pupil_nodes",
+            "microlens_nodes",
+            "field_sampling",
+            "diffraction_reach",
+            "pixel_sampling",
+            "source_sampling",
+            "memory_limit",
+        ):
+            value = getattr(self, name)
+            if not (value > 0 and math.isfinite(value)):
+                raise OutOfRangeError(name, value=f"{value:g}", limit="> 0, finite")
+
+    def coarser(self) -> ChainAccuracy:
+        """The settings whose result is compared with this one's to state its error."""
+        return replace(
+            self,
+            tolerance=min(_COARSER_TOLERANCE * self.tolerance, 0.2),
+            pupil_nodes=_COARSER_NODES * self.pupil_nodes,
+            microlens_nodes=_COARSER_NODES * self.microlens_nodes,
+            field_sampling=_COARSER_SAMPLING * self.field_sampling,
+            diffraction_reach=_COARSER_SAMPLING * self.diffraction_reach,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChainImage:
+    """Light on the pixels and how far to trust it.
+
+    Attributes
+    ----------
+    pixels
+        Share of the power through the main pupil that falls on each pixel, shape (rows, columns); an extended source
+        is averaged over its area.
+    numerical_error
+        Relative L2 error over the pixels: the change against a coarser computation, or the sum of `error_terms`.
+    error_terms
+        Parts of it, each relative L2.
+    direct_check
+        Independent of it: root-mean-square discrepancy from direct quadrature at random points, relative to the
+        root mean square; points on the array (field) and on the detector (intensity, not integrated over pixels,
+        hence larger than the error of the pixels).
+    microlens_share
+        Share of the pupil's power that passes the microlens plane; NaN where it is not asked for.
+    effort
+        Counts that tell what the computation took (nodes, samples, source points).
+    """
+
+    pixels: FloatArray
+    numerical_error: float
+    error_terms: dict[str, float]
+    direct_check: dict[str, float]
+    microlens_share: float
+    effort: dict[str, int]

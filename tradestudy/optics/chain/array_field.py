@@ -1,0 +1,276 @@
+"""The main lens's field in the array plane: computed once on a grid, interpolated wherever it is needed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import ndimage
+
+from tradestudy.errors import UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.microlens_nodes import plane_wave_degree
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum, unit_phasor
+from tradestudy.optics.propagation.fast_sum import fast_sum
+from tradestudy.optics.propagation.fresnel import FresnelKernel
+from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.lens import LensWave, PointSource
+from tradestudy.optics.propagation.paths import Array, SphericalPath
+from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
+
+_SPLINE_ORDER: Literal[5] = 5
+_END = 4  # grid points beyond each side, where the spline's end effect dies
+_LEAST_FRESNEL_NUMBER = 4.0  # of the blur on the array, from which on its spherical wave is taken out
+
+
+@dataclass(frozen=True, kw_only=True)
+class PupilWave:
+    """Wave behind the main lens and the law that carries it to the array.
+
+    Attributes
+    ----------
+    path
+        The camera.
+    source
+        Point source before the main lens.
+    wavelength
+        [m].
+    paraxial
+        Fresnel on this leg; else Kirchhoff.
+    coherent_radius
+        > 0: the source is a coherent disc of this radius about `source`, of one phase in its plane [m].
+    """
+
+    path: LightPath
+    source: PointSource
+    wavelength: float
+    paraxial: bool
+    coherent_radius: float = 0.0
+
+    @property
+    def kernel(self) -> Kernel:
+        """Propagation to the array."""
+        return leg_kernel(self.wavelength, self.paraxial)
+
+    @property
+    def wave(self) -> LensWave:
+        """Wave directly behind the main lens."""
+        return LensWave(
+            source=self.source,
+            lens=self.path.main_lens,
+            wavelength=self.wavelength,
+            paraxial=self.paraxial,
+            obliquity="paper",
+        )
+
+    def samples(self, nodes: QuadratureNodes) -> ApertureSamples:
+        """Wave on quadrature nodes of the pupil."""
+        field = self.wave.field(nodes.x, nodes.y)
+        if self.coherent_radius > 0:
+            field = field / self._point_wave(nodes) * self._disc_wave(nodes)
+        return ApertureSamples(nodes=nodes, field=field)
+
+    def power(self) -> float:
+        """∫ |U|² over the pupil."""
+        if self.coherent_radius > 0:
+            nodes = self.nodes((np.zeros(1), np.zeros(1)), density=1.0)
+            return float(nodes.weights @ np.abs(self._disc_wave(nodes)) ** 2)
+        nodes = disc_nodes(radius=self.path.main_lens.radius, radial_count=12, angular_count=24)
+        return float(nodes.weights @ np.abs(self.wave.amplitude(nodes.x, nodes.y)) ** 2)
+
+    def _point_wave(self, nodes: QuadratureNodes) -> ComplexArray:
+        """Wave of the middle of the source before the main lens, in the units of the disc's."""
+        one = QuadratureNodes(
+            x=np.array([self.source.x]),
+            y=np.array([self.source.y]),
+            weights=np.ones(1),
+            centre=(self.source.x, self.source.y),
+            half_extent=self.wavelength,
+        )
+        samples = ApertureSamples(nodes=one, field=np.ones(1, dtype=complex))
+        return direct_sum(samples, self.kernel, nodes.x, nodes.y, np.full(nodes.count, self.source.distance))
+
+    def _disc_wave(self, nodes: QuadratureNodes) -> ComplexArray:
+        """Wave of the whole coherent disc before the main lens (eq. 10)."""
+        radius, reach = self.coherent_radius, self.path.main_lens.radius + self.coherent_radius
+        reach += math.hypot(self.source.x, self.source.y)
+        degree = plane_wave_degree(
+            2 * math.pi / self.wavelength * radius * reach / math.hypot(reach, self.source.distance)
+        )
+        disc = disc_nodes(
+            radius=radius,
+            radial_count=degree // 4 + 2,
+            angular_count=degree + 1,
+            centre=(self.source.x, self.source.y),
+        )
+        targets = TargetPoints(x=nodes.x, y=nodes.y, distance=self.source.distance)
+        samples = ApertureSamples(nodes=disc, field=np.ones(disc.count, dtype=complex))
+        return fast_sum(samples, self.kernel, targets, low_rank_tolerance=1e-7, nufft_tolerance=1e-7).field
+
+    def nodes(self, region: tuple[FloatArray, FloatArray], *, density: float) -> QuadratureNodes:
+        """Pupil nodes that resolve the net phase from the source to every point of a region of the array.
+
+        The largest slope of the net path over rim and region gives the largest phase across the pupil, that phase
+        the polynomial degree, the degree the nodes.
+        """
+        radius = self.path.main_lens.radius
+        angle = 2 * np.pi * np.arange(48) / 48
+        u = np.concatenate([radius * np.cos(angle), radius / 2 * np.cos(angle)])
+        v = np.concatenate([radius * np.sin(angle), radius / 2 * np.sin(angle)])
+        slope_x, slope_y = self.wave.paths.slope(u, v)
+        x, y = (c[:, None] for c in region)
+        back_x, back_y, _ = self.kernel.slope_at_target(u - x, v - y, 0.0, 0.0, self.path.array_distance)
+        steepest = float(np.max(np.hypot(slope_x - back_x, slope_y - back_y)))
+        steepest += self.coherent_radius / math.hypot(self.coherent_radius, self.source.distance)
+        degree = plane_wave_degree(density * 2 * math.pi / self.wavelength * steepest * radius)
+        return disc_nodes(radius=radius, radial_count=degree // 4 + 2, angular_count=degree + 1)
+
+
+def leg_kernel(wavelength: float, paraxial: bool) -> FresnelKernel | KirchhoffKernel:
+    """Propagation law of a leg."""
+    if paraxial:
+        return FresnelKernel(wavelength=wavelength)
+    return KirchhoffKernel(wavelength=wavelength, obliquity="paper")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FieldTable:
+    """Field on a grid with its fast phase taken out, ready to be interpolated.
+
+    Coordinates are relative to the chief ray's point; `fast_phase` is added back where the field is read.
+
+    Attributes
+    ----------
+    start
+        First grid point (x, y) [m].
+    spacing
+        [m].
+    coefficients
+        Spline coefficients of real and imaginary part, shape (2, rows, columns).
+    """
+
+    start: tuple[float, float]
+    spacing: float
+    coefficients: FloatArray
+
+    def slow_part(self, x: FloatArray, y: FloatArray) -> ComplexArray:
+        """Field without its fast phase at points relative to the origin; zero outside the grid."""
+        at = np.stack([(y - self.start[1]) / self.spacing, (x - self.start[0]) / self.spacing])
+        real, imaginary = (
+            ndimage.map_coordinates(part, at, order=_SPLINE_ORDER, mode="constant", prefilter=False)
+            for part in self.coefficients
+        )
+        return np.asarray(real + 1j * imaginary)
+
+
+def fast_phase(wave: PupilWave, x: Array, y: Array) -> FloatArray:
+    """Phase of the sphere about the main lens's image, plus that of the chief ray: what the table leaves out [rad].
+
+    Where the array lies so near the image that the blur has hardly a Fresnel zone, there is no sphere to take out.
+    """
+    a, z = wave.source.distance, wave.path.array_distance
+    chief_x, chief_y = wave.path.chief_point(wave.source)
+    k = 2 * math.pi / wave.wavelength
+    off = math.hypot(wave.source.x, wave.source.y)
+    if wave.paraxial:
+        chief = abs(a) + off**2 / (2 * abs(a)) + z + (chief_x**2 + chief_y**2) / (2 * z)
+    else:
+        chief = math.hypot(a, off) + math.hypot(z, chief_x, chief_y)
+    sphere = _sphere(wave)
+    if sphere is None:
+        return np.full(np.broadcast(x, y).shape, k * chief)
+    return np.asarray(k * (chief + sphere.value(x - chief_x, y - chief_y)))
+
+
+def _sphere(wave: PupilWave) -> SphericalPath | None:
+    """Spherical path about the image, in coordinates relative to the chief ray's point."""
+    x, y, depth = wave.path.image_at_array(wave.source)
+    b = wave.path.array_distance - depth
+    blur = wave.path.main_lens.radius * abs(depth / b)
+    if wave.coherent_radius > 0 or blur**2 < _LEAST_FRESNEL_NUMBER * wave.wavelength * abs(depth):
+        return None
+    chief_x, chief_y = wave.path.chief_point(wave.source)
+    return SphericalPath(x=x - chief_x, y=y - chief_y, distance=depth)
+
+
+def field_table(
+    wave: PupilWave,
+    *,
+    low: tuple[float, float],
+    high: tuple[float, float],
+    spacing: float,
+    node_density: float,
+    tolerance: float,
+    memory_limit: float,
+) -> FieldTable:
+    """Compute the field on a grid over a rectangle.
+
+    Parameters
+    ----------
+    wave
+        Wave behind the main lens.
+    low, high
+        Opposite corners (x, y) of the rectangle, relative to the chief ray's point [m].
+    spacing
+        Distance of grid points [m].
+    node_density
+        Factor on the phase that the pupil nodes resolve.
+    tolerance
+        Of the low-rank factor and the nonuniform FFT.
+    memory_limit
+        [bytes].
+
+    Raises
+    ------
+    UnaffordableError
+        If grid and pupil nodes need more memory than allowed.
+    """
+    chief = wave.path.chief_point(wave.source)
+    start = tuple(c - _END * spacing for c in low)
+    counts = tuple(math.ceil((b - a) / spacing) + 1 + 2 * _END for a, b in zip(low, high, strict=True))
+    grid = TargetGrid(
+        x_start=chief[0] + start[0],
+        y_start=chief[1] + start[1],
+        x_pitch=spacing,
+        y_pitch=spacing,
+        x_count=counts[0],
+        y_count=counts[1],
+        distance=wave.path.array_distance,
+    )
+    edge_x, edge_y = grid.x_axis[[0, -1, 0, -1]], grid.y_axis[[0, -1, -1, 0]]
+    nodes = wave.nodes((edge_x, edge_y), density=node_density)
+    points = counts[0] * counts[1]
+    needed = 16.0 * (30 * (nodes.count + points) + 8 * points)  # rank 30 at most; a grid upsampled twice each way
+    if needed > memory_limit:
+        raise UnaffordableError(
+            "main-lens field on the array",
+            value=f"{nodes.count} pupil nodes, {counts[0]} × {counts[1]} points, {needed / 1e9:.1f} GB",
+            limit=f"{memory_limit / 1e9:.1f} GB",
+            remedy="take fewer microlenses or a coarser field sampling, or raise the memory limit",
+        )
+    result = fast_sum(wave.samples(nodes), wave.kernel, grid, low_rank_tolerance=tolerance, nufft_tolerance=tolerance)
+    x, y = grid.x_axis[None, :], grid.y_axis[:, None]
+    slow = result.field.reshape(grid.shape) * unit_phasor(-fast_phase(wave, x, y))
+    return FieldTable(start=(start[0], start[1]), spacing=spacing, coefficients=_spline(slow))
+
+
+def blended(tables: list[FieldTable], weights: FloatArray) -> FieldTable:
+    """Weighted sum of tables on one grid: interpolation over the source position."""
+    first = tables[0]
+    coefficients = sum(w * table.coefficients for w, table in zip(weights, tables, strict=True))
+    return FieldTable(start=first.start, spacing=first.spacing, coefficients=np.asarray(coefficients))
+
+
+def direct_field(wave: PupilWave, x: FloatArray, y: FloatArray) -> ComplexArray:
+    """Field at a few points by plain summation over more nodes than the fast path takes: the oracle."""
+    nodes = wave.nodes((x, y), density=1.5)
+    return direct_sum(wave.samples(nodes), wave.kernel, x, y, np.full_like(x, wave.path.array_distance))
+
+
+def _spline(field: ComplexArray) -> FloatArray:
+    """Spline coefficients of real and imaginary part."""
+    return np.stack([ndimage.spline_filter(part, order=_SPLINE_ORDER) for part in (field.real, field.imag)])

@@ -1,0 +1,194 @@
+"""From the microlens array to the detector: the exact transfer function of the leg, applied by Fourier transforms.
+
+A discrete set of nodes has an exact spectrum (one nonuniform FFT). Multiplied by the transfer function of free space
+and transformed back it gives the field on a regular grid, whatever the number of nodes: the only approximations are the
+largest angle that is kept and the period of the grid, both chosen from the geometry so that no light that is kept
+wraps around into the targets.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import finufft
+import numpy as np
+import scipy.fft
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+
+_TAPER = 0.15  # outer part of the band over which light fades out, so that its edge does not ring
+
+
+@dataclass(frozen=True, kw_only=True)
+class Transfer:
+    """Grid and transfer function of one leg.
+
+    Attributes
+    ----------
+    wavelength, distance
+        [m].
+    paraxial
+        Fresnel; else Kirchhoff.
+    spacing
+        Distance of detector samples [m].
+    count
+        Samples a side of one period.
+    half_band
+        Largest spatial frequency kept [1/m]; below 1/λ.
+    """
+
+    wavelength: float
+    distance: float
+    paraxial: bool
+    spacing: float
+    count: int
+    half_band: float
+
+    @property
+    def period(self) -> float:
+        """Side of the periodic grid [m]."""
+        return self.spacing * self.count
+
+    @property
+    def frequencies(self) -> FloatArray:
+        """Frequencies of one axis in the order of the FFT [1/m]."""
+        return np.asarray(scipy.fft.fftfreq(self.count, self.spacing))
+
+    def response(self, carrier: tuple[float, float]) -> ComplexArray:
+        """Transfer function about a carrier frequency, shape (count, count) as (f_y, f_x), constant phase dropped.
+
+        Kirchhoff: exp(i b k_z)/(1 + i k_z/(k² b)). The first factor belongs to Rayleigh–Sommerfeld I; the paper's
+        kernel lacks its 1 + i/(k s), and at the stationary point s = b k/k_z.
+        Fresnel: exp(−iπ λ b f²).
+        """
+        fx = (self.frequencies + carrier[0])[None, :]
+        fy = (self.frequencies + carrier[1])[:, None]
+        squared = (self.wavelength * fx) ** 2 + (self.wavelength * fy) ** 2
+        k, b = 2 * math.pi / self.wavelength, self.distance
+        if self.paraxial:
+            return unit_phasor(-k * b * squared / 2) * self._window()
+        if float(np.max(np.where(self._window() > 0, squared, 0.0))) >= 1:
+            raise OutOfRangeError(
+                "angle between array and detector",
+                value="sine ≥ 1",
+                limit="propagating waves",
+                remedy="widen the gap or narrow the detector",
+            )
+        cosine = np.sqrt(np.maximum(1 - squared, 0.0))
+        phase = unit_phasor(-k * b * squared / (1 + cosine))
+        return np.asarray(phase / (1 + 1j * cosine / (k * b)) * self._window())
+
+    def _window(self) -> FloatArray:
+        """One inside the band, falling smoothly to zero over its outer part."""
+        f = np.hypot(self.frequencies[None, :], self.frequencies[:, None]) / self.half_band
+        ramp = np.clip((1 - f) / _TAPER, 0.0, 1.0)
+        return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
+
+
+def sine_towards(offset: float, distance: float, *, paraxial: bool) -> float:
+    """λ f of light that lands this far from where it started."""
+    return offset / distance if paraxial else offset / math.hypot(offset, distance)
+
+
+def choose_transfer(
+    *,
+    wavelength: float,
+    distance: float,
+    paraxial: bool,
+    node_reach: float,
+    target_reach: float,
+    kept_reach: float,
+    spacing: float,
+) -> Transfer:
+    """Choose band and period for nodes and targets within squares about one axis.
+
+    Parameters
+    ----------
+    wavelength, distance, paraxial
+        Of the leg.
+    node_reach, target_reach
+        Half sides of the squares that hold nodes and targets [m].
+    kept_reach
+        Light that lands up to this far from where it started is kept [m].
+    spacing
+        Largest distance of detector samples [m]; it is the caller's to divide the pixel.
+    """
+    kept = kept_reach + 2 * math.sqrt(wavelength * distance)  # two Fresnel lengths of fading out
+    half_band = sine_towards(kept, distance, paraxial=paraxial) / wavelength
+    period = node_reach + target_reach + kept
+    return Transfer(
+        wavelength=wavelength,
+        distance=distance,
+        paraxial=paraxial,
+        spacing=spacing,
+        count=int(scipy.fft.next_fast_len(math.ceil(period / spacing), real=False)),
+        half_band=half_band,
+    )
+
+
+def propagate(
+    transfer: Transfer,
+    *,
+    x: FloatArray,
+    y: FloatArray,
+    strengths: ComplexArray,
+    responses: ComplexArray,
+    start: FloatArray,
+    shape: tuple[int, int],
+    tolerance: float,
+    threads: int = 0,
+) -> ComplexArray:
+    """Field of sets of nodes on patches of the detector.
+
+    Parameters
+    ----------
+    transfer
+        Grid and law.
+    x, y
+        Node positions relative to the set's origin [m], shape (n,), the same for every set.
+    strengths
+        Field times area weight, carrier taken out, shape (sets, n).
+    responses
+        `Transfer.response` of each set's carrier, shape (sets, count, count).
+    start
+        First sample (x, y) of each patch relative to the set's origin [m], shape (sets, 2).
+    shape
+        Samples (rows, columns) of a patch, at most ``count``.
+    tolerance
+        Of the nonuniform FFT.
+    threads
+        For it to use; 0 for all.
+
+    Returns
+    -------
+    ndarray
+        Field over its carrier, shape (sets, rows, columns).
+    """
+    scale = 2 * np.pi / transfer.period
+    spectrum = finufft.nufft2d1(
+        scale * y.astype(_real_of(strengths)),
+        scale * x.astype(_real_of(strengths)),
+        np.ascontiguousarray(strengths),
+        (transfer.count, transfer.count),
+        eps=tolerance,
+        isign=-1,
+        modeord=1,
+        nthreads=threads,
+    ).reshape(-1, transfer.count, transfer.count)
+    spectrum *= responses
+    shift_x, shift_y = (
+        np.exp(2j * np.pi * np.outer(start[:, axis], transfer.frequencies)).astype(spectrum.dtype) for axis in (0, 1)
+    )
+    spectrum *= shift_y[:, :, None]
+    spectrum *= shift_x[:, None, :]
+    rows, columns = shape
+    partial = scipy.fft.ifft(spectrum, axis=1, overwrite_x=True)[:, :rows]
+    return np.asarray(scipy.fft.ifft(partial, axis=2, overwrite_x=True)[:, :, :columns] / transfer.spacing**2)
+
+
+def _real_of(array: ComplexArray) -> type[np.floating]:
+    """Real type of the same precision."""
+    return np.float32 if array.dtype == np.complex64 else np.float64

@@ -1,0 +1,126 @@
+"""The wave directly behind the microlens array, on quadrature nodes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
+from tradestudy.optics.chain.rays import RayReach
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum, unit_phasor
+from tradestudy.optics.propagation.lens import PointSource, lens_paths
+from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
+from tradestudy.optics.quadrature import QuadratureNodes
+
+
+@dataclass(frozen=True, kw_only=True)
+class MicrolensPlane:
+    """Nodes on every cell and the phase of every lens.
+
+    Attributes
+    ----------
+    path
+        The camera.
+    wavelength
+        [m].
+    paraxial
+        Whether the leg behind the array is Fresnel's.
+    cell
+        Nodes relative to each centre.
+    """
+
+    path: LightPath
+    wavelength: float
+    paraxial: bool
+    cell: CellNodes
+
+    @property
+    def positions(self) -> tuple[FloatArray, FloatArray]:
+        """Absolute node positions, shape (lenses, nodes) [m]."""
+        centres = self.path.microlenses.centres
+        return centres[:, 0, None] + self.cell.x, centres[:, 1, None] + self.cell.y
+
+    def transmission(self, source: PointSource) -> ComplexArray:
+        """Area weight times the phasor of each lens, shape (lenses, nodes)."""
+        lenses = self.path.microlenses
+        if lenses.lens_phase == "perfect":
+            phases = [self._lens_path(i, self._object(source, i)) for i in range(lenses.count)]
+        else:
+            distant = PointSource(distance=1.0)  # any point: these lenses do not know their source
+            kinds, which = np.unique(lenses.focal_lengths, return_inverse=True)
+            first = [int(np.flatnonzero(which == j)[0]) for j in range(kinds.size)]
+            each = [self._lens_path(i, distant) for i in first]
+            phases = [each[j] for j in which]
+        phase = np.where(self.cell.in_lens, 2 * math.pi / self.wavelength * np.array(phases), 0.0)
+        return np.asarray(unit_phasor(phase) * self.cell.weights)
+
+    def _object(self, source: PointSource, index: int) -> PointSource:
+        """Main lens's image of the source, before one microlens."""
+        x, y, depth = self.path.image_at_array(source)
+        centre = self.path.microlenses.centres[index]
+        return PointSource(x=x - centre[0], y=y - centre[1], distance=depth)
+
+    def _lens_path(self, index: int, arriving: PointSource) -> FloatArray:
+        """Path that a lens adds, relative to its vertex [m]."""
+        lens = self.path.microlenses.lens(index)
+        kind = ParabolicPath if self.paraxial else SphericalPath
+        before = kind(x=arriving.x, y=arriving.y, distance=arriving.distance)
+        total = lens_paths(arriving, lens, paraxial=self.paraxial)
+        x, y = self.cell.x, self.cell.y
+        return np.asarray(total.value(x, y) - before.value(x, y))
+
+
+def microlens_plane(
+    path: LightPath,
+    reach: RayReach,
+    *,
+    wavelength: float,
+    paraxial: bool,
+    target_reach: float,
+    density: float,
+) -> MicrolensPlane:
+    """Choose the nodes so that every target up to `target_reach` from a lens's ray image is resolved.
+
+    There the path to the target and that of the ray differ in slope by their distance over that to the detector,
+    which across the lens makes the phase that the nodes resolve.
+    """
+    offset = target_reach + float(reach.spread.max())
+    sine = offset / math.hypot(offset, path.detector_distance)
+    cycles = density * path.microlenses.aperture_width / 2 * sine / wavelength
+    return MicrolensPlane(
+        path=path, wavelength=wavelength, paraxial=paraxial, cell=cell_nodes(path.microlenses, cycles=cycles)
+    )
+
+
+def direct_detector_field(
+    plane: MicrolensPlane, kernel: Kernel, field: ComplexArray, transmission: ComplexArray, at: FloatArray
+) -> ComplexArray:
+    """Field at a few detector points by plain summation over every node of every lens: the oracle.
+
+    Parameters
+    ----------
+    plane, kernel
+        Nodes and law of the leg.
+    field, transmission
+        Arriving field and `MicrolensPlane.transmission`, shape (lenses, nodes).
+    at
+        Points (x, y) [m], shape (points, 2).
+    """
+    x, y = plane.positions
+    lenses = plane.path.microlenses
+    total = np.zeros(at.shape[0], dtype=np.complex128)
+    for index in range(lenses.count):
+        nodes = QuadratureNodes(
+            x=x[index],
+            y=y[index],
+            weights=np.ones(x.shape[1]),
+            centre=(float(lenses.centres[index, 0]), float(lenses.centres[index, 1])),
+            half_extent=lenses.cell_reach,
+        )
+        samples = ApertureSamples(nodes=nodes, field=field[index] * transmission[index])
+        total += direct_sum(samples, kernel, at[:, 0], at[:, 1], np.full(at.shape[0], plane.path.detector_distance))
+    return total

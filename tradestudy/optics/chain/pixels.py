@@ -1,0 +1,54 @@
+"""Integration of a finely sampled intensity over square pixels."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
+
+_MARGIN = 3  # samples beyond the window on each side that the correction needs
+_CELL_AVERAGE = ((0.0, 1 / 24, -17 / 5760, 367 / 967680), (0.0, 1 / 24, -17 / 5760, 0.0))
+
+
+def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -> tuple[FloatArray, float]:
+    """Integrate samples at cell centres over pixels of ``per_pixel``² cells; also say how much the last term changed.
+
+    The mean over a cell is the sample plus δ²/24 − 17 δ⁴/5760 + 367 δ⁶/967680 along each axis, δ the central
+    difference.
+
+    Parameters
+    ----------
+    intensity
+        Samples, shape (rows·per_pixel + 6, columns·per_pixel + 6): three more on every side.
+    per_pixel
+        Samples along a pixel.
+    spacing
+        Distance of samples [m].
+
+    Returns
+    -------
+    tuple
+        Integrals, shape (rows, columns), and the relative L2 change by the last term: the error of the one before.
+    """
+    best, lower = (
+        _summed(_averaged(_averaged(intensity, terms, 0), terms, 1), per_pixel) * spacing**2 for terms in _CELL_AVERAGE
+    )
+    return best, float(np.linalg.norm(best - lower) / np.linalg.norm(best))
+
+
+def _averaged(samples: FloatArray, terms: tuple[float, ...], axis: int) -> FloatArray:
+    """Mean over the cell about each sample along one axis; three samples are used up on each side."""
+    moved = np.moveaxis(samples, axis, 0)
+    difference, result = moved, moved[_MARGIN:-_MARGIN].copy()
+    for order, term in enumerate(terms):
+        if order:
+            difference = difference[2:] - 2 * difference[1:-1] + difference[:-2]
+            cut = _MARGIN - order
+            result += term * (difference[cut : difference.shape[0] - cut])
+    return np.moveaxis(result, 0, axis)
+
+
+def _summed(cells: FloatArray, per_pixel: int) -> FloatArray:
+    """Sum blocks of cells."""
+    rows, columns = cells.shape[0] // per_pixel, cells.shape[1] // per_pixel
+    return np.asarray(cells.reshape(rows, per_pixel, columns, per_pixel).sum(axis=(1, 3)))

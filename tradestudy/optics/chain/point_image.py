@@ -1,0 +1,294 @@
+"""Image of one point source, or of one coherent disc: all microlenses at once, coherent, on every pixel."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import NotConvergedError, UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.array_field import (
+    FieldTable,
+    PupilWave,
+    direct_field,
+    fast_phase,
+    field_table,
+    leg_kernel,
+)
+from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, propagate
+from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field, microlens_plane
+from tradestudy.optics.chain.pixels import integrate_pixels
+from tradestudy.optics.chain.rays import RayReach, ray_reach
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+
+_CHECK_POINTS = 16
+_GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses …
+_GROSS_RATIO = 300.0  # … or that is out of all proportion to the error stated
+_MARGIN = 3  # detector samples beyond the window on each side
+_UPSAMPLING = 4.0  # memory of a nonuniform FFT over that of its modes
+
+ArrayField = Callable[[FloatArray, FloatArray], ComplexArray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class WavePlan:
+    """Sizes of everything that one source point needs."""
+
+    reach: RayReach
+    kept: float
+    per_pixel: int
+    spacing: float
+    transfer: Transfer
+
+
+def wave_point_image(
+    wave: PupilWave, *, paraxial_detector_leg: bool, accuracy: ChainAccuracy, rng: np.random.Generator
+) -> ChainImage:
+    """Image by wave optics on both legs.
+
+    Parameters
+    ----------
+    wave
+        Camera, source, wavelength and law of the first leg.
+    paraxial_detector_leg
+        Fresnel behind the array; else Kirchhoff.
+    accuracy
+        What to aim at.
+    rng
+        Draws the points that are checked against direct quadrature.
+
+    Raises
+    ------
+    UnaffordableError
+        If nodes or samples need more memory than allowed.
+    """
+    fine = _compute(wave, paraxial_detector_leg, accuracy)
+    coarse = _compute(wave, paraxial_detector_leg, accuracy.coarser())
+    change = float(np.linalg.norm(fine.pixels - coarse.pixels) / np.linalg.norm(fine.pixels))
+    error = math.hypot(change, fine.pixel_error)
+    check = {
+        "field on the array": _field_check(wave, fine, rng),
+        "intensity on the detector": _intensity_check(wave, fine, paraxial_detector_leg, accuracy, rng),
+    }
+    if max(check.values()) > max(_GROSS, _GROSS_RATIO * error):
+        raise NotConvergedError(
+            "the chain disagrees with direct quadrature",
+            value=", ".join(f"{name} {value:.2g}" for name, value in check.items()),
+            limit=f"{max(_GROSS, _GROSS_RATIO * error):.2g}",
+            remedy="refine pupil_nodes, microlens_nodes, field_sampling or diffraction_reach",
+        )
+    power = wave.power()
+    behind = float(np.sum(np.abs(fine.field) ** 2 * fine.plane.cell.weights))
+    return ChainImage(
+        pixels=fine.pixels / power,
+        numerical_error=error,
+        error_terms={"coarser computation": change, "pixel integration": fine.pixel_error},
+        direct_check=check,
+        microlens_share=behind / power,
+        effort={
+            "microlens nodes": fine.field.size,
+            "detector samples": fine.samples.size,
+            "array samples": fine.table.coefficients[0].size,
+        },
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Computation:
+    plan: WavePlan
+    plane: MicrolensPlane
+    table: FieldTable
+    field: ComplexArray
+    samples: ComplexArray
+    pixels: FloatArray
+    pixel_error: float
+
+
+def _compute(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> _Computation:
+    """Table of the main-lens field, microlenses, detector samples, pixels."""
+    plan = plan_waves(wave, paraxial, accuracy)
+    plane = _plane(wave, plan, paraxial, accuracy.microlens_nodes, accuracy)
+    table = _table(wave, accuracy)
+    field = table_reader(wave, table)(*plane.positions)
+    samples = _detector_samples(plane, plan, field * plane.transmission(wave.source), accuracy)
+    pixels, pixel_error = integrate_pixels(np.abs(samples) ** 2, per_pixel=plan.per_pixel, spacing=plan.spacing)
+    return _Computation(
+        plan=plan,
+        plane=plane,
+        table=table,
+        field=field,
+        samples=samples,
+        pixels=pixels,
+        pixel_error=pixel_error,
+    )
+
+
+def table_reader(wave: PupilWave, table: FieldTable) -> ArrayField:
+    """Read the field from its table, with its fast phase put back."""
+    chief_x, chief_y = wave.path.chief_point(wave.source)
+
+    def read(x: FloatArray, y: FloatArray) -> ComplexArray:
+        return table.slow_part(x - chief_x, y - chief_y) * unit_phasor(fast_phase(wave, x, y))
+
+    return read
+
+
+def plan_waves(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> WavePlan:
+    """Follow light from where rays land to a margin of Fresnel lengths that grows as the tolerance shrinks."""
+    path = wave.path
+    reach = ray_reach(path, wave.source, whole_pupil=wave.coherent_radius > 0)
+    fresnel_length = math.sqrt(wave.wavelength * path.detector_distance)
+    margin = accuracy.diffraction_reach * 1.2 * fresnel_length * accuracy.tolerance ** (-1 / 6)
+    kept = float(reach.travel.max()) + margin
+    pixels = path.pixels
+    rough = choose_transfer(
+        wavelength=wave.wavelength,
+        distance=path.detector_distance,
+        paraxial=paraxial,
+        node_reach=1.0,
+        target_reach=1.0,
+        kept_reach=kept,
+        spacing=1.0,
+    )
+    per_pixel = max(3, math.ceil(accuracy.pixel_sampling * 2 * rough.half_band * pixels.pitch))
+    spacing = pixels.pitch / per_pixel
+    nodes, targets = _half_side(path)
+    return WavePlan(
+        reach=reach,
+        kept=kept,
+        per_pixel=per_pixel,
+        spacing=spacing,
+        transfer=choose_transfer(
+            wavelength=wave.wavelength,
+            distance=path.detector_distance,
+            paraxial=paraxial,
+            node_reach=nodes,
+            target_reach=targets + _MARGIN * spacing,
+            kept_reach=kept,
+            spacing=spacing,
+        ),
+    )
+
+
+def _half_side(path: LightPath) -> tuple[float, float]:
+    """Half sides of the squares about the detector's centre that hold all nodes and all pixels."""
+    centre = np.asarray(path.pixels.centre)
+    nodes = float(np.max(np.abs(path.microlenses.centres - centre))) + path.microlenses.cell_reach
+    return nodes, max(path.pixels.shape) * path.pixels.pitch / 2
+
+
+def _plane(wave: PupilWave, plan: WavePlan, paraxial: bool, density: float, accuracy: ChainAccuracy) -> MicrolensPlane:
+    """Nodes for all pixels that light reaches, if they can be afforded."""
+    path = wave.path
+    corners = np.array([[x, y] for x in path.pixels.edges_x[[0, -1]] for y in path.pixels.edges_y[[0, -1]]])
+    farthest = float(np.linalg.norm(plan.reach.image[:, None] - corners, axis=-1).max())
+    fading = 2 * math.sqrt(wave.wavelength * path.detector_distance)
+    plane = microlens_plane(
+        path,
+        plan.reach,
+        wavelength=wave.wavelength,
+        paraxial=paraxial,
+        target_reach=min(farthest, plan.kept + fading + float(plan.reach.travel.max())),
+        density=density,
+    )
+    count = plan.transfer.count
+    needed = 16.0 * (12 * plane.cell.x.size * path.microlenses.count + (_UPSAMPLING + 4) * count**2)
+    if needed > accuracy.memory_limit:
+        raise UnaffordableError(
+            "microlens nodes and detector samples",
+            value=f"{plane.cell.x.size} nodes × {path.microlenses.count} lenses, {count}² samples, "
+            f"{needed / 1e9:.1f} GB",
+            limit=f"{accuracy.memory_limit / 1e9:.1f} GB",
+            remedy="take fewer microlenses or pixels, a larger tolerance, or raise the memory limit",
+        )
+    return plane
+
+
+def field_spacing(wave: PupilWave, accuracy: ChainAccuracy) -> float:
+    """Spacing that samples the field of the whole pupil 2.5 times as finely as needed at a tolerance of 1e-4."""
+    path = wave.path
+    far = float(np.max(np.linalg.norm(path.microlenses.centres - path.chief_point(wave.source), axis=1)))
+    sine = (path.main_lens.radius + far) / math.hypot(path.main_lens.radius + far, path.array_distance)
+    finer = 2.5 * (1e-4 / accuracy.tolerance) ** (1 / 6)
+    return wave.wavelength / (2 * sine * max(finer, 1.2) * accuracy.field_sampling)
+
+
+def _table(wave: PupilWave, accuracy: ChainAccuracy) -> FieldTable:
+    """Field over all microlenses."""
+    lenses = wave.path.microlenses
+    relative = lenses.centres - wave.path.chief_point(wave.source)
+    low, high = relative.min(axis=0) - lenses.cell_reach, relative.max(axis=0) + lenses.cell_reach
+    return field_table(
+        wave,
+        low=(float(low[0]), float(low[1])),
+        high=(float(high[0]), float(high[1])),
+        spacing=field_spacing(wave, accuracy),
+        node_density=accuracy.pupil_nodes,
+        tolerance=accuracy.tolerance / 4,
+        memory_limit=accuracy.memory_limit,
+    )
+
+
+def _detector_samples(
+    plane: MicrolensPlane, plan: WavePlan, strengths: ComplexArray, accuracy: ChainAccuracy
+) -> ComplexArray:
+    """Field on the fine grid of the detector, three samples more on every side."""
+    pixels = plane.path.pixels
+    x, y = plane.positions
+    rows, columns = (n * plan.per_pixel + 2 * _MARGIN for n in pixels.shape)
+    first = np.asarray(pixels.corner) - pixels.centre + (0.5 - _MARGIN) * plan.spacing
+    return propagate(
+        plan.transfer,
+        x=x.ravel() - pixels.centre[0],
+        y=y.ravel() - pixels.centre[1],
+        strengths=strengths.reshape(1, -1),
+        responses=plan.transfer.response((0.0, 0.0))[None],
+        start=first[None],
+        shape=(rows, columns),
+        tolerance=accuracy.tolerance / 20,
+    )[0]
+
+
+def _field_check(wave: PupilWave, done: _Computation, rng: np.random.Generator) -> float:
+    """Relative discrepancy of the field at random microlens nodes from direct quadrature."""
+    x, y = (c.ravel() for c in done.plane.positions)
+    field = done.field.ravel()
+    weights = np.tile(done.plane.cell.weights, done.plane.path.microlenses.count)
+    power = np.abs(field) ** 2 * weights
+    chance = _mixture(power, weights)
+    pick = rng.choice(x.size, size=_CHECK_POINTS, p=chance)
+    truth = direct_field(wave, x[pick], y[pick])
+    wrong = np.mean(np.abs(truth - field[pick]) ** 2 * weights[pick] / chance[pick])
+    return float(math.sqrt(wrong / power.sum()))
+
+
+def _intensity_check(
+    wave: PupilWave, done: _Computation, paraxial: bool, accuracy: ChainAccuracy, rng: np.random.Generator
+) -> float:
+    """Relative discrepancy of the intensity at random detector samples from direct quadrature on finer nodes."""
+    plane, plan = done.plane, done.plan
+    finer = _plane(wave, plan, paraxial, 1.2 * max(1.0, accuracy.microlens_nodes), accuracy)
+    inside = np.abs(done.samples[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]) ** 2
+    chance = _mixture(inside.ravel() ** 2, np.ones(inside.size))
+    pick = rng.choice(inside.size, size=_CHECK_POINTS, p=chance)
+    row, column = np.unravel_index(pick, inside.shape)
+    at = np.asarray(plane.path.pixels.corner) + plan.spacing * (np.column_stack([column, row]) + 0.5)
+    truth = direct_detector_field(
+        finer,
+        leg_kernel(wave.wavelength, paraxial),
+        table_reader(wave, done.table)(*finer.positions),
+        finer.transmission(wave.source),
+        at,
+    )
+    wrong = np.mean((np.abs(truth) ** 2 - inside[row, column]) ** 2 / chance[pick])
+    return float(math.sqrt(wrong / np.sum(inside**2)))
+
+
+def _mixture(weight: FloatArray, area: FloatArray) -> FloatArray:
+    """Chance of drawing each point: half by weight, half by area."""
+    return np.asarray(0.5 * weight / weight.sum() + 0.5 * area / area.sum())

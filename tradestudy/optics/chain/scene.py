@@ -1,0 +1,260 @@
+"""What light passes on its way: main lens, microlens array, detector, and the method of each leg."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
+
+LegMethod = Literal["geometric", "fresnel", "kirchhoff"]
+Layout = Literal["square", "hexagonal"]
+ApertureShape = Literal["circular", "square"]
+Gaps = Literal["opaque", "clear"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Legs:
+    """The law of propagation on each leg.
+
+    Attributes
+    ----------
+    to_array
+        From the main lens to the microlens array.
+    to_detector
+        From the microlens array to the detector.
+
+    Raises
+    ------
+    OutOfRangeError
+        If waves on the first leg are to be followed by rays on the second: a wave field has no rays where it
+        interferes.
+    """
+
+    to_array: LegMethod
+    to_detector: LegMethod
+
+    def __post_init__(self) -> None:
+        for method in (self.to_array, self.to_detector):
+            if method not in ("geometric", "fresnel", "kirchhoff"):
+                raise OutOfRangeError("method of a leg", value=repr(method), limit="geometric | fresnel | kirchhoff")
+        if self.to_detector == "geometric" != self.to_array:
+            raise OutOfRangeError(
+                "rays behind a wave field",
+                value=f"{self.to_array} to the array, geometric to the detector",
+                limit="geometric to the detector only behind geometric to the array",
+                remedy="use fresnel or kirchhoff on the second leg",
+            )
+
+
+GEOMETRIC = Legs(to_array="geometric", to_detector="geometric")
+FRESNEL = Legs(to_array="fresnel", to_detector="fresnel")
+KIRCHHOFF_FRESNEL = Legs(to_array="kirchhoff", to_detector="fresnel")
+KIRCHHOFF = Legs(to_array="kirchhoff", to_detector="kirchhoff")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Microlenses:
+    """Thin lenses in one plane, each with its own centre and focal length.
+
+    Parameters
+    ----------
+    centres
+        Centres and vertices (x, y) [m], shape (n, 2).
+    focal_lengths
+        Focal length of each [m], shape (n,); lenses of one type share a value.
+    aperture
+        ``circular`` or ``square``, sides along x and y.
+    aperture_width
+        Diameter or side [m].
+    pitch
+        Distance between the centres of neighbours [m], ≥ ``aperture_width``.
+    layout
+        ``square``, or ``hexagonal`` with rows along x.
+    gaps
+        ``opaque``, or ``clear``: what lies in a lens's cell beside its aperture passes light unchanged.
+    lens_phase
+        As in `CircularLens`; ``perfect`` sends the main lens's image of the source to its thin-lens image.
+    focus_distance
+        For ``stigmatic`` only [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        If shapes or lengths do not fit together, or lenses overlap.
+    """
+
+    centres: FloatArray
+    focal_lengths: FloatArray
+    aperture: ApertureShape
+    aperture_width: float
+    pitch: float
+    layout: Layout
+    gaps: Gaps
+    lens_phase: LensPhase
+    focus_distance: float | None = None
+
+    def __post_init__(self) -> None:
+        n = self.centres.shape[0]
+        if n < 1 or self.centres.shape != (n, 2) or self.focal_lengths.shape != (n,):
+            raise OutOfRangeError(
+                "microlens arrays",
+                value=f"centres {self.centres.shape}, focal lengths {self.focal_lengths.shape}",
+                limit="(n, 2) and (n,), n ≥ 1",
+            )
+        for value, allowed, name in (
+            (self.aperture, ("circular", "square"), "microlens aperture"),
+            (self.layout, ("square", "hexagonal"), "microlens layout"),
+            (self.gaps, ("opaque", "clear"), "gaps between microlenses"),
+        ):
+            if value not in allowed:
+                raise OutOfRangeError(name, value=repr(value), limit=" | ".join(allowed))
+        if not 0 < self.aperture_width <= self.pitch * (1 + 1e-12) < math.inf:
+            raise OutOfRangeError(
+                "aperture of a microlens", value=f"{self.aperture_width:g} m", limit=f"in (0, {self.pitch:g}] m"
+            )
+        widest = self.pitch * (math.sqrt(3) - 1) if self.layout == "hexagonal" else self.pitch
+        if self.aperture == "square" and self.aperture_width > widest * (1 + 1e-12):
+            raise OutOfRangeError(
+                "square aperture in a hexagonal cell",
+                value=f"{self.aperture_width:g} m",
+                limit=f"side ≤ {widest:g} m",
+            )
+        distances = np.linalg.norm(self.centres[:, None] - self.centres[None], axis=-1)
+        if n > 1 and np.min(distances + np.diag(np.full(n, np.inf))) < self.pitch * (1 - 1e-6):
+            raise OutOfRangeError("microlenses closer than their pitch", limit=f"≥ {self.pitch:g} m")
+        for index in range(n):
+            self.lens(index)
+
+    @property
+    def count(self) -> int:
+        """Number of microlenses."""
+        return int(self.centres.shape[0])
+
+    @property
+    def reach(self) -> float:
+        """Farthest point of an aperture from its centre [m]."""
+        return self.aperture_width / 2 * (math.sqrt(2) if self.aperture == "square" else 1.0)
+
+    @property
+    def cell_reach(self) -> float:
+        """Farthest point from its centre that passes light [m]."""
+        if self.gaps == "opaque":
+            return self.reach
+        return self.pitch / math.sqrt(2) if self.layout == "square" else self.pitch / math.sqrt(3)
+
+    @property
+    def fill_factor(self) -> float:
+        """Share of the cell that a lens fills."""
+        area = self.aperture_width**2 * (math.pi / 4 if self.aperture == "circular" else 1.0)
+        return area / (self.pitch**2 * (1.0 if self.layout == "square" else math.sqrt(3) / 2))
+
+    def lens(self, index: int) -> CircularLens:
+        """Return one microlens in its own coordinates; its radius reaches the farthest aperture point."""
+        return CircularLens(
+            radius=self.reach,
+            focal_length=float(self.focal_lengths[index]),
+            lens_phase=self.lens_phase,
+            focus_distance=self.focus_distance,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelGrid:
+    """Square pixels; row i lies at y from ``edges_y[i]`` on, column j at x from ``edges_x[j]`` on.
+
+    Parameters
+    ----------
+    pitch
+        Side of a pixel [m].
+    shape
+        (rows, columns).
+    centre
+        Centre (x, y) of the grid [m], on the main lens's axis if not given.
+    """
+
+    pitch: float
+    shape: tuple[int, int]
+    centre: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        if not (self.pitch > 0 and math.isfinite(self.pitch)) or min(self.shape) < 1:
+            raise OutOfRangeError("pixels", value=f"{self.shape} of {self.pitch:g} m", limit="≥ 1 × 1, > 0 m")
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """Outer corner (x, y) of pixel [0, 0] [m]."""
+        rows, columns = self.shape
+        return self.centre[0] - columns * self.pitch / 2, self.centre[1] - rows * self.pitch / 2
+
+    @property
+    def edges_x(self) -> FloatArray:
+        """Edges of the columns [m]."""
+        return np.asarray(self.corner[0] + self.pitch * np.arange(self.shape[1] + 1))
+
+    @property
+    def edges_y(self) -> FloatArray:
+        """Edges of the rows [m]."""
+        return np.asarray(self.corner[1] + self.pitch * np.arange(self.shape[0] + 1))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightPath:
+    """Main lens, microlens array and detector on one axis.
+
+    Parameters
+    ----------
+    main_lens
+        Lens on the axis.
+    microlenses
+        The array.
+    array_distance
+        Main lens → array, z [m], > 0.
+    detector_distance
+        Array → detector, b_L [m], > 0.
+    pixels
+        The detector.
+    """
+
+    main_lens: CircularLens
+    microlenses: Microlenses
+    array_distance: float
+    detector_distance: float
+    pixels: PixelGrid
+
+    def __post_init__(self) -> None:
+        for name, value in (("array distance", self.array_distance), ("detector distance", self.detector_distance)):
+            if not (value > 0 and math.isfinite(value)):
+                raise OutOfRangeError(name, value=f"{value:g} m", limit="> 0, finite")
+        if self.main_lens.centre != (0.0, 0.0):
+            raise OutOfRangeError("centre of the main lens", value=str(self.main_lens.centre), limit="(0, 0)")
+
+    def image_at_array(self, source: PointSource) -> tuple[float, float, float]:
+        """Main lens's image of a source: x, y [m] and its signed distance before the array, a_L = z − b [m]."""
+        x, y, b = self.main_lens.image_of(source)
+        return x, y, self.array_distance - b
+
+    def chief_point(self, source: PointSource) -> tuple[float, float]:
+        """Where the ray through the centre of the main lens meets the array [m]."""
+        scale = -self.array_distance / source.distance
+        return scale * source.x, scale * source.y
+
+
+def square_centres(*, pitch: float, count: int) -> FloatArray:
+    """Centres of ``count`` × ``count`` lenses on a square lattice about the axis [m], shape (count², 2)."""
+    axis = pitch * (np.arange(count) - (count - 1) / 2)
+    x, y = np.meshgrid(axis, axis)
+    return np.column_stack([x.ravel(), y.ravel()])
+
+
+def hexagonal_centres(*, pitch: float, rings: int) -> FloatArray:
+    """Centres of the lens on the axis and of ``rings`` hexagons around it, rows along x [m]."""
+    q, r = np.meshgrid(np.arange(-rings, rings + 1), np.arange(-rings, rings + 1))
+    inside = np.abs(q + r) <= rings
+    q, r = q[inside], r[inside]
+    return np.column_stack([pitch * (q + r / 2), pitch * np.sqrt(3) / 2 * r])
