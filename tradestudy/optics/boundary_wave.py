@@ -4,18 +4,18 @@ A wave behind an aperture is the light of geometrical optics plus a wave from th
 
     U_B(P) = (1/4π) ∮ A exp(i k (path + s))/s · (p × ŝ)·dl / (1 − p·ŝ),
 
-p the direction of the arriving wave and ŝ the direction to the target, the edge run through counter-clockwise as seen from
-behind. Both parts jump where P crosses the shadow of the edge, their sum does not. The integrand then has a pair of poles
-beside the real edge; the trapezoidal rule over the angle, corrected by their residues, keeps its fast convergence
-right up to the shadow.
+p the direction of the arriving wave and ŝ the direction to the target, the edge run through from x to y.
+Both parts jump where P crosses the shadow of the edge, their sum does not. The integrand then has a pair
+of poles beside the real edge; the trapezoidal rule over the angle, corrected by their residues, keeps its
+fast convergence right up to the shadow.
 
 The formula is exact for a spherical wave with the textbook obliquity (and its 1/(k r) terms); for other waves and
 obliquities it is the leading term for many Fresnel zones across the aperture.
 
 References
 ----------
-A. Rubinowicz, "Die Beugungswelle in der Kirchhoffschen Theorie der Beugungserscheinungen", 1917; K. Miyamoto and E. Wolf,
-"Generalization of the Maggi–Rubinowicz theory of the boundary diffraction wave", 1962; L. N. Trefethen and J. A. C.
+A. Rubinowicz, "Die Beugungswelle in der Kirchhoffschen Theorie der Beugungserscheinungen", 1917;
+K. Miyamoto and E. Wolf, "Generalization of the Maggi–Rubinowicz theory of the boundary diffraction wave", 1962; L. N. Trefethen and J. A. C.
 Weideman, "The exponentially convergent trapezoidal rule", 2014 (poles).
 """
 
@@ -158,14 +158,14 @@ def _obliquity_ratio(kernel: KirchhoffKernel, p_z: Array, s: Array, z: Array) ->
 class _EdgePoint:
     """Geometry at complex angles of the edge; every entry is conjugate at the conjugate angle."""
 
-    u: ComplexArray
-    v: ComplexArray
-    p_z: ComplexArray
-    s: ComplexArray
-    path: ComplexArray  # along the wave and on to the target
-    across: ComplexArray  # (p × S)·t
-    denominator: ComplexArray  # s − p·S
-    slope: ComplexArray  # its derivative by the angle
+    u: Array
+    v: Array
+    p_z: Array
+    s: Array
+    path: Array  # along the wave and on to the target
+    across: Array  # (p × S)·t
+    denominator: Array  # s − p·S
+    slope: Array  # its derivative by the angle
 
     def conjugate(self) -> _EdgePoint:
         return _EdgePoint(**{f.name: np.conj(getattr(self, f.name)) for f in fields(self)})

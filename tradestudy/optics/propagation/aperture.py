@@ -48,14 +48,14 @@ def aperture_field(
         Wavelength [m], > 0.
     method
         ``geometric``: rays. ``boundary_wave``: rays and the wave from the edge, Kirchhoff where they are singular.
-        ``fresnel``: paths to second order, unit cosines, eqs. 17–22; the conjugate paths that a stigmatic or perfect lens
-        cancels are of second order too, so that all lens phases are one. ``kirchhoff``: exact paths and cosines,
+        ``fresnel``: paths to second order, unit cosines, eqs. 17–22; the conjugate paths that a stigmatic or
+        perfect lens cancels are of second order too, so that all lens phases are one. ``kirchhoff``: exact paths and cosines,
         eqs. 9–16.
     accuracy
         Relative L2 tolerance of the intensity over the targets, and the check.
     obliquity
-        ``paper``, ``textbook`` or ``rayleigh-sommerfeld-1``, see `KirchhoffKernel` and `LensWave.amplitude`; the Fresnel
-        integral has none and takes only the default.
+        ``paper``, ``textbook`` or ``rayleigh-sommerfeld-1``, see `KirchhoffKernel` and `LensWave.amplitude`; the
+        Fresnel integral has none and takes only the default.
     limits
         Memory and time; left out: 2 GB, 600 s.
     counts
@@ -66,8 +66,8 @@ def aperture_field(
     Returns
     -------
     ApertureField
-        Field [1/m⁴ for a unit point of the paper's eq. 16] and intensity in the shape of the targets, the stated error, the
-        effort. The field leaves out the lens's constant phase n Δ.
+        Field [1/m² for a unit point of the paper's eqs. 10–12; 1/m for the textbook's free spherical wave] and
+        intensity in the shape of the targets, the stated error, the effort. The field leaves out the lens's constant phase n Δ.
 
     Raises
     ------

@@ -4,9 +4,9 @@ Seen from a base target B in the middle of the targets, the path from node q to 
 
     s(q, P) = s(q, B) + e(q)·(P − B) + rest(q, P),
 
-with e the transverse direction cosines from the node to B. The first two terms, linear in the target, are one NUFFT; the
-rest, and the amplitude, vary slowly: exp(i k rest) · amplitude is a sum of a few products of a function of the node
-and a function of the target, found by singular values on Chebyshev points of the targets' box.
+with e the transverse direction cosines from the node to B. The first two terms, linear in the target, are one
+NUFFT; the rest, and the amplitude, vary slowly: exp(i k rest) · amplitude is a sum of a few products of a function
+of the node and a function of the target, found by a pivoted factorisation on Chebyshev points of the targets' box.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import finufft
 import numpy as np
 import scipy.linalg
 
-from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.direct import (
     ApertureSamples,
@@ -313,9 +312,9 @@ def _slow_factor(
     problem: _Problem, base: tuple[float, float, float], box: tuple[FloatArray, FloatArray, FloatArray]
 ) -> _SlowFactor:
     """Interpolative low-rank factor of the slow part over the nodes and the box of the targets."""
-    u, v, _ = problem.samples.local()
+    count = problem.samples.nodes.count
     rng = np.random.default_rng(0)  # fixed: the same request gives the same digits
-    shuffled = rng.permutation(u.size)
+    shuffled = rng.permutation(count)
     fit, held = shuffled[:_SAMPLE_NODES], shuffled[-_SAMPLE_NODES // 2 :]
     probes = tuple(c.min() + np.ptp(c) * rng.random(32) for c in box)
     wanted = _slow(problem, base, fit, probes)
@@ -337,7 +336,7 @@ def _slow_factor(
     chosen = tuple(m[columns] for m in mesh)
     apart = _slow(problem, base, held, chosen) @ mixing @ onto - _slow(problem, base, held, probes)
     return _SlowFactor(
-        node=_slow(problem, base, np.arange(u.size), chosen),
+        node=_slow(problem, base, np.arange(count), chosen),
         coefficients=mixing.reshape(columns.size, *counts),
         error=_relative(apart, wanted),
     )
@@ -409,7 +408,7 @@ def _tensor_lagrange(
 ) -> FloatArray:
     """Interpolation from the tensor of Chebyshev points to scattered points, shape (tensor, points)."""
     a, b, c = (lagrange(p, n, over) for p, n, over in zip(points, counts, box, strict=True))
-    return np.einsum("mi,mj,mk->ijkm", a, b, c).reshape(-1, points[0].size)
+    return np.asarray(np.einsum("mi,mj,mk->ijkm", a, b, c).reshape(-1, points[0].size))
 
 
 def _middle(values: FloatArray) -> float:

@@ -53,5 +53,7 @@ class FresnelKernel:
         return np.asarray(dz + (dx * dx + dy * dy) / (2 * c) - squared * dz / (2 * c * (c + dz)))
 
     def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Everything but the phase: 1/(iλ z) [1/m²]; no cosine enters."""
-        return np.broadcast_to(-1j / (self.wavelength * z), np.broadcast_shapes(u.shape, np.shape(x), np.shape(z)))
+        """Everything but the phase: 1/(iλ z) [1/m²]; the distance alone enters."""
+        del cosine  # one signature for all kernels
+        shape = np.broadcast_shapes(np.shape(u), np.shape(v), np.shape(x), np.shape(y), np.shape(z))
+        return np.broadcast_to(-1j / (self.wavelength * z), shape)

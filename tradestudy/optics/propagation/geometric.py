@@ -14,17 +14,17 @@ from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.rays import find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, NumericalError, squared_magnitude
 from tradestudy.optics.propagation.targets import Targets
-from tradestudy.optics.propagation.wave_optics import Accuracy, check_points
+from tradestudy.optics.propagation.wave_optics import Accuracy
 
 
 def geometric_field(*, wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: Accuracy) -> ApertureField:
     """Geometrical optics behind a lens: |U|² = Σ |A|²/|∂P/∂q| over the rays that reach a target.
 
-    The field adds the rays with their phases (a caustic passed turns one by −i); the intensity adds them without
-    interference. Both are 0 where no ray arrives and infinite on a caustic.
+    The field adds the rays with their phases (a caustic passed turns one by −i); the intensity adds them
+    without interference. Both are 0 where no ray arrives and infinite on a caustic.
 
-    The stated error comes from tracing neighbours of the rays to the check targets plainly: where they land, and the area
-    that they cover, against the closed-form derivatives. It says nothing about diffraction.
+    The stated error comes from tracing neighbours of the rays to the check targets plainly: where they land, and
+    the area that they cover, against the closed-form derivatives. It says nothing about diffraction.
 
     Parameters
     ----------
@@ -52,7 +52,8 @@ def geometric_field(*, wave: LensWave, kernel: KirchhoffKernel, targets: Targets
         field, intensity = each.sum(axis=0), squared_magnitude(each).sum(axis=0)
     seconds = time.perf_counter() - started
     started = time.perf_counter()
-    index, *_ = check_points(targets, accuracy)
+    rng = np.random.default_rng(accuracy.seed)
+    index = rng.choice(x.size, size=min(accuracy.check_targets, x.size), replace=False)
     error, checked = _traced(wave, rays.u[:, index], rays.v[:, index], each[:, index], x[index], y[index], z[index])
     if error > accuracy.tolerance:
         raise NotConvergedError(

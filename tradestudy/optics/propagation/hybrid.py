@@ -11,7 +11,13 @@ import numpy as np
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.boundary_wave import edge_field, pole_reach
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum, unit_phasor
+from tradestudy.optics.propagation.check import (
+    CheckErrors,
+    CheckTargets,
+    choose_check_targets,
+    stated_error,
+)
+from tradestudy.optics.propagation.direct import ComplexArray, direct_sum, unit_phasor
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
@@ -26,14 +32,7 @@ from tradestudy.optics.propagation.sampling import (
 )
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.upsampling import ChebyshevGrid, chebyshev_grid
-from tradestudy.optics.propagation.wave_optics import (
-    Accuracy,
-    CheckErrors,
-    check_points,
-    propagate_wave,
-    root_mean_square,
-    stated_error,
-)
+from tradestudy.optics.propagation.wave_optics import Accuracy, propagate_wave
 
 _LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4
@@ -61,8 +60,8 @@ def hybrid_field(
     Handed over to Kirchhoff are targets within half a Fresnel zone of a focus or a caustic, targets that several rays
     may reach, and targets on the shadow of the edge whose pole is not found. The share is reported.
 
-    The stated error is measured against direct quadrature of the area integral, so that it contains what the leading term
-    leaves out for waves that are not spherical.
+    The stated error is measured against direct quadrature of the area integral, so that it contains what the
+    leading term leaves out for waves that are not spherical.
 
     Parameters
     ----------
@@ -92,28 +91,18 @@ def hybrid_field(
     edge = edge_nodes or _edge_nodes(wave, targets, accuracy)
     seconds += time.perf_counter() - started
     check_affordable(NodeCounts(radial=1, angular=edge), targets=size, check_targets=0, limits=limits)
-    index, *at = check_points(targets, accuracy)
-    reference = _reference(wave, kernel, targets, at, accuracy, limits)
-    for round_number in range(1, _MAX_ROUNDS + 1):
+    reference: _Reference | None = None
+    for rounds in range(1, _MAX_ROUNDS + 1):
         started = time.perf_counter()
         result = _evaluate(wave, kernel, targets, edge, 0.03 * accuracy.tolerance)
         field, share = _handed_over(result, wave, kernel, targets, accuracy, limits)
         seconds += time.perf_counter() - started
-        started = time.perf_counter()
-        here = TargetPoints(x=at[0], y=at[1], distance=at[2])
-        finer = _evaluate(wave, kernel, here, 2 * edge, 0.03 * accuracy.tolerance)
-        own = ~finer.singular & ~result.singular[index]
-        check = CheckErrors(
-            nodes=root_mean_square((field[index] - finer.field)[own]) if own.any() else 0.0,
-            sums=0.0,
-            total=root_mean_square(field[index] - reference.field),
-            seconds=reference.seconds + time.perf_counter() - started,
-            targets=index.size,
-        )
+        reference = reference or _reference(wave, kernel, targets, field, accuracy, limits)
+        check = _check(wave, kernel, field, reference, edge, accuracy)
         error = stated_error(field, check)
         if error.intensity <= accuracy.tolerance or edge_nodes is not None:
             break
-        if check.nodes < 0.3 * check.total or round_number == _MAX_ROUNDS:
+        if check.nodes < 0.3 * check.total or rounds == _MAX_ROUNDS:
             raise NotConvergedError(
                 "rays and boundary wave do not reach the tolerance: they are the leading term for many Fresnel zones",
                 value=f"stated relative L2 error of the intensity {error.intensity:.2g}",
@@ -132,7 +121,7 @@ def hybrid_field(
             angular_nodes=edge,
             rank=0,
             tiles=1,
-            rounds=round_number,
+            rounds=rounds,
             seconds=seconds,
             check_seconds=check.seconds,
             check_targets=check.targets,
@@ -160,6 +149,7 @@ def _edge_nodes(wave: LensWave, targets: Targets, accuracy: Accuracy) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class _Reference:
+    at: CheckTargets
     field: ComplexArray
     seconds: float
 
@@ -168,17 +158,41 @@ def _reference(
     wave: LensWave,
     kernel: KirchhoffKernel,
     targets: Targets,
-    at: list[FloatArray],
+    field: ComplexArray,
     accuracy: Accuracy,
     limits: Limits,
 ) -> _Reference:
     """Direct quadrature of the area integral at the check targets, on half as many nodes again as are needed."""
-    finer = nodes_for(wave, targets, accuracy).scaled(1.5)
-    check_affordable(finer, targets=0, check_targets=at[0].size, limits=limits)
     started = time.perf_counter()
-    samples: ApertureSamples = sample_wave(wave, finer)
-    field = direct_sum(samples, kernel, *at)
-    return _Reference(field=field, seconds=time.perf_counter() - started)
+    finer = nodes_for(wave, targets, accuracy).scaled(1.5)
+    check_affordable(finer, targets=0, check_targets=accuracy.check_targets, limits=limits)
+    at = choose_check_targets(targets, field, count=accuracy.check_targets, seed=accuracy.seed)
+    exact = direct_sum(sample_wave(wave, finer), kernel, at.x, at.y, at.z)
+    return _Reference(at=at, field=exact, seconds=time.perf_counter() - started)
+
+
+def _check(
+    wave: LensWave,
+    kernel: KirchhoffKernel,
+    field: ComplexArray,
+    reference: _Reference,
+    edge: int,
+    accuracy: Accuracy,
+) -> CheckErrors:
+    """Compare with the area integral, and with twice as many nodes on the edge."""
+    started = time.perf_counter()
+    at = reference.at
+    here = field[at.index]
+    points = TargetPoints(x=at.x, y=at.y, distance=at.z)
+    finer = _evaluate(wave, kernel, points, 2 * edge, 0.03 * accuracy.tolerance)
+    return CheckErrors(
+        nodes=at.norm(np.where(finer.singular, 0.0, here - finer.field)),
+        sums=0.0,
+        total=at.norm(here - reference.field),
+        intensity=at.intensity_norm(here - reference.field, reference.field),
+        seconds=reference.seconds + time.perf_counter() - started,
+        targets=at.index.size,
+    )
 
 
 def _evaluate(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, edge: int, tolerance: float) -> _Evaluation:

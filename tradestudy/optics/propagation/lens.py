@@ -151,8 +151,8 @@ def lens_paths(source: PointSource, lens: CircularLens, *, paraxial: bool) -> Pa
 class LensWave:
     """The wave of a point source directly behind a lens, U(q) = amplitude(q) exp(i k path(q)).
 
-    Coordinates are relative to the centre of the lens. The constant phase of the lens, n Δ, is left out: it drops out of
-    every intensity.
+    Coordinates are relative to the centre of the lens. The constant phase of the lens, n Δ, is left out: it drops
+    out of every intensity.
     """
 
     source: PointSource

@@ -70,8 +70,8 @@ def find_rays(wave: LensWave, x: FloatArray, y: FloatArray, z: FloatArray, *, al
 def ray_fields(wave: LensWave, kernel: Kernel, rays: Rays, x: FloatArray, y: FloatArray, z: FloatArray) -> ComplexArray:
     """Field of every ray by stationary phase, 0 for those outside the aperture, shape (branches, targets).
 
-    iλ A(q) K(q, P) exp(i k path)/√|det|, times −i for a saddle of the path and −1 for a maximum; infinite on a caustic. For a
-    spherical wave that is exact geometrical optics.
+    iλ A(q) K(q, P) exp(i k path)/√|det|, times −i for a saddle of the path and −1 for a maximum; infinite on a
+    caustic. For a spherical wave that is exact geometrical optics.
     """
     inside = rays.inside(wave.lens.radius)
     u, v = np.where(inside, rays.u, 0.0), np.where(inside, rays.v, 0.0)

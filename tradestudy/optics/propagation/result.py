@@ -17,8 +17,8 @@ Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
 class NumericalError:
     """Stated numerical error: how far the result may be from the exact value of the same integral.
 
-    All entries are relative L2 norms over the targets, of the field unless said otherwise. The two totals hold in at least
-    95 % of cases; the parts are what was measured or asked for.
+    All entries are relative L2 norms over the targets, of the field unless said otherwise. The two totals are
+    meant to hold in at least 95 % of cases; the parts are what was measured or asked for.
 
     Attributes
     ----------

@@ -120,7 +120,7 @@ class ChebyshevGrid:
 
 
 def chebyshev_grid(grid: TargetGrid, *, wavenumber: float, tolerance: float) -> ChebyshevGrid | None:
-    """Chebyshev points enough for a field of at most `wavenumber` [rad/m] along each axis; None if no fewer than the grid.
+    """Chebyshev points enough for a field of at most `wavenumber` [rad/m] along each axis; None if no gain.
 
     A plane wave of m radians over half the axis needs as many points as a Bessel function of argument m has orders
     above the tolerance.

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.check import CheckErrors, choose_check_targets, stated_error
 from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum
 from tradestudy.optics.propagation.fast_sum import fast_sum
 from tradestudy.optics.propagation.fresnel import FresnelKernel
@@ -18,13 +18,11 @@ from tradestudy.optics.propagation.result import (
     ApertureField,
     Effort,
     Method,
-    NumericalError,
     squared_magnitude,
 )
 from tradestudy.optics.propagation.sampling import Limits, NodeCounts, check_affordable
 from tradestudy.optics.propagation.targets import Targets
 
-_SAFETY = 2.0  # a root mean square over a dozen check targets scatters by a third
 _MAX_ROUNDS = 5
 _SMALLEST_CHECK = 4
 
@@ -38,8 +36,8 @@ class Accuracy:
     tolerance
         Relative L2 error allowed for the intensity over the targets, in 1e-10 … 0.1.
     check_targets
-        Random targets at which the result is compared with direct quadrature on twice the nodes in each direction, ≥ 4;
-        the corners of the set are checked besides.
+        Random targets, bright ones preferred, at which the result is compared with direct quadrature on twice the nodes
+        in each direction, ≥ 4.
     seed
         Seed of the choice of check targets: the same request gives the same digits.
 
@@ -70,17 +68,6 @@ class Accuracy:
             )
 
 
-@dataclass(frozen=True, kw_only=True)
-class CheckErrors:
-    """Errors at the check targets [field], root mean square."""
-
-    nodes: float
-    sums: float
-    total: float
-    seconds: float
-    targets: int
-
-
 def propagate_samples(
     *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: Accuracy, limits: Limits | None = None
 ) -> ApertureField:
@@ -95,9 +82,9 @@ def propagate_samples(
     targets
         Points or grid.
     accuracy
-        Tolerance of the sum. **The nodes themselves cannot be doubled here**: `error.nodes` is NaN, and whether the array
-        samples the wave finely enough for these targets is the caller's to know (see `needed_nodes`); a wave that can be
-        evaluated anywhere belongs in `propagate_wave`.
+        Tolerance of the sum. **The nodes themselves cannot be doubled here**: `error.nodes` is NaN, and whether
+        the array samples the wave finely enough for these targets is the caller's to know (see `needed_nodes`); a
+        wave that can be evaluated anywhere belongs in `propagate_wave`.
     limits
         Memory and time allowed.
 
@@ -144,7 +131,7 @@ def propagate_wave(
     Parameters
     ----------
     sample
-        Gives the wave on nodes of the counts asked for: twice as many in each direction are asked for in the check.
+        Gives the wave on nodes of the counts asked for: in the check, twice as many in each direction.
     counts
         Node counts to begin with, from `needed_nodes`, or a function that finds them, which is then timed as set-up.
     kernel
@@ -206,7 +193,7 @@ def _refined(
         counts = counts()
     seconds, check_seconds = time.perf_counter() - started, 0.0
     size = math.prod(targets.shape)
-    for rounds in range(1, _MAX_ROUNDS + 1):
+    for rounds in range(1, _MAX_ROUNDS + 1):  # noqa: B007  (reported below)
         check_affordable(counts, targets=size, check_targets=accuracy.check_targets, limits=limits)
         started = time.perf_counter()
         samples = sample(counts)
@@ -256,16 +243,6 @@ def _refined(
     )
 
 
-def check_points(targets: Targets, accuracy: Accuracy) -> tuple[np.ndarray, FloatArray, FloatArray, FloatArray]:
-    """Choose random targets, and those nearest to the corners of the set; indices and coordinates."""
-    x, y, z = targets.coordinates()
-    rng = np.random.default_rng(accuracy.seed)
-    chosen = rng.choice(x.size, size=min(accuracy.check_targets, x.size), replace=False)
-    corners = [int(np.argmax(sx * x + sy * y)) for sx in (-1, 1) for sy in (-1, 1)]
-    index = np.concatenate([chosen, np.asarray(corners)])
-    return index, x[index], y[index], z[index]
-
-
 def _check(
     samples: ApertureSamples,
     finer: ApertureSamples | None,
@@ -276,40 +253,17 @@ def _check(
 ) -> CheckErrors:
     """Compare with direct quadrature on the same nodes and on twice as many in each direction."""
     started = time.perf_counter()
-    index, x, y, z = check_points(targets, accuracy)
-    same = direct_sum(samples, kernel, x, y, z)
-    best = same if finer is None else direct_sum(finer, kernel, x, y, z)
+    at = choose_check_targets(targets, field, count=accuracy.check_targets, seed=accuracy.seed)
+    same = direct_sum(samples, kernel, at.x, at.y, at.z)
+    best = same if finer is None else direct_sum(finer, kernel, at.x, at.y, at.z)
+    here = field[at.index]
     return CheckErrors(
-        nodes=root_mean_square(same - best) if finer is not None else math.nan,
-        sums=root_mean_square(field[index] - same),
-        total=root_mean_square(field[index] - best),
+        nodes=at.norm(same - best) if finer is not None else math.nan,
+        sums=at.norm(here - same),
+        total=at.norm(here - best),
+        intensity=at.intensity_norm(here - best, best),
         seconds=time.perf_counter() - started,
-        targets=index.size,
-    )
-
-
-def stated_error(
-    field: ComplexArray, check: CheckErrors, *, low_rank: float = 0.0, nufft: float = 0.0
-) -> NumericalError:
-    """Relative errors over all targets from root mean square errors at the check targets.
-
-    An error e of the field, alike everywhere, changes the intensity by 2 |U| e + e².
-    """
-    typical = root_mean_square(field)
-    bright = math.sqrt(float(np.mean(squared_magnitude(field) ** 2)))
-    absolute = _SAFETY * check.total
-    if typical == 0.0:
-        nothing = math.inf if check.total > 0 else 0.0
-        return NumericalError(
-            field=nothing, intensity=nothing, nodes=nothing, low_rank=nothing, nufft=nothing, check=nothing
-        )
-    return NumericalError(
-        field=absolute / typical,
-        intensity=(2 * absolute * typical + absolute**2) / bright,
-        nodes=check.nodes / typical,
-        low_rank=low_rank / typical,
-        nufft=nufft / typical,
-        check=check.total / typical,
+        targets=at.index.size,
     )
 
 
@@ -321,8 +275,3 @@ def _largest_field(samples: ApertureSamples, kernel: Kernel, targets: Targets) -
         u, v, samples.axial_cosine, x - samples.nodes.centre[0], y - samples.nodes.centre[1], z
     )
     return float(np.sum(np.abs(strength * amplitude)))
-
-
-def root_mean_square(values: ComplexArray) -> float:
-    """Root of the mean squared magnitude."""
-    return float(np.sqrt(np.mean(squared_magnitude(values))))
