@@ -68,7 +68,7 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     try:
         valid = model.model_validate(document.tree)
     except ValidationError as error:
-        details = error.errors(include_url=False, include_input=False)
+        details = [detail for detail in error.errors(include_url=False) if not _is_broken(document, detail["loc"])]
         found = [_Finding.of(detail, document, model) for detail in details[:MOST_MISTAKES]]
         problems = _problems(document, model, found)
         if len(details) > MOST_MISTAKES:
@@ -79,6 +79,11 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     if problems or document.problems:
         raise StudyError(list(dict.fromkeys([*document.problems, *problems])))
     return valid
+
+
+def _is_broken(document: Document, location: Path) -> bool:
+    """Tell whether an error is only the echo of a part that could not be put together."""
+    return any(location[:length] in document.broken for length in range(len(location) + 1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,11 +124,6 @@ class _Finding:
 def _problems(document: Document, model: type[BaseModel], found: list[_Finding]) -> list[Problem]:
     """Turn findings into problems: one for each place, the likeliest member of a union speaking for it."""
     kept = [finding for finding in found if not finding.is_consequence()]
-    kept = [
-        finding
-        for finding in kept
-        if not any(finding.path[:n] in document.broken for n in range(len(finding.path) + 1))
-    ]
     problems: list[Problem] = []
     for path, group in groupby(sorted(_likeliest(kept), key=_order), key=lambda finding: finding.path):
         findings = list(group)

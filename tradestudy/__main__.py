@@ -1,0 +1,5 @@
+"""``python -m tradestudy``."""
+
+from tradestudy.cli import main
+
+main()

@@ -1,0 +1,250 @@
+"""The command line: ``python -m tradestudy`` and ``tradestudy``."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TextIO
+
+import typer
+
+from tradestudy.errors import RequirementsNotMetError, TradestudyError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
+INTERRUPTED = 130
+UNEXPECTED = 1
+
+app = typer.Typer(
+    help="Compare cameras that measure depth: what each knows, how surely, and what it costs to find out.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study file.", show_default=False)]
+DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.", show_default=False)]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="PATH=VALUE", help="Replace a value, such as stereo-short.baseline='50 mm'; repeatable."
+    ),
+]
+QuietOption = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
+DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
+
+
+def main() -> None:
+    """Run the command line; the exit status says how it ended."""
+    try:
+        app()
+    except KeyboardInterrupt:  # before a command has begun
+        sys.exit(INTERRUPTED)
+
+
+@app.command()
+def run(
+    study: StudyArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
+    ] = None,
+    set_: SetOption = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Compute again what an earlier run has computed.")] = False,
+    no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf out.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 if a requirement is not met.")] = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Compute a study and write its report."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        loaded = api.load(study, set_ or ())
+        directory = out if out is not None else Path("reports") / loaded.name
+        with _shown_progress(quiet=quiet) as progress:
+            result = api.run(loaded, directory, fresh=fresh, pdf=not no_pdf, progress=progress)
+        if not quiet:
+            _say(f"{directory / 'report.html'}")
+        if strict and result.unmet_requirements:
+            raise RequirementsNotMetError("requirements not met", value=", ".join(result.unmet_requirements))
+
+
+@app.command()
+def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = False) -> None:
+    """Read a study and say what is wrong with it; compute nothing."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        _say(api.load(study, set_ or ()).check_summary())
+
+
+@app.command()
+def new(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the study.", show_default=False)],
+    debug: DebugOption = False,
+) -> None:
+    """Write a commented study to start from, NAME.yaml."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        name = name.removesuffix(".yaml")
+        text = api.starter(name)
+        path = Path(f"{name}.yaml")
+        try:
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except FileExistsError:
+            raise _InputError("a file of this name exists already", value=str(path), remedy="choose another") from None
+        _say(f"{path}\npython -m tradestudy run {path}")
+
+
+@app.command()
+def report(
+    directory: DirectoryArgument,
+    no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf as it is.")] = False,
+    debug: DebugOption = False,
+) -> None:
+    """Render the report of a finished run again."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        api.report(directory, pdf=not no_pdf)
+        _say(f"{directory / 'report.html'}")
+
+
+@app.command()
+def schema(debug: DebugOption = False) -> None:
+    """Print the JSON Schema of study files, for editors."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        _say(json.dumps(api.schema(), indent=2, ensure_ascii=False))
+
+
+class _InputError(TradestudyError):
+    """The command line asks for something impossible."""
+
+    exit_status = 2
+
+
+@contextmanager
+def _answering(*, debug: bool) -> Iterator[None]:
+    """Turn every way in which a command can end into its exit status and one line a person can use."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        _complain("interrupted; what is finished is kept")
+        raise typer.Exit(INTERRUPTED) from None
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`); Python would complain about it again when it flushes at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        raise typer.Exit(UNEXPECTED) from None
+    except TradestudyError as error:
+        if debug:
+            traceback.print_exc()
+        _complain(str(error))
+        raise typer.Exit(error.exit_status) from None
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        text = " ".join(str(error).split())
+        _complain(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}")
+        raise typer.Exit(UNEXPECTED) from None
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
+
+
+def _complain(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+def _logged() -> str:
+    """Write the error being handled to a log file and name it."""
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="tradestudy-", suffix=".log", encoding="utf-8", delete=False
+        ) as file:
+            file.write(f"{' '.join(sys.argv)}\nPython {sys.version}\n\n{traceback.format_exc()}")
+    except OSError as error:
+        return f"no log could be written ({error.strerror}), --debug shows more"
+    return f"details are in {file.name}"
+
+
+class _ProgressLine:
+    """A step as one line of text, for logs and pipes."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self.stream, self.step = stream, ""
+
+    def __call__(self, step: str, _share: float) -> None:
+        """Print a step once, when it begins."""
+        if step != self.step:
+            print(f"{step} …", file=self.stream, flush=True)
+            self.step = step
+
+
+class _ProgressBar:
+    """Bars with the time left; they appear only once the work has taken long enough to be worth a look."""
+
+    WORTH_A_LOOK = 2.0
+
+    def __init__(self) -> None:
+        self.begin = time.monotonic()
+        self.tasks: dict[str, TaskID] = {}
+        self.progress: Progress | None = None
+
+    def __call__(self, step: str, share: float) -> None:
+        """Move the bar of a step."""
+        if self.progress is None:
+            if time.monotonic() - self.begin < self.WORTH_A_LOOK:
+                return
+            self.progress = _bars()
+            self.progress.start()
+        if step not in self.tasks:
+            self.tasks[step] = self.progress.add_task(step, total=1.0)
+        self.progress.update(self.tasks[step], completed=share)
+
+    def close(self) -> None:
+        """Leave the terminal as it was."""
+        if self.progress is not None:
+            self.progress.stop()
+
+
+def _bars() -> Progress:
+    from rich import progress
+    from rich.console import Console
+
+    return progress.Progress(
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(),
+        progress.TaskProgressColumn(),
+        progress.TimeRemainingColumn(compact=True),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+
+@contextmanager
+def _shown_progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
+    """Choose how a long command shows how far it is."""
+    if quiet:
+        yield lambda _step, _share: None
+    elif not sys.stderr.isatty():
+        yield _ProgressLine(sys.stderr)
+    else:
+        bar = _ProgressBar()
+        try:
+            yield bar
+        finally:
+            bar.close()
