@@ -2,7 +2,7 @@
 
 The paper is "Diffraction model of a plenoptic camera for in-situ space exploration". All detector coordinates here are
 *local*: measured from the centre of the microlens that forms the image. Equation 6 of the paper writes them as if they
-were coordinates of the whole detector; fed into eq. 8 as such they turn 300 mm into 106 mm.
+were coordinates of the whole detector; fed into eq. 8 as such they turn 300 mm into about 100 mm.
 
 Every function works for one transverse coordinate; the other obeys the same law.
 """

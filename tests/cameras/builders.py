@@ -1,0 +1,51 @@
+"""Cameras of the paper, built by hand from its numbers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from tradestudy.cameras.depth_camera import ErrorSource
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic, PlenopticCalibration
+from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
+from tradestudy.cameras.stereo import StereoCalibration, StereoRig
+
+PITCH = 126.5e-6
+F_MAIN = 12.5e-3
+
+
+def r5(**changes: Any) -> FocusedPlenoptic:
+    """Keplerian R5: z and gap to the digits that are published for the total covering plane at 150 mm."""
+    gap = 0.568093e-3
+    # Types in focus at 1/v = 1/2 − (1, 3, 5)/23.
+    focal_lengths = tuple(gap / (1 + 0.5 - k / 23) for k in (1, 3, 5))
+    values: dict[str, Any] = {
+        "main_lens": Lens(focal_length=F_MAIN, f_number=3.8),
+        "sensor": Sensor(columns=2048, rows=2048, pixel_pitch=5.5e-6),
+        "microlenses": MicrolensArray(
+            layout="hexagonal", pitch=PITCH, gap=gap, focal_lengths=focal_lengths, aperture_diameter=PITCH
+        ),
+        "mla_distance": 14.77255e-3,
+        "estimator": "same-type-pair",
+        "lenses": "sharpest-type",
+        "disparity_error_px": 0.1,
+        "discrimination_step_px": 0.1,
+        "calibration": PlenopticCalibration(),
+    }
+    return FocusedPlenoptic(**(values | changes))
+
+
+def stereo(**changes: Any) -> StereoRig:
+    """Table 1a as printed, with normal yaw of 0.2°."""
+    values: dict[str, Any] = {
+        "lens": Lens(focal_length=30.5e-3, f_number=4.0),
+        "sensor": Sensor(columns=1024, rows=1024, pixel_pitch=10e-6),
+        "focus_distance": 1.0,
+        "baseline": 0.1,
+        "convergence_angle": 0.0,
+        "triangulation": "disparity",
+        "disparity_error_px": 0.1,
+        "discrimination_step_px": 0.1,
+        "calibration": StereoCalibration(yaw=ErrorSource(standard_deviation=math.radians(0.2))),
+    }
+    return StereoRig(**(values | changes))

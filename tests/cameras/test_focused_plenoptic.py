@@ -1,0 +1,169 @@
+"""The focused plenoptic camera against published figures and its own exact model perturbed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.cameras.builders import F_MAIN, PITCH, r5
+from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
+from tradestudy.cameras.focused_plenoptic import PlenopticCalibration
+from tradestudy.errors import OutOfRangeError
+
+
+def sigma_v(camera, distance: float) -> float:
+    """σ_v of pixel noise over σ_u/D, σ_u the error of one micro-image coordinate."""
+    noise = next(part for part in camera.depth_error_parts(distance) if part.name == "pixel_noise")
+    v, d = float(camera.virtual_depth(distance)), float(camera.disparity(distance))
+    error_of_v = abs(v / d) * float(noise.disparity_error)
+    one_coordinate = float(noise.disparity_error) / math.sqrt(2)
+    return error_of_v / (one_coordinate / PITCH)
+
+
+def test_published_noise_of_the_estimators() -> None:
+    one_type = {"lenses": "all"}
+    v = float(r5().virtual_depth(1.0))
+    assert sigma_v(r5(estimator="adjacent-pair", **one_type), 1.0) == pytest.approx(math.sqrt(2) * v**2, rel=1e-9)
+    assert sigma_v(r5(), 1.0) == pytest.approx(math.sqrt(2) * v**2 / math.sqrt(3), rel=1e-9)
+    # All lenses by least squares: 2.97 for matched f-numbers and many lenses; the disc is z/b larger than |v|/2 here.
+    assert sigma_v(r5(estimator="least-squares", **one_type), 1.0) == pytest.approx(
+        2.97 * (12.658 / 14.773) ** 2, rel=0.03
+    )
+
+
+def test_one_sharp_type_of_three_costs_least_squares_the_root_of_three() -> None:
+    everything = r5(estimator="least-squares", lenses="all")
+    one = r5(estimator="least-squares", lenses="sharpest-type")
+    # √3 for many lenses; a disc that holds only four or five of one type is worse, never better.
+    assert 1.0 < sigma_v(one, 1.0) / sigma_v(everything, 1.0) / math.sqrt(3) < 1.1
+
+
+@pytest.mark.parametrize(("distance", "relative"), [(0.5, 0.05), (1.0, 0.12)])
+def test_published_uncertainty_of_the_reconstruction(distance: float, relative: float) -> None:
+    noise = r5().depth_error_parts(distance)[0]
+    slope = (r5().depth_with_errors(distance, {"pixel_noise": 1e-9}) - distance) / 1e-9
+    assert abs(float(slope * noise.disparity_error)) / distance == pytest.approx(relative, abs=0.005)
+
+
+def test_published_equivalent_baselines_at_one_metre() -> None:
+    assert float(r5().equivalent_baseline(1.0)) == pytest.approx(0.36e-3, abs=0.005e-3)
+    everything = r5(estimator="least-squares", lenses="all")
+    # 1.3 mm with the disc of |v|/2 pitches; the geometry's own disc is z/b larger and the baseline grows with its square.
+    assert float(everything.equivalent_baseline(1.0)) == pytest.approx(1.36e-3 * (14.773 / 12.658) ** 2, rel=0.03)
+
+
+def test_one_micrometre_of_z_and_f_moves_one_metre_by_published_amounts() -> None:
+    camera = r5()
+
+    def moved(**errors: float) -> float:
+        return float(camera.depth_with_errors(1.0, errors)) - 1.0
+
+    assert moved(mla_distance=1e-6, focal_length=1e-6) == pytest.approx(0.16e-3, abs=0.005e-3)
+    assert moved(mla_distance=1e-9) == pytest.approx(-6.24e-6, rel=1e-3)
+    assert moved(focal_length=1e-9) == pytest.approx(6.40e-6, rel=1e-3)
+    # Aluminium over the focal length, 23e-6 per kelvin.
+    assert abs(moved(mla_distance=23e-6 * F_MAIN)) == pytest.approx(1.8e-3, abs=0.05e-3)
+    assert abs(moved(focal_length=-10e-6)) == pytest.approx(60e-3, abs=5e-3)
+
+
+def test_last_disparity_step_of_the_published_reconstruction() -> None:
+    limit = UsableCriteria(disparity_step_px=0.1)
+    distance = np.linspace(6.0, 8.0, 2001)
+    met = r5().limits(distance, limit)["last_disparity_step"].met
+    assert 6.6 < distance[met].max() < 6.95
+    adjacent = r5(estimator="adjacent-pair", lenses="all").limits(np.linspace(3, 5, 2001), limit)["last_disparity_step"]
+    assert np.linspace(3, 5, 2001)[adjacent.met].max() == pytest.approx(4.0, abs=0.1)
+
+
+def test_types_are_sharp_in_the_published_intervals() -> None:
+    camera = r5()
+    edges = np.array([0.150, 0.187, 0.307])
+    blur = camera.blur_px(edges)
+    assert blur[0, :2] == pytest.approx([1.0, 1.0], abs=0.05)
+    assert blur[1, 1:] == pytest.approx([1.0, 1.0], abs=0.05)
+
+
+@pytest.mark.parametrize("a", [0.06, 0.2, 1.0, 5.0])
+@pytest.mark.parametrize("error", ["pixel_noise", "mla_distance", "focal_length", "microlens_gap"])
+def test_parts_are_the_slope_of_the_exact_model(a: float, error: str) -> None:
+    sigma = 1e-12 if error != "pixel_noise" else 0.1 * 5.5e-6
+    source = {error: ErrorSource(standard_deviation=sigma)} if error != "pixel_noise" else {}
+    camera = r5(calibration=PlenopticCalibration(**source))
+    step = {error: 1e-4 * sigma} if error == "pixel_noise" else {error: sigma}
+    exact = (camera.depth_with_errors(a, step) - camera.depth_with_errors(a, {k: -v for k, v in step.items()})) / 2
+    name = "mla_distance_and_focal_length" if error in ("mla_distance", "focal_length") else error
+    part = next(part for part in camera.depth_error_parts(a) if part.name == name)
+    share = 1e-4 if error == "pixel_noise" else 1.0
+    d = camera.disparity(a)
+    by_disparity = (
+        camera.depth_of_disparity(d + share * part.disparity_error, a)
+        - camera.depth_of_disparity(d - share * part.disparity_error, a)
+    ) / 2
+    assert abs(float(exact)) == pytest.approx(abs(float(by_disparity)), rel=1e-3)
+
+
+def test_correlated_z_and_f_nearly_cancel() -> None:
+    def part(correlation: float) -> float:
+        calibration = PlenopticCalibration(
+            mla_distance=ErrorSource(standard_deviation=1e-6),
+            focal_length=ErrorSource(standard_deviation=1e-6),
+            correlation=correlation,
+        )
+        return float(r5(calibration=calibration).depth_error_parts(1.0)[1].disparity_error)
+
+    # 6.40 − 6.24 against √(6.40² + 6.24²).
+    assert part(1.0) / part(0.0) == pytest.approx(0.16 / math.hypot(6.40, 6.24), rel=0.05)
+
+
+@given(a=st.floats(0.05, 50.0), step=st.floats(0.01, 0.5))
+def test_discrimination_moves_the_disparity_by_one_step(a: float, step: float) -> None:
+    camera = r5(discrimination_step_px=step)
+    nearer, farther = (float(value) for value in camera.depth_discrimination(a))
+    if abs(float(camera.virtual_depth(a))) < 1e-3 or abs(float(camera.virtual_depth(a - nearer))) < 1e-3:
+        return
+    moved = camera.disparity_px(a - nearer) - camera.disparity_px(a)
+    assert float(moved) == pytest.approx(step, rel=1e-6)
+    if math.isfinite(farther):
+        assert float(camera.disparity_px(a) - camera.disparity_px(a + farther)) == pytest.approx(step, rel=1e-4)
+
+
+def test_galilean_relay_is_blind_nowhere_to_infinity() -> None:
+    z = F_MAIN / (1 + 2 * PITCH / (F_MAIN / 3.8))
+    gap = PITCH * z / (F_MAIN / 3.8)
+    array = dataclasses.replace(
+        r5().microlenses, gap=gap, focal_lengths=tuple(gap / (1 - 0.5 + k / 23) for k in (1, 3, 5))
+    )
+    camera = r5(microlenses=array, mla_distance=z)
+    assert float(camera.virtual_depth(math.inf)) == pytest.approx(-2.0, rel=1e-9)
+    distance = np.geomspace(10, 100, 2001)
+    met = camera.limits(distance, UsableCriteria(disparity_step_px=0.1))["last_disparity_step"].met
+    # Published as 36 m for a gap of 0.432 mm; depth goes as 1/gap.
+    assert distance[met].max() == pytest.approx(36.0 * 0.432e-3 / gap, rel=0.01)
+
+
+def test_noise_past_the_pole_keeps_its_rank() -> None:
+    camera = r5()
+    d = float(camera.disparity(3.0))
+    depths = camera.depth_with_errors(3.0, {"pixel_noise": np.linspace(0.5, -1.5, 201) * d})
+    assert np.all(np.diff(depths[np.isfinite(depths)]) >= 0)
+    first_lost = int(np.argmax(np.isinf(depths)))
+    assert first_lost > 0
+    assert np.all(np.isinf(depths[first_lost:]))
+
+
+def test_impossible_cameras_are_refused() -> None:
+    with pytest.raises(OutOfRangeError, match="no choice of lenses"):
+        r5(lenses="all")
+    with pytest.raises(OutOfRangeError, match="correlation"):
+        PlenopticCalibration(correlation=1.1)
+    with pytest.raises(OutOfRangeError, match="no such error"):
+        r5().depth_with_errors(1.0, {"yaw": 0.1})
+    with pytest.raises(OutOfRangeError, match="overlap"):
+        dataclasses.replace(r5().microlenses, aperture_diameter=130e-6)
+    with pytest.raises(OutOfRangeError, match="1 or 3 types"):
+        dataclasses.replace(r5().microlenses, focal_lengths=(4e-4, 4.1e-4))
