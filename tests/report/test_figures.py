@@ -14,8 +14,8 @@ import xarray as xr
 
 from tradestudy import figures
 from tradestudy.errors import OutOfRangeError
-from tradestudy.figures.depth_data import cameras, winners
-from tradestudy.figures.style import line_style, plain_number
+from tradestudy.figures.depth_data import cameras, has_winners, nominal, winners
+from tradestudy.figures.style import length_tick, line_style, plain_number
 from tradestudy.figures.sweeps import frontier
 
 HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
@@ -179,6 +179,48 @@ def test_every_reading_has_its_marks_at_its_ratios(tree: xr.DataTree, panel: int
         assert drawn == expected
 
 
+def test_curves_stand_at_the_declared_design_or_say_where(make_tree: Callable[..., xr.DataTree]) -> None:
+    sweep = {"b": [0.05, 0.1, 0.2]}  # the uncertainty is divided by 1, 2, 3
+    declared, unknown = make_tree(sweep=sweep, declared={"b": 0.1}), make_tree(sweep=sweep)
+    at_first = make_tree()["depth"].to_dataset()["depth_uncertainty"].values
+    np.testing.assert_array_equal(nominal(declared)["depth_uncertainty"].values, at_first / 2)
+    np.testing.assert_array_equal(nominal(unknown)["depth_uncertainty"].values, at_first)
+    assert "the one with b = 100 mm is shown" in figures.build(declared)["mid-range"].caption
+    assert "the one with b = 50 mm is shown" in figures.build(unknown)["mid-range"].caption
+    # A decision is about the declared design: it is not drawn over the curves of another one.
+    assert [has_winners(tree) for tree in (declared, unknown)] == [True, False]
+    assert "best camera" in _tick_labels(declared)
+    assert "best camera" not in _tick_labels(unknown)
+
+
+def _tick_labels(tree: xr.DataTree) -> list[str]:
+    return [label.get_text() for label in figures.figure(tree, "whole-range").axes[1].get_yticklabels()]
+
+
+def test_a_sweep_over_one_value_is_drawn_at_the_middle_place(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree(sweep={"b": [0.05, 0.1, 0.2]}, declared={"b": 0.1})
+    axes = figures.figure(tree, "sweep-map").axes[0]
+    line = next(line for line in axes.get_lines() if line.get_color() == cameras(tree)[2].style.color)
+    x, y = (np.asarray(values, dtype=float) for values in line.get_data())
+    distance = float(tree["depth"].to_dataset()["distance"].sel(distance=0.5, method="nearest"))
+    np.testing.assert_allclose(x, [50.0, 100.0, 200.0])
+    np.testing.assert_allclose(y, 1e3 * np.hypot(6.9e-4, 0.0349) * distance**2 / np.array([1, 2, 3]), rtol=1e-12)
+
+
+def test_choices_can_be_swept(make_tree: Callable[..., xr.DataTree]) -> None:
+    axes = figures.figure(make_tree(sweep={"relay": ["keplerian", "galilean"]}), "sweep-map").axes[0]
+    assert [label.get_text() for label in axes.get_xticklabels()] == ["keplerian", "galilean"]
+
+
+def test_only_designs_usable_at_the_place_compete(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree(sweep={"b": [0.05, 0.1, 0.2]}, declared={"b": 0.1})
+    lines = figures.figure(tree, "pareto").axes[0].get_lines()
+    points = {camera.key: next(n for n in lines if n.get_color() == camera.style.color) for camera in cameras(tree)}
+    # At 0.5 m the rig with 30.5 mm is not usable yet: it begins at 1.489 m.
+    counts = {key: len(np.atleast_1d(line.get_xdata())) for key, line in points.items()}
+    assert counts == {"r5": 3, "stereo-30mm": 0, "stereo-65deg": 3}
+
+
 def test_the_frontier_keeps_what_nothing_beats() -> None:
     rng = np.random.default_rng(7)
     points = rng.random((200, 2))
@@ -203,6 +245,14 @@ def test_the_frontier_keeps_what_nothing_beats() -> None:
 )
 def test_ticks_are_written_as_a_person_would(value: float, text: str) -> None:
     assert plain_number(value) == text
+
+
+@pytest.mark.parametrize(
+    ("millimetres", "text"),
+    [(1e-3, "1 µm"), (0.02, "20 µm"), (1.0, "1 mm"), (500.0, "500 mm"), (1e4, "10 m"), (1e6, "1 km")],
+)
+def test_lengths_on_axes_have_the_unit_a_person_expects(millimetres: float, text: str) -> None:
+    assert length_tick(millimetres) == text
 
 
 def test_figures_show_themselves_in_notebooks_in_the_same_style(tree: xr.DataTree) -> None:

@@ -135,8 +135,8 @@ def test_the_first_page_answers_the_question(page: Page) -> None:
     answer = page.text.partition("1 The answer")[2].partition("Assumptions register")[0]
     answer = answer.partition("1 The answer")[2] or answer
     # The synthetic tree: plenoptic from 0.15 m, stereo from 0.391 m, between two computed distances each.
-    assert re.search(r"0\.15 m to 0\.391 m: Raytrix R5, Keplerian", answer)
-    assert re.search(r"0\.391 m to 10 m: Stereo 100 mm, 65\.24° across", answer)
+    assert re.search(r"0\.15 to 0\.391 m: Raytrix R5, Keplerian", answer)
+    assert re.search(r"0\.391 to 10 m: Stereo 100 mm, 65\.24° across", answer)
     assert "Which yaw makes stereo equal the R5 at 0.5 m? 0.682°" in answer
 
 

@@ -25,6 +25,7 @@ from tradestudy.figures.style import (
     SOFT,
     StudyFigure,
     legend,
+    length_tick,
     log_axis,
     new_figure,
     plain_number,
@@ -60,11 +61,11 @@ def discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -
             _curve(right, view, camera, uncertainty)
             drawn += [nearer, uncertainty]
         for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
-            log_axis(axes, "y")
+            log_axis(axes, "y", tick=length_tick)
             axes.set_xlim(near, far)
             axes.set_xlabel("distance [m]")
             axes.set_title(title)
-        left.set_ylabel("depth [mm]")
+        left.set_ylabel("depth")
         left.set_ylim(*_limits(drawn, view["distance"].values, near, far))
         _camera_legend(figure, shown)
     return figure
@@ -95,13 +96,13 @@ def _curve(axes: Axes, view: xr.Dataset, camera: Camera, metres: FloatArray) -> 
 
 
 def _band(axes: Axes, view: xr.Dataset, camera: Camera, nearer: FloatArray, farther: FloatArray) -> None:
-    """From the step nearer to the step farther, where the camera is usable; an infinite step has no upper edge."""
+    """From the step nearer to the step farther; an infinite step has no upper edge."""
     top = np.where(np.isinf(farther), 1e9, farther * MM)
     axes.fill_between(
         np.asarray(view["distance"].values, dtype=float),
         nearer * MM,
         top,
-        where=(_usable(view, camera) & np.isfinite(nearer)).tolist(),
+        where=np.isfinite(nearer).tolist(),
         color=camera.style.color,
         alpha=0.13,
         linewidth=0,
@@ -112,17 +113,17 @@ def whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     with styled():
         depth, shown = nominal(tree), cameras(tree)
-        figure = new_figure(2.75 + 0.17 * len(shown))
+        figure = new_figure(2.6 + 0.16 * len(shown))
         curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
         distance = np.asarray(depth["distance"].values, dtype=float)
         drawn = [of_camera(depth, "depth_uncertainty", camera) for camera in shown]
         for camera, uncertainty in zip(shown, drawn, strict=True):
             _curve(curves, depth, camera, uncertainty)
-        log_axis(curves, "y")
+        log_axis(curves, "y", tick=length_tick)
         log_axis(curves, "x", dense=True)
         curves.set_xlim(distance[0], distance[-1])
         curves.set_ylim(*_limits(drawn, distance, float(distance[0]), float(distance[-1])))
-        curves.set_ylabel("depth uncertainty, 68 % [mm]")
+        curves.set_ylabel("depth uncertainty (68 %)")
         _relative_guides(curves, distance)
         _bars(bars, depth, shown)
         if has_winners(tree):

@@ -76,8 +76,9 @@ def usable_intervals(depth: xr.Dataset, camera: Camera) -> tuple[tuple[float, fl
 
 
 def has_winners(tree: xr.DataTree) -> bool:
-    """Whether the results name a best camera for every distance."""
-    return "decision" in tree.children and "best_camera" in tree["decision"].data_vars
+    """Whether the results name a best camera for every distance, of the design that the curves show."""
+    named = "decision" in tree.children and "best_camera" in tree["decision"].data_vars
+    return named and nominal_is_declared(tree)
 
 
 def winners(tree: xr.DataTree, way: str = "both") -> Iterator[tuple[float, float, str]]:

@@ -111,7 +111,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float, of_pa
         caption=f"Depth discriminating power and depth uncertainty from {span} ({of_paper}). Discrimination is the "
         "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
         "uncertainty has both." + _design_words(tree),
-        alt=f"Two charts against distance from {span}, depth in millimetres on a logarithmic axis: discriminating "
+        alt=f"Two charts against distance from {span}, depth on a logarithmic axis: discriminating "
         f"power and uncertainty. Uncertainty at {pretty(far, LENGTH)}: {_values_at(depth, shown, far)}.",
         draw=partial(depth_curves.discrimination_and_uncertainty, tree, near, far),
     )
@@ -191,8 +191,8 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         )
     yield Drawing(
         name="pareto",
-        caption=f"All swept designs: nearest usable distance against depth uncertainty at {place}. The line joins the "
-        "designs that no other beats in both.",
+        caption=f"All designs that are usable at {place}: nearest usable distance against depth uncertainty at "
+        f"{place}. The line joins the designs that no other beats in both.",
         alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}, with the frontier of "
         "best designs.",
         draw=partial(sweeps.pareto, tree),

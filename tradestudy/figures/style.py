@@ -6,7 +6,7 @@ import contextlib
 import functools
 import io
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,8 @@ _COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 # The second channel; their number has no common divisor with that of the colours, so that pairs repeat after 35.
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.2, 1.2)), (0, (6, 1.4, 1.2, 1.4)), (0, (9, 2.5)))
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")
+
+_LENGTH_UNITS = ((1e6, "km"), (1e3, "m"), (1.0, "mm"), (1e-3, "µm"), (1e-6, "nm"))  # sizes in millimetres
 
 _RC: dict[Any, Any] = {
     "svg.hashsalt": "tradestudy",  # identifiers inside the SVG are the same in every run
@@ -155,12 +157,20 @@ def plain_number(value: float, _position: int | None = None) -> str:
     return f"10{superscript}" if math.isclose(mantissa, 1.0) else f"{mantissa:g}·10{superscript}"
 
 
-def log_axis(axes: Axes, which: str, *, dense: bool = False) -> None:
+def length_tick(millimetres: float, _position: int | None = None) -> str:
+    """A tick label of a length given in millimetres, in the unit that a person expects: 0.01 is "10 µm"."""
+    size, unit = next((s, u) for s, u in _LENGTH_UNITS if abs(millimetres) >= s * (1 - 1e-9) or s == 1e-6)
+    return f"{plain_number(millimetres / size)} {unit}"
+
+
+def log_axis(
+    axes: Axes, which: str, *, dense: bool = False, tick: Callable[[float, int | None], str] = plain_number
+) -> None:
     """A logarithmic axis with plain numbers; `dense`, for few decades, labels 2 and 5 and has minor ticks."""
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else (1.0,), numticks=20))
-    axis.set_major_formatter(FuncFormatter(plain_number))
+    axis.set_major_formatter(FuncFormatter(tick))
     # Minor ticks are most of the time that a figure takes, and over many decades most of its ink.
     axis.set_minor_locator(
         LogLocator(base=10.0, subs=tuple(map(float, range(2, 10))), numticks=20) if dense else NullLocator()

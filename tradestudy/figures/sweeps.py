@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
 
 from tradestudy.figures.depth_data import Camera, FloatArray, cameras, swept
 from tradestudy.figures.style import (
@@ -16,6 +17,7 @@ from tradestudy.figures.style import (
     SOFT,
     StudyFigure,
     legend,
+    length_tick,
     log_axis,
     new_figure,
     plain_number,
@@ -32,9 +34,10 @@ _COLUMNS = 3
 
 
 def reference_distance(tree: xr.DataTree) -> float:
-    """The distance [m] at which designs are compared: the first declared place, or the middle of the range."""
+    """The distance [m] at which designs are compared: the middle one of the declared, or of the range."""
     if "decision" in tree.children and "place" in tree["decision"].coords:
-        return float(tree["decision"].to_dataset()["place"].values[0])
+        places = np.sort(tree["decision"].to_dataset()["place"].values)
+        return float(places[(len(places) - 1) // 2])
     distance = tree["depth"].to_dataset()["distance"].values
     return float(np.sqrt(distance[0] * distance[-1]))
 
@@ -95,11 +98,11 @@ def _curves(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dim: str, plac
         style = camera.style
         y = np.where(np.isfinite(y), y, np.nan)
         axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
-    log_axis(axes, "y", dense=True)
+    log_axis(axes, "y", dense=True, tick=length_tick)
     if uncertainty[dim].dtype.kind not in "fiu":
         axes.set_xticks(x, names)
     axes.set_xlabel(label)
-    axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m [mm]")
+    axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m")
     handles = [
         Line2D([], [], color=c.style.color, linestyle=c.style.dash, marker=c.style.marker, markersize=4) for c in moved
     ]
@@ -130,9 +133,11 @@ def _maps(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dims: tuple[str,
         axes.set_visible(False)
     figure.supxlabel(x_label, fontsize=7.5)
     figure.supylabel(y_label, fontsize=7.5)
-    bar = figure.colorbar(ScalarMappable(norm=norm, cmap="cividis"), ax=panels.ravel().tolist(), format=plain_number)
+    bar = figure.colorbar(
+        ScalarMappable(norm=norm, cmap="cividis"), ax=panels.ravel().tolist(), format=FuncFormatter(length_tick)
+    )
     bar.ax.minorticks_off()
-    bar.set_label(f"depth uncertainty at {plain_number(place)} m [mm]")
+    bar.set_label(f"depth uncertainty at {plain_number(place)} m (numbers in mm)")
     return figure
 
 
@@ -155,7 +160,7 @@ def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
 
 
 def pareto(tree: xr.DataTree) -> StudyFigure:
-    """Every design: nearest usable distance against uncertainty at the reference distance; the frontier joined."""
+    """Nearest usable distance against uncertainty at the reference distance, for designs usable there; the frontier."""
     with styled():
         depth, place = tree["depth"].to_dataset(), reference_distance(tree)
         figure = new_figure(3.4)
@@ -164,7 +169,8 @@ def pareto(tree: xr.DataTree) -> StudyFigure:
         clouds: list[FloatArray] = []
         for camera in shown:
             near = depth["usable_near"].sel(camera=camera.key).min("interval")
-            sigma = depth["depth_uncertainty"].sel(camera=camera.key).sel(distance=place, method="nearest")
+            there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
+            sigma = there["depth_uncertainty"].where(there["usable"])
             points = np.stack([array.values.ravel() for array in _aligned(near, sigma)], axis=1)
             points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
             clouds.append(points)
@@ -180,9 +186,9 @@ def pareto(tree: xr.DataTree) -> StudyFigure:
         front = frontier(np.concatenate(clouds))
         axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
         log_axis(axes, "x", dense=True)
-        log_axis(axes, "y", dense=True)
+        log_axis(axes, "y", dense=True, tick=length_tick)
         axes.set_xlabel("nearest usable distance [m]")
-        axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m [mm]")
+        axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m")
         handles = [
             Line2D([], [], color=c.style.color, marker=c.style.marker, linestyle="", markersize=5) for c in shown
         ]

@@ -14,6 +14,7 @@ from tradestudy.figures.style import (
     INK,
     StudyFigure,
     legend,
+    length_tick,
     line_style,
     log_axis,
     new_figure,
@@ -54,7 +55,7 @@ def uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
             last.set_xlabel("distance [m]")
             last.tick_params(labelbottom=True)
         for axes in panels[:, 0]:
-            axes.set_ylabel("depth uncertainty [mm]")
+            axes.set_ylabel("depth uncertainty")
         panels[0, 0].set_ylim(*_limits(depth))
         handles = [Line2D([], [], color=INK, linewidth=2.2)]
         handles += [_part_handle(order) for order in range(len(names))]
@@ -100,6 +101,6 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: Camera, names: tuple[str, ...]
             markevery=[int(spot) % len(distance) for spot in spots],
         )
     log_axis(axes, "x")
-    log_axis(axes, "y")
+    log_axis(axes, "y", tick=length_tick)
     axes.set_xlim(distance[0], distance[-1])
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)

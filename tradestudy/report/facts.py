@@ -59,6 +59,13 @@ def distance(value: float) -> str:
     return f"{significant(value)}\N{NO-BREAK SPACE}m"
 
 
+def span(start: float, end: float) -> str:
+    """Write a stretch of distances [m], both ends in one unit."""
+    if 0.1 <= end < np.inf:
+        return f"{significant(start)} to {significant(end)}\N{NO-BREAK SPACE}m"
+    return f"{distance(start)} to {distance(end)}"
+
+
 def interval(low: float, high: float) -> str:
     """Write the ends of an interval of distances [m], in one unit, with the digits that tell them apart."""
     if not np.isfinite([low, high]).all():

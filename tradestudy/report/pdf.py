@@ -76,7 +76,10 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
                 "number": numbers[block.name],
                 "caption": _text(block.caption, numbers),
             }
-            content["columns"] = [vars(column) | {"title": _text(column.title, numbers)} for column in block.columns]
+            content["columns"] = [
+                vars(one) | {"title": _text(one.title, numbers), "unit": figures.printable(one.unit)}
+                for one in block.columns
+            ]
             content["rows"] = [[_text(cell, numbers) for cell in row] for row in block.rows]
             content["notes"] = [_text(note, numbers) for note in block.notes]
         case Picture():

@@ -34,7 +34,9 @@ def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block
         return
     yield Heading(text="The answer", anchor="answer")
     yield Callout(
-        title="Which camera for which distance", blocks=(Bullets((*_stretches(tree), *_solved(tree))),), tone="answer"
+        title="Which camera for which distance",
+        blocks=(Bullets((*_stretches(tree), *_ways(tree), *_solved(tree))),),
+        tone="answer",
     )
     if "whole-range" in drawings:
         drawing = drawings["whole-range"]
@@ -48,15 +50,31 @@ def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
 
     titles, depth, declared = facts.titles(tree), nominal(tree), nominal_is_declared(tree)
     for start, end, key in winners(tree):
-        span = f"{distance(start)} to {distance(end)}"
+        span = facts.span(start, end)
         if not key:
-            yield say("**{span}: no camera is usable.**", span=span)
+            why = _why_none(depth, titles, start, end) if declared else ""
+            yield say("**{span}: no camera is usable**{why}.", span=span, why=why)
         elif declared:
             yield say(
                 "**{span}: {camera}**, {how}.", span=span, camera=titles[key], how=_how_sure(depth, key, start, end)
             )
         else:
             yield say("**{span}: {camera}**.", span=span, camera=titles[key])
+
+
+def _why_none(depth: xr.Dataset, titles: Mapping[str, str], start: float, end: float) -> str:
+    """Which camera begins or ends where nothing is usable, and by which limit."""
+    for ends, limits, verb, place in (
+        ("usable_near", "near_limit", "begins", end),
+        ("usable_far", "far_limit", "ends", start),
+    ):
+        found = np.argwhere(depth[ends].transpose("camera", "interval").values == place)
+        if found.size:
+            camera, interval = found[0]
+            limit = str(depth[limits].transpose("camera", "interval").values[camera, interval])
+            title = titles[str(depth["camera"].values[camera])]
+            return f": {title} {verb} at {distance(place)}, limited by {in_words(limit)}"
+    return ""
 
 
 def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
@@ -69,7 +87,7 @@ def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
     )
     first, last = (_largest_part(depth, camera, float(place)) for place in places)
     cause = f"set by {first}" if first == last else f"set first by {first}, then by {last}"
-    return f"uncertain by {near} at its near end and {far} at its far end, {cause}"
+    return f"±{near} near to ±{far} far, {cause}"
 
 
 def _largest_part(depth: xr.Dataset, camera: str, place: float) -> str:
@@ -77,7 +95,28 @@ def _largest_part(depth: xr.Dataset, camera: str, place: float) -> str:
     return in_words(str(parts["part"].values[int(np.nanargmax(np.asarray(parts.values, dtype=np.float64)))]))
 
 
+def _ways(tree: xr.DataTree) -> Iterator[Spans]:
+    """Whom noise alone and calibration alone favour, at how many of the declared distances."""
+    if not facts.has(tree, "decision", "more_certain"):
+        return
+    decision, titles = facts.dataset(tree, "decision"), facts.titles(tree)
+    favours = []
+    for way in ("noise", "calibration"):
+        names = [str(name) for name in decision["more_certain"].isel(reading=0).sel(way=way).values]
+        best = max(titles, key=names.count)
+        favours.append(f"{way} alone favours {titles[best]} at {names.count(best)} of {len(names)} declared distances")
+    first, second = (titles[decision.attrs[end]] for end in ("first", "second"))
+    yield say(
+        "Of {first} and {second}, {noise}; {calibration}.",
+        first=first,
+        second=second,
+        noise=favours[0],
+        calibration=favours[1],
+    )
+
+
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
+    """The inverse questions with their answers."""
     for one in facts.solved(tree):
         yield say("{says} **{answer}**.", says=one.says, answer=one.answer)
 

@@ -105,16 +105,22 @@ def _uncertainty() -> Iterator[Block]:
             ),
             say(
                 "**Quantiles, not standard deviations.** Depth is one over something that can reach zero, so its "
-                "variance may not exist. Errors are nearly normal in inverse depth; quantiles are taken there and "
-                "mapped back exactly. An inverse depth of zero or less is a depth of ∞ and stays in the quantiles."
+                "variance may not exist. Errors add up in disparity, an inverse depth; quantiles are taken there "
+                "and mapped back by the exact law. A disparity beyond that of infinity is a depth of ∞ and stays in "
+                "the quantiles."
             ),
         )
     )
     yield Equation(
-        typst="q_p (a) = 1 / (1/a_0 + Phi^(-1)(1 - p) thin u_(1\\/a)),"
-        ' quad q_p = infinity " where the denominator is " <= 0',
-        alt="The p quantile of the depth a is one over the sum of one over a zero and the normal quantile of one "
-        "minus p times the uncertainty u of inverse depth; it is infinite where the denominator is not positive.",
+        typst="a_p = a (d - Q_epsilon (p)), quad epsilon = sum_i epsilon_i",
+        alt="The p quantile of depth is the depth that belongs to the disparity d minus the p quantile of the error "
+        "epsilon of disparity; epsilon is the sum of the errors epsilon i of all parts.",
+    )
+    yield Paragraph(
+        say(
+            "*Q*~ε~ is the quantile of the sum of all parts, normal and uniform ones each in their own shape; "
+            "*a*~p~ is ∞ where the disparity falls to that of infinity or below."
+        )
     )
     yield Paragraph(
         "A calibration error is one draw per rig, pixel noise one draw per measurement: averaging many measurements "

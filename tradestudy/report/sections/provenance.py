@@ -6,11 +6,12 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from tradestudy.report.document import Block, Column, Heading, Table
+from tradestudy.units import significant
 
 
 def provenance(run: Mapping[str, Any]) -> Iterator[Block]:
     """Write the content of ``run.json`` as a table."""
-    rows = tuple(_rows(run, ""))
+    rows = tuple(_rows(run))
     if rows:
         yield Heading(text="Provenance", anchor="provenance")
         yield Table(
@@ -21,11 +22,25 @@ def provenance(run: Mapping[str, Any]) -> Iterator[Block]:
         )
 
 
-def _rows(content: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, str]]:
+def _rows(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Plain values first, then every group of values under its name."""
+    groups = {key: value for key, value in content.items() if isinstance(value, Mapping)}
     for key, value in content.items():
-        name = f"{prefix}{key}".replace("_", " ")
-        if isinstance(value, Mapping):
-            yield from _rows(value, f"{name}: ")
-        else:
-            text = ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
-            yield name, f"{value:.3g}" if isinstance(value, float) else text
+        if key not in groups:
+            yield _words(key), _shown(value)
+    for key, group in groups.items():
+        if group:
+            yield (_words(key).capitalize(),)
+            yield from _rows(group)
+
+
+def _words(key: str) -> str:
+    return key.replace("_", " ")
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "—"
+    if isinstance(value, float):
+        return significant(value)
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)

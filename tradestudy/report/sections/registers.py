@@ -46,27 +46,18 @@ def assumptions(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -> Iterator[tuple[Text, ...]]:
-    """Rows under a heading for every basis; equal values of several cameras become one row."""
+    """Rows under a heading for every basis."""
     for basis in bases:
-        owners: dict[tuple[str, str, str], list[str]] = {}
-        for row in rows:
-            if str(row["basis"]) == basis:
-                owner, what = _owner(str(row["path"]))
-                owners.setdefault((what, str(row["value"]), str(row["note"])), []).append(owner)
-        yield (f"{basis.capitalize()} ({sum(map(len, owners.values()))})",)
-        yield from ((_shared(names, tree), *entry) for entry, names in owners.items())
-
-
-def _owner(path: str) -> tuple[str, str]:
-    """Split a path into the key of the camera that it belongs to (or "study"), and what it is, in words."""
-    steps = path.split(".")
-    if len(steps) > 2 and steps[0] == "cameras":
-        return steps[1], facts.in_words(" › ".join(steps[2:]))
-    return "study", facts.in_words(" › ".join(steps))
+        of_basis = [row for row in rows if str(row["basis"]) == basis]
+        yield (f"{basis.capitalize()} ({len(of_basis)})",)
+        for row in of_basis:
+            what = facts.in_words(str(row["path"]).replace(".", " › "))
+            owners = [key for key in str(row["cameras"]).split(", ") if key]
+            yield _shared(owners, tree) or "study", what, str(row["value"]), str(row["note"])
 
 
 def _shared(owners: list[str], tree: xr.DataTree) -> str:
-    """Name the cameras that share a value, all of a family at once."""
+    """Name the cameras that share a value, all of a larger family at once."""
     titles, families = facts.titles(tree), facts.families(tree)
     left, parts = list(owners), []
     for family in dict.fromkeys(families.values()):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from tradestudy.figures.drawing import Drawing
 
+_NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
 WAYS = {"noise": "noise", "calibration": "calibration", "both": "both"}
 
 
@@ -85,6 +86,7 @@ def _curves(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bloc
     yield Heading(text="Depth discrimination and uncertainty", anchor="depth", level=2)
     yield from _pictures(drawings, "close-range", "mid-range")
     yield _values_at_places(tree)
+    yield from _over_places(tree)
 
 
 def _values_at_places(tree: xr.DataTree) -> Table:
@@ -126,8 +128,61 @@ def _values_at_places(tree: xr.DataTree) -> Table:
         notes=(
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
             "differ). σ: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
-            "and both. ∞: the interval has no far end.",
+            "and both. ∞: the interval has no far end." + _numerical_error(tree),
         ),
+    )
+
+
+def _numerical_error(tree: xr.DataTree) -> str:
+    """How far the computed uncertainty may be from that of the exact camera model, where cameras are usable."""
+    from tradestudy.figures.depth_data import nominal
+
+    depth = nominal(tree)
+    if "depth_uncertainty_error" not in depth:
+        return ""
+    relative = (depth["depth_uncertainty_error"] / depth["depth_uncertainty"]).where(depth["usable"])
+    values = relative.values[np.isfinite(relative.values)]
+    return (
+        f" Estimated numerical error of σ where cameras are usable: at most {share(float(values.max()))}."
+        if values.size
+        else ""
+    )
+
+
+def _over_places(tree: xr.DataTree) -> Iterator[Table]:
+    """Equivalent baselines and failed measurements, one column per declared distance."""
+    from tradestudy.figures.depth_data import nominal
+
+    depth, places = nominal(tree), facts.places(tree)
+
+    def table(name: str, variable: str, caption: str, write: Callable[[float], str]) -> Table:
+        data = depth[variable].sel(way="both") if "way" in depth[variable].dims else depth[variable]
+        return Table(
+            name=name,
+            caption=caption,
+            columns=(
+                Column(title="Camera", weight=1),
+                *(Column(title=distance(float(place)), align="right") for place in places),
+            ),
+            rows=tuple(
+                (title, *(write(float(data.sel(camera=key).sel(distance=p, method="nearest"))) for p in places))
+                for key, title in facts.titles(tree).items()
+            ),
+        )
+
+    if "equivalent_baseline" in depth:
+        yield table(
+            "baseline-table",
+            "equivalent_baseline",
+            "Equivalent baseline: that of the stereo rig which, with the same focal length and disparity error, "
+            "measures as well.",
+            length,
+        )
+    yield table(
+        "failed-table",
+        "failed_fraction",
+        "Share of measurements that end beyond infinity, noise and calibration together.",
+        lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
     )
 
 
@@ -159,8 +214,8 @@ def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bl
                 **pair,
             )
         )
-        yield from _pictures(drawings, "readings")
         yield _ratio_table(decision, pair)
+        yield from _pictures(drawings, "readings")
         yield from _crossovers(decision)
     yield from _solved(tree)
 
