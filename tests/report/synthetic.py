@@ -100,6 +100,7 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
         "equivalent_baseline": np.stack([np.full_like(z, b) for b in (3.6e-4, 0.1, 0.1)]),
         "failed_fraction": np.where(way > 3.0, 0.02, 0.0),
         "usable": (z >= near[:, None]) & (z <= far[:, None]),
+        "limit_met": np.stack([z >= near[:, None], z <= far[:, None]], axis=-1).astype(np.int8),
         "usable_near": near[:, None],
         "usable_far": far[:, None],
         "near_limit": np.array([["total_covering_plane"], ["overlap"], ["overlap, focus"]]),
@@ -113,7 +114,14 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
             )
             for name, array in values.items()
         }
-    coordinates = {"camera": keys, "distance": z, "side": ["nearer", "farther"], "way": WAYS, "part": PARTS}
+    coordinates = {
+        "camera": keys,
+        "distance": z,
+        "side": ["nearer", "farther"],
+        "way": WAYS,
+        "part": PARTS,
+        "limit": ["overlap", "focus"],
+    }
     data = dataset("depth", values, coordinates | {"quantile": QUANTILES} | sweep, leading=tuple(sweep))
     for name in sweep:
         data[name].attrs = {"units": "m", "long_name": name} | {

@@ -22,17 +22,17 @@ HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
 
 
 def test_what_can_be_drawn_follows_from_the_groups(tree: xr.DataTree, make_tree: Callable[..., xr.DataTree]) -> None:
-    base = ["whole-range", "close-range", "mid-range", "uncertainty-parts"]
+    base = ["whole_range", "close_range", "mid_range", "uncertainty_parts"]
     assert list(figures.build(tree)) == [*base, "readings"]
     only_depth = xr.DataTree.from_dict({"/cameras": tree["cameras"].to_dataset(), "/depth": tree["depth"].to_dataset()})
     assert list(figures.build(only_depth)) == base
     assert not figures.build(xr.DataTree())
     with_sweep = make_tree(sweep={"baseline": [0.05, 0.1, 0.2]})
-    assert list(figures.build(with_sweep)) == [*base, "sweep-map", "pareto", "readings"]
+    assert list(figures.build(with_sweep)) == [*base, "sweep_map", "pareto", "readings"]
 
 
 def test_a_figure_that_does_not_exist_is_refused_with_those_that_do(tree: xr.DataTree) -> None:
-    with pytest.raises(OutOfRangeError, match=r"figure-9.*whole-range, close-range"):
+    with pytest.raises(OutOfRangeError, match=r"figure-9.*whole_range, close_range"):
         figures.figure(tree, "figure-9")
 
 
@@ -41,13 +41,13 @@ def test_hostile_names_are_drawn_as_they_are(
     make_tree: Callable[..., xr.DataTree], sweep: dict[str, list[float]]
 ) -> None:
     tree = make_tree(titles={"r5": HOSTILE}, sweep=sweep)
-    names = ("sweep-map", "pareto") if sweep else ("whole-range", "close-range", "uncertainty-parts", "readings")
+    names = ("sweep_map", "pareto") if sweep else ("whole_range", "close_range", "uncertainty_parts", "readings")
     for drawing in (figures.build(tree)[name] for name in names):
         ET.fromstring(drawing.draw().svg())  # well formed, and no warning about letters or layout on the way
 
 
 def test_a_title_that_starts_with_an_underscore_stands_in_the_legend(make_tree: Callable[..., xr.DataTree]) -> None:
-    figure = figures.figure(make_tree(titles={"r5": "_hidden $a$"}), "close-range")
+    figure = figures.figure(make_tree(titles={"r5": "_hidden $a$"}), "close_range")
     assert figure.legends[0].get_texts()[0].get_text() == "_hidden $a$"
     assert not figure.legends[0].get_texts()[0].get_parse_math()
 
@@ -57,12 +57,12 @@ def test_letters_that_the_font_lacks_are_named() -> None:
 
 
 def test_the_same_bytes_in_another_process(tree: xr.DataTree) -> None:
-    here = hashlib.sha256(figures.figure(tree, "whole-range").svg()).hexdigest()
+    here = hashlib.sha256(figures.figure(tree, "whole_range").svg()).hexdigest()
     program = (
         "import hashlib, importlib.util, sys; "
         "s = importlib.util.spec_from_file_location('s', sys.argv[1]); m = importlib.util.module_from_spec(s); "
         "s.loader.exec_module(m); from tradestudy import figures; "
-        "print(hashlib.sha256(figures.figure(m.tree(), 'whole-range').svg()).hexdigest())"
+        "print(hashlib.sha256(figures.figure(m.tree(), 'whole_range').svg()).hexdigest())"
     )
     path = __file__.replace("test_figures", "synthetic")
     there = subprocess.run([sys.executable, "-c", program, path], capture_output=True, text=True, check=True)
@@ -119,7 +119,7 @@ def _cielab(linear: np.ndarray) -> np.ndarray:
 
 
 def test_a_camera_keeps_its_style_on_every_figure(tree: xr.DataTree) -> None:
-    for name in ("whole-range", "close-range", "mid-range"):
+    for name in ("whole_range", "close_range", "mid_range"):
         lines = figures.figure(tree, name).axes[0].get_lines()
         for camera in cameras(tree):
             of_camera = [line for line in lines if line.get_color() == camera.style.color]
@@ -128,7 +128,7 @@ def test_a_camera_keeps_its_style_on_every_figure(tree: xr.DataTree) -> None:
 
 
 def test_bold_curves_hold_the_uncertainty_where_usable_in_millimetres(tree: xr.DataTree) -> None:
-    figure = figures.figure(tree, "close-range")
+    figure = figures.figure(tree, "close_range")
     camera = cameras(tree)[2]
     bold = max(
         (line for line in figure.axes[1].get_lines() if line.get_color() == camera.style.color),
@@ -147,7 +147,7 @@ def test_an_unbounded_step_shades_to_the_top_and_an_infinite_uncertainty_ends_th
     depth = tree["depth"].to_dataset().copy(deep=True)
     depth["depth_uncertainty"][0, -60:] = np.inf
     tree["depth"] = xr.DataTree(depth)
-    figure = figures.figure(tree, "mid-range")
+    figure = figures.figure(tree, "mid_range")
     line = next(line for line in figure.axes[1].get_lines() if line.get_color() == cameras(tree)[0].style.color)
     assert not np.isfinite(np.asarray(line.get_ydata(), dtype=float)[-60:]).any()
     assert np.isfinite(figure.axes[0].get_ylim()).all()
@@ -185,8 +185,8 @@ def test_curves_stand_at_the_declared_design_or_say_where(make_tree: Callable[..
     at_first = make_tree()["depth"].to_dataset()["depth_uncertainty"].values
     np.testing.assert_array_equal(nominal(declared)["depth_uncertainty"].values, at_first / 2)
     np.testing.assert_array_equal(nominal(unknown)["depth_uncertainty"].values, at_first)
-    assert "the one with b = 100 mm is shown" in figures.build(declared)["mid-range"].caption
-    assert "the one with b = 50 mm is shown" in figures.build(unknown)["mid-range"].caption
+    assert "the one with b = 100 mm is shown" in figures.build(declared)["mid_range"].caption
+    assert "the one with b = 50 mm is shown" in figures.build(unknown)["mid_range"].caption
     # A decision is about the declared design: it is not drawn over the curves of another one.
     assert [has_winners(tree) for tree in (declared, unknown)] == [True, False]
     assert "best camera" in _tick_labels(declared)
@@ -194,12 +194,12 @@ def test_curves_stand_at_the_declared_design_or_say_where(make_tree: Callable[..
 
 
 def _tick_labels(tree: xr.DataTree) -> list[str]:
-    return [label.get_text() for label in figures.figure(tree, "whole-range").axes[1].get_yticklabels()]
+    return [label.get_text() for label in figures.figure(tree, "whole_range").axes[1].get_yticklabels()]
 
 
 def test_a_sweep_over_one_value_is_drawn_at_the_middle_place(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree(sweep={"b": [0.05, 0.1, 0.2]}, declared={"b": 0.1})
-    axes = figures.figure(tree, "sweep-map").axes[0]
+    axes = figures.figure(tree, "sweep_map").axes[0]
     line = next(line for line in axes.get_lines() if line.get_color() == cameras(tree)[2].style.color)
     x, y = (np.asarray(values, dtype=float) for values in line.get_data())
     distance = float(tree["depth"].to_dataset()["distance"].sel(distance=0.5, method="nearest"))
@@ -208,7 +208,7 @@ def test_a_sweep_over_one_value_is_drawn_at_the_middle_place(make_tree: Callable
 
 
 def test_choices_can_be_swept(make_tree: Callable[..., xr.DataTree]) -> None:
-    axes = figures.figure(make_tree(sweep={"relay": ["keplerian", "galilean"]}), "sweep-map").axes[0]
+    axes = figures.figure(make_tree(sweep={"relay": ["keplerian", "galilean"]}), "sweep_map").axes[0]
     assert [label.get_text() for label in axes.get_xticklabels()] == ["keplerian", "galilean"]
 
 

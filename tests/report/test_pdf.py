@@ -72,7 +72,7 @@ def test_the_outline_and_the_tags_serve_readers_who_do_not_see(written: bytes) -
     assert b"/Lang" in written
 
 
-@pytest.mark.parametrize("name", ["whole-range", "close-range", "mid-range"])
+@pytest.mark.parametrize("name", ["whole_range", "close_range", "mid_range"])
 def test_the_curve_of_every_camera_is_on_the_page(tree: xr.DataTree, written: bytes, name: str) -> None:
     """Each camera's colour runs across the plotting area of the figure, also in the page as printed."""
     caption = figures.build(tree)[name].caption[:60].rstrip()
@@ -80,7 +80,7 @@ def test_the_curve_of_every_camera_is_on_the_page(tree: xr.DataTree, written: by
     image = pixels(written, number, scale=3.0)
     for camera in cameras(tree):
         depth = tree["depth"].to_dataset().sel(camera=camera.key)
-        span = {"whole-range": (0.05, 10.0), "close-range": (0.0, 1.0), "mid-range": (1.0, 10.0)}[name]
+        span = {"whole_range": (0.05, 10.0), "close_range": (0.0, 1.0), "mid_range": (1.0, 10.0)}[name]
         usable = depth["usable"] & (depth["distance"] >= span[0]) & (depth["distance"] <= span[1])
         color = [int(camera.style.color[i : i + 2], 16) for i in (1, 3, 5)]
         near = np.abs(image - np.array(color)).max(axis=2) <= 24
@@ -91,7 +91,7 @@ def test_the_curve_of_every_camera_is_on_the_page(tree: xr.DataTree, written: by
 
 def test_a_drawn_curve_lies_where_its_numbers_are(tree: xr.DataTree) -> None:
     """Read the curve back from the picture: slope 2 on the log-log chart, as the synthetic tree has it."""
-    figure = figures.figure(tree, "whole-range")
+    figure = figures.figure(tree, "whole_range")
     page = pdf.render(
         Document(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt="a"),)), {"p": figure.svg()}
     )

@@ -78,7 +78,8 @@ def _limits(curves: list[FloatArray], distance: FloatArray, near: float, far: fl
     values = values[np.isfinite(values) & (values > 0)] * MM
     if not values.size:
         return 0.01 * far, far * MM
-    return float(values.min()) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
+    # A percentile, because discrimination falls to nothing where a plenoptic image lies on its array.
+    return float(np.percentile(values, 2.0)) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
 
 
 def _usable(view: xr.Dataset, camera: Camera) -> FloatArray:

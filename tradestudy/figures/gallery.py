@@ -57,7 +57,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
             " The last bar names the usable camera with the smallest uncertainty; dashed lines mark where it changes."
         )
     return Drawing(
-        name="whole-range",
+        name="whole_range",
         caption=caption,
         alt="Log-log chart of depth uncertainty against distance. "
         + _usable_words(depth, shown)
@@ -98,9 +98,9 @@ def _paper_figures(tree: xr.DataTree) -> Iterator[Drawing]:
     first, last = float(distance[0]), float(distance[-1])
     if first < CLOSE_RANGE_ENDS:
         end = min(CLOSE_RANGE_ENDS, last)
-        yield _discrimination(tree, "close-range", 0.0, end, "the paper's figure 8")
+        yield _discrimination(tree, "close_range", 0.0, end, "the paper's figure 8")
     if last > CLOSE_RANGE_ENDS:
-        yield _discrimination(tree, "mid-range", max(CLOSE_RANGE_ENDS, first), last, "the paper's figure 9")
+        yield _discrimination(tree, "mid_range", max(CLOSE_RANGE_ENDS, first), last, "the paper's figure 9")
 
 
 def _discrimination(tree: xr.DataTree, name: str, near: float, far: float, of_paper: str) -> Drawing:
@@ -125,7 +125,7 @@ def _values_at(depth: xr.Dataset, shown: tuple[Camera, ...], distance: float) ->
 
 def _parts(tree: xr.DataTree) -> Drawing:
     return Drawing(
-        name="uncertainty-parts",
+        name="uncertainty_parts",
         caption="What depth uncertainty is made of: each source of error alone, and all together (black). Shaded: "
         "usable distances. Sources that are drawn jointly do not add in quadrature." + _design_words(tree),
         alt="One log-log chart per camera with a line per source of error. " + _largest_parts(tree),
@@ -184,7 +184,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     titles = ", ".join(camera.title for camera in moved)
     if moved:
         yield Drawing(
-            name="sweep-map",
+            name="sweep_map",
             caption=f"Depth uncertainty at {place} over the swept values of {names}.",
             alt=f"Depth uncertainty at {place} against {names}, for {titles}.",
             draw=partial(sweeps.sweep_map, tree),

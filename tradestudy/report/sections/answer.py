@@ -17,6 +17,7 @@ from tradestudy.report.document import (
     Picture,
     Spans,
     Table,
+    Text,
     say,
 )
 from tradestudy.report.facts import distance, in_words, length, share
@@ -38,8 +39,8 @@ def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block
         blocks=(Bullets((*_stretches(tree), *_ways(tree), *_solved(tree))),),
         tone="answer",
     )
-    if "whole-range" in drawings:
-        drawing = drawings["whole-range"]
+    if "whole_range" in drawings:
+        drawing = drawings["whole_range"]
         yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
     yield from _stability(tree)
 
@@ -128,14 +129,10 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
         return
     titles, decision = facts.titles(tree) | {"": "neither"}, facts.dataset(tree, "decision")
 
-    def factor(one: facts.Flips) -> str:
-        ratio = max(one.ratio, 1.0 / one.ratio) if one.ratio > 0 else np.inf
-        return significant(ratio, 2) if np.isfinite(ratio) else "∞"
-
     yield Table(
         name="verdict-table",
         caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: who is more certain, "
-        f"and under which of {flips[0].alternatives} other readings of the open questions that flips.",
+        "and under which other readings of the open questions that flips.",
         columns=(
             Column(title="At", align="right"),
             Column(title="More certain"),
@@ -147,15 +144,28 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
             (
                 distance(one.place),
                 titles[one.more_certain],
-                factor(one),
+                _factor(one.ratio),
                 titles[one.winner],
-                say(
-                    "**{count} of {all}**{names}",
-                    count=str(len(one.flipped)),
-                    all=str(one.alternatives),
-                    names=(": " if one.flipped else "") + ", ".join(one.flipped),
-                ),
+                _flipped(one),
             )
             for one in flips
         ),
+    )
+
+
+def _factor(ratio: float) -> str:
+    """How much more certain the better one is, from a ratio either way."""
+    if np.isnan(ratio):
+        return "—"
+    return significant(max(ratio, 1.0 / ratio), 2) if 0.0 < ratio < np.inf else "∞"
+
+
+def _flipped(one: facts.Flips) -> Text:
+    if not one.alternatives:
+        return "no other reading was tried"
+    return say(
+        "**{count} of {all}**{names}",
+        count=str(len(one.flipped)),
+        all=str(one.alternatives),
+        names=(": " if one.flipped else "") + ", ".join(one.flipped),
     )

@@ -84,7 +84,7 @@ def _what_is_missing(camera: xr.Dataset) -> str:
 
 def _curves(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     yield Heading(text="Depth discrimination and uncertainty", anchor="depth", level=2)
-    yield from _pictures(drawings, "close-range", "mid-range")
+    yield from _pictures(drawings, "close_range", "mid_range")
     yield _values_at_places(tree)
     yield from _over_places(tree)
 
@@ -196,9 +196,9 @@ def _step(nearer: float, farther: float) -> str:
 
 
 def _parts(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    if "uncertainty-parts" in drawings:
+    if "uncertainty_parts" in drawings:
         yield Heading(text="What the uncertainty is made of", anchor="parts", level=2)
-        yield from _pictures(drawings, "uncertainty-parts")
+        yield from _pictures(drawings, "uncertainty_parts")
 
 
 def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -290,7 +290,7 @@ def _solved(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _sweeps(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    pictures = tuple(_pictures(drawings, "sweep-map", "pareto"))
+    pictures = tuple(_pictures(drawings, "sweep_map", "pareto"))
     if pictures:
         yield Heading(text="Swept designs", anchor="sweeps", level=2)
         yield from pictures

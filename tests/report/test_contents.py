@@ -1,0 +1,130 @@
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tradestudy import figures
+from tradestudy.report.contents import compose
+from tradestudy.report.document import Bullets, Document, Heading, Picture, Table, flattened, plain, spans
+
+
+def document_of(tree: xr.DataTree) -> Document:
+    return compose(tree, {}, figures.build(tree))
+
+
+def table(document: Document, name: str) -> list[list[str]]:
+    found = next(b for b in flattened(document.blocks) if isinstance(b, Table) and b.name == name)
+    return [[plain(spans(cell)).replace("\u00a0", " ") for cell in row] for row in found.rows]
+
+
+def headings(document: Document) -> list[str]:
+    return [plain(spans(block.text)) for block in flattened(document.blocks) if isinstance(block, Heading)]
+
+
+def sentences(document: Document) -> Iterator[str]:
+    for block in flattened(document.blocks):
+        if isinstance(block, Bullets):
+            yield from (plain(spans(item)).replace("\u00a0", " ") for item in block.items)
+
+
+def part(tree: xr.DataTree, *groups: str) -> xr.DataTree:
+    return xr.DataTree.from_dict({"/": tree.to_dataset()} | {f"/{name}": tree[name].to_dataset() for name in groups})
+
+
+@pytest.mark.parametrize(
+    ("groups", "expected"),
+    [
+        (("cameras",), ["Cameras"]),
+        (("cameras", "claims"), ["Cameras", "Claims"]),
+        (("cameras", "contradictions", "requirements"), ["Cameras", "Requirements", "Contradictions found"]),
+    ],
+)
+def test_sections_follow_from_the_groups(tree: xr.DataTree, groups: tuple[str, ...], expected: list[str]) -> None:
+    assert headings(document_of(part(tree, *groups))) == expected
+
+
+def test_every_figure_of_the_study_is_shown_once(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree(sweep={"b": [0.05, 0.1]})
+    shown = [block.name for block in flattened(document_of(tree).blocks) if isinstance(block, Picture)]
+    assert sorted(shown) == sorted(figures.build(tree))
+
+
+def test_depth_without_a_decision_is_still_a_report(tree: xr.DataTree) -> None:
+    document = document_of(part(tree, "cameras", "depth"))
+    assert "The answer" not in headings(document)
+    assert len(table(document, "usable-range-table")) == 3
+    assert [row[0] for row in table(document, "depth-table") if len(row) == 1] == [
+        "At 50 mm", "At 0.292 m", "At 1.71 m", "At 10 m"
+    ]  # fmt: skip
+
+
+def test_a_camera_that_is_usable_nowhere_is_named_with_what_it_lacks(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    depth["usable_near"][1], depth["usable_far"][1], depth["usable"][1] = np.nan, np.nan, False
+    depth["limit_met"][1] = [1, 0]
+    tree["depth"] = xr.DataTree(depth)
+    row = table(document_of(tree), "usable-range-table")[1]
+    assert row == ["Stereo 100 mm, f = 30.5 mm", "nowhere", "focus (even at 50 mm)", "", ""]
+    for name in ("whole_range", "uncertainty_parts"):
+        assert figures.figure(tree, name).svg()
+
+
+def test_the_answer_says_where_nothing_is_usable_and_why(tree: xr.DataTree) -> None:
+    found = list(sentences(document_of(tree)))
+    assert found[0] == (
+        "0.05 to 0.15 m: no camera is usable: Raytrix R5, Keplerian begins at 0.15 m, limited by total covering plane."
+    )
+    # Noise alone is 20 times, calibration alone a fifth of the ratio: 0.68 at 0.3 m, 0.75, 0.82.
+    ways = next(text for text in found if "noise alone" in text)
+    assert "noise alone favours Stereo 100 mm, 65.24° across at 3 of 3" in ways
+    assert "calibration alone favours Raytrix R5, Keplerian at 3 of 3" in ways
+
+
+def test_the_answer_gives_both_ends_of_a_stretch_in_millimetres_and_per_cent(tree: xr.DataTree) -> None:
+    sentence = next(text for text in sentences(document_of(tree)) if text.startswith("0.391 to 10 m"))
+    distance = tree["depth"].to_dataset()["distance"].values
+    first = distance[distance >= 0.391][0]
+    sigma = np.hypot(6.9e-4, 0.0349)
+    assert f"±{1e3 * sigma * first**2:.3g} mm ({100 * sigma * first:.3g} %) near" in sentence
+    assert f"to ±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far, set by yaw" in sentence
+
+
+def test_without_the_declared_design_the_answer_has_no_numbers(make_tree: Callable[..., xr.DataTree]) -> None:
+    found = list(sentences(document_of(make_tree(sweep={"b": [0.05, 0.1]}))))
+    assert any(text.endswith("10 m: Stereo 100 mm, 65.24° across.") for text in found)
+    assert not any("±" in text for text in found)
+
+
+def test_a_study_without_other_readings_says_so(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    tree["decision"] = xr.DataTree(tree["decision"].to_dataset().isel(reading=[0]))
+    rows = table(document_of(tree), "verdict-table")
+    assert {row[-1] for row in rows} == {"no other reading was tried"}
+
+
+def test_assumed_values_come_first_with_the_cameras_they_belong_to(tree: xr.DataTree) -> None:
+    assert table(document_of(tree), "assumption-register") == [
+        ["Assumed (1)"],
+        ["Raytrix R5, Keplerian", "microlenses › gap", "0.568 mm", "f-number matching"],
+        ["Paper (1)"],
+        ["Stereo 100 mm, f = 30.5 mm, Stereo 100 mm, 65.24° across", "calibration › yaw", "0.2°", ""],
+    ]
+
+
+def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> None:
+    assert table(document_of(tree), "claim-values") == [
+        ["as declared", "391 mm ✗", "6.8 m ✓"],
+        ["galilean", "", "36 m ✗"],
+        ["yaw-uniform", "391 mm ✗", ""],
+    ]
+
+
+def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
+    texts = [plain(spans(b.text)) for b in flattened(document_of(tree).blocks) if hasattr(b, "text")]
+    sentence = next(text for text in texts if "equally uncertain" in text).replace("\u00a0", " ")
+    assert "nowhere in the range of the study. Under 2 of the 3 other readings" in sentence
+    assert "between 0.4 m and 0.52 m" in sentence
