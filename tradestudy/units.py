@@ -69,12 +69,13 @@ _SPELLINGS = str.maketrans(
 )
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _COMMON_UNITS = (
-    "nm", "um", "mm", "cm", "m", "km", "deg", "rad", "mrad", "arcmin", "arcsec", "px", "pixels", "electrons",
+    "nm", "um", "mm", "cm", "m", "km", "metres", "millimetres",
+    "deg", "rad", "mrad", "arcmin", "arcsec", "px", "pixels", "electrons",
     "waves", "percent", "ppm", "K", "degC", "Pa", "kPa", "hPa", "bar", "s", "ms", "min", "h",
 )  # fmt: skip
 _LONGEST_UNIT = 60
 _CELSIUS = re.compile(r"\b(?:degC|celsius|degree_Celsius)\b")
-_QUANTITY = re.compile(r"(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<unit>.*)")
+_QUANTITY = re.compile(r"(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<unit>.*)", re.ASCII)
 _INFINITY = re.compile(r"(?P<sign>[+-]?)\.?inf(?:inity)?", re.IGNORECASE)
 _ELECTRON = re.compile(r"(?<![A-Za-z])(k?)e\^?-(?!\d)")
 _FACTOR = re.compile(r"(?P<name>[A-Za-z][A-Za-z_]*)(?:(?:\^|\*\*)(?P<power>-?\d))?")

@@ -221,6 +221,8 @@ class _Composer:
             (name, key_place), members = frame.key, frame.members
             if name == "<<":
                 self.note(key_place, "YAML 1.2 has no merge key; cameras share by from: and like:")
+            elif not name:
+                pass  # noted as a key, and a value without a key can be nowhere
             elif name in members:
                 first = members[name].key_place.line
                 self.note(key_place, f"this key stands twice, first on line {first}; one of them is too many")
@@ -229,12 +231,12 @@ class _Composer:
             frame.key = None
 
     def key(self, entry: Entry) -> tuple[str, Place]:
-        """Read an entry as a key; one that is not text is noted and kept as it is written."""
+        """Read an entry as a key; one that is not text is noted and kept as it is written, or empty."""
         if isinstance(entry, ScalarEntry) and isinstance(entry.value, str) and entry.value:
             return entry.value, entry.place
         text = entry.text if isinstance(entry, ScalarEntry) else ""
         self.note(entry.place, f"a key is text; write '{text}' in quotes" if text else "a name is expected as the key")
-        return text or "…", entry.place
+        return text, entry.place
 
     def tags(self, event: Any, place: Place) -> None:
         """Refuse tags: the schema knows what each value is."""

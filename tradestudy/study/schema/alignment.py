@@ -78,6 +78,13 @@ def key_names(model: type[BaseModel]) -> list[str]:
     return [field.alias or name for name, field in model.model_fields.items()]
 
 
+def key_meaning(model: type[BaseModel] | None, key: str) -> str:
+    """Say what a key of a model means, as its description does, in the middle of a sentence."""
+    fields = model.model_fields if model else {}
+    words = next((field.description or "" for name, field in fields.items() if key in (name, field.alias)), "")
+    return words.split(". ")[0].removesuffix(".")
+
+
 def _bare(kind: Any) -> Any:
     """Strip annotations from a type."""
     while get_origin(kind) is Annotated:

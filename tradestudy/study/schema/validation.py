@@ -11,9 +11,9 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from tradestudy.errors import Problem, StudyError
-from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child
+from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, child
 from tradestudy.study.mistakes import MistakeAt, nearest_name
-from tradestudy.study.schema.alignment import Alignment, align, key_names
+from tradestudy.study.schema.alignment import Alignment, align, key_meaning, key_names
 from tradestudy.study.source import MOST_MISTAKES
 from tradestudy.units import nearest
 
@@ -36,6 +36,7 @@ _SHAPES = {
     "bool_type": "true or false",
     "bool_parsing": "true or false",
 }
+_NAME = "a letter, digit or _ followed by letters, digits and _ . + -"
 _LIMITS = {
     "greater_than": ("gt", "more than"),
     "greater_than_equal": ("ge", "at least"),
@@ -77,8 +78,15 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
     else:
         problems = []
     if problems or document.problems:
-        raise StudyError(list(dict.fromkeys([*document.problems, *problems])))
+        told = {_spot(problem) for problem in document.problems}
+        news = [problem for problem in problems if _spot(problem) not in told]
+        raise StudyError(list(dict.fromkeys([*document.problems, *news])))
     return valid
+
+
+def _spot(problem: Problem) -> Place:
+    """Say where a problem is: what was not understood there need not be judged as well."""
+    return Place(problem.file, problem.line, problem.column)
 
 
 def _is_broken(document: Document, location: Path) -> bool:
@@ -130,7 +138,7 @@ def _problems(document: Document, model: type[BaseModel], found: list[_Finding])
         if (misnamed := _misnamed(document, path)) is not None:
             problems.append(misnamed)
         elif findings[0].kind == "missing":
-            problems.append(_missing(document, path))
+            problems.append(_missing(document, findings[0]))
         elif findings[0].kind == "value_error" and isinstance(findings[0].context.get("error"), MistakeAt):
             problems += _mistakes(document, findings)
         elif findings[0].kind == "extra_forbidden":
@@ -174,14 +182,15 @@ def _misnamed(document: Document, path: Path) -> Problem | None:
     return None
 
 
-def _missing(document: Document, path: Path) -> Problem:
+def _missing(document: Document, finding: _Finding) -> Problem:
     """Report what is not there at the place of the part that it belongs to."""
-    above = path[:-1]
+    path, above = finding.path, finding.path[:-1]
     if isinstance(path[-1], int):
         return document.locate(above).problem(
             above, f"the list is too short; its value number {path[-1] + 1} is missing"
         )
-    return document.locate(above).problem(path, "this key is missing")
+    meaning = key_meaning(finding.alignment.owner, path[-1])
+    return document.locate(above).problem(path, f"this key is missing{f' ({meaning})' if meaning else ''}")
 
 
 def _mistakes(document: Document, findings: Sequence[_Finding]) -> list[Problem]:
@@ -215,8 +224,8 @@ def _wrong_value(document: Document, path: Path, findings: Sequence[_Finding]) -
     heads = list(dict.fromkeys(head for head, _, _ in parts))
     expected = list(dict.fromkeys(expectation for _, expectation, _ in parts if expectation))
     near = next((near for _, _, near in parts if near), "")
-    sentence = f"{heads[0]}; {', or '.join(expected)}" if expected else heads[0]
-    if expected and not expected[0].endswith("expected") and " is expected" not in expected[0]:
+    sentence = "; ".join([heads[0], *([" or ".join(expected)] if expected else [])])
+    if expected and "expected" not in sentence:
         sentence += " is expected"
     return document.locate(path).problem(path, sentence + near)
 
@@ -236,7 +245,7 @@ def _name_message(finding: _Finding) -> str:
     """Say what is wrong with a key that the writer is free to choose."""
     if finding.kind == "string_too_long":
         return f"this name is too long; at most {finding.context['max_length']} characters are expected"
-    return "this is no name; letters, digits and _ . + - are expected, a letter, digit or _ first"
+    return f"this is no name; {_NAME} is expected"
 
 
 def _message(finding: _Finding) -> tuple[str, str, str]:
@@ -258,13 +267,13 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
     if kind in ("too_short", "too_long"):
         bound, words = ("min_length", "at least") if kind == "too_short" else ("max_length", "at most")
         count = len(finding.entry.items) if isinstance(finding.entry, ListEntry) else len(list(_members(finding.entry)))
-        return f"{count} values stand here", f"{words} {context[bound]}", ""
+        return f"{count} values stand here", f"{words} {context[bound]} are expected", ""
     if kind == "string_too_short":
         return "the text is empty", "some text", ""
     if kind == "string_too_long":
         return "the text is too long", f"at most {context['max_length']} characters", ""
     if kind == "string_pattern_mismatch":
-        return f"{shown} is no name", "letters, digits and _ . + -, a letter, digit or _ first,", ""
+        return f"{shown} is no name", _NAME, ""
     return str(finding.details["msg"]), "", ""
 
 

@@ -1,0 +1,90 @@
+"""Wrong study files: every mistake of each is told at once, at its place, in words that help."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tradestudy.errors import StudyError
+from tradestudy.study.definition import load_definition
+
+HERE = Path(__file__).parent / "wrong"
+
+# file in wrong/ → everything that is said about it, as a user in that folder sees it
+MESSAGES = {
+    name: told.strip().splitlines()
+    for name, told in re.findall(
+        r"^== (\S+)\.yaml\n((?:(?!== ).*\n)+)", (HERE / "messages.txt").read_text(encoding="utf-8"), re.MULTILINE
+    )
+}
+
+
+def messages(path: Path) -> list[str]:
+    with pytest.raises(StudyError) as caught:
+        load_definition(path)
+    return [str(problem) for problem in caught.value.problems]
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_says_exactly_this(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(HERE)
+    assert messages(Path(f"{name}.yaml")) == MESSAGES[name]
+
+
+def test_no_wrong_file_is_forgotten() -> None:
+    assert {path.stem for path in HERE.glob("*.yaml")} == {*MESSAGES, "right"}
+
+
+def test_the_files_are_wrong_by_their_mistakes_alone() -> None:
+    definition = load_definition(HERE / "right.yaml")
+    assert list(definition.case.cameras) == ["rig", "array", "near"]
+    assert definition.file.cameras["near"].baseline == 0.02  # type: ignore[union-attr]  # a stereo rig
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_the_place_holds_what_the_message_quotes(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Found by looking into the file, not by trusting the reader: a quoted value stands at the place that is named."""
+    monkeypatch.chdir(HERE)
+    for message in messages(Path(f"{name}.yaml")):
+        place, _, rest = message.partition(": ")
+        file, line, column = place.rsplit(":", 2)
+        here = Path(file).read_text(encoding="utf-8").splitlines()[int(line) - 1 :][:1]
+        text = here[0][int(column) - 1 :] if here else ""
+        if quoted := re.match(r"(?:[\w.-]+: )?'([^'…]*)' (?:has|is|stands)", rest):
+            assert text.lstrip("\"'").startswith(quoted[1])
+        elif unknown := re.match(r"([\w.-]+): (?:unknown key|this key stands twice)", rest):
+            assert text.startswith(unknown[1].rpartition(".")[2])
+
+
+def test_files_that_are_no_text(tmp_path: Path) -> None:
+    contents = {
+        "nothing": (b"", "1:1: it is empty; a study is expected, and `tradestudy new NAME` writes one to start from"),
+        "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "1:1: it is a binary file; a study is text in YAML"),
+        "latin": (b"format: 1\ntitle: Gr\xf6\xdfe\n", "2:10: the byte 0xf6 is not UTF-8; save it as UTF-8"),
+        "utf16": ("format: 1".encode("utf-16"), "1:1: it is a binary file; a study is text in YAML"),
+        "control": (
+            b"format: 1\nstudy: a\x07b\n",
+            "2:9: the character U+0007 is not allowed in YAML; this may be no text",
+        ),
+        "large": (
+            b"# " + b"x" * 1_000_000,
+            "1:1: it is larger than 1 MB; a study file is at most 1 MB, and data belong in files of their own",
+        ),
+    }
+    for name, (content, expected) in contents.items():
+        path = tmp_path / name
+        path.write_bytes(content)
+        assert messages(path) == [f"{path}:{expected}"]
+
+
+def test_files_that_are_no_files(tmp_path: Path) -> None:
+    (tmp_path / "study.yaml").write_text("format: 1")
+    near = tmp_path / "stduy.yaml"
+    assert messages(near) == [f"{near}:1:1: there is no such file; nearest: '{tmp_path / 'study.yaml'}'"]
+    assert messages(tmp_path) == [f"{tmp_path}:1:1: it is a folder; a study file is expected"]
+    assert messages(Path("/dev/zero")) == ["/dev/zero:1:1: it is not a regular file; a study file is expected"]
+    assert messages(Path("a\0b")) == ["a\0b:1:1: it cannot be read (embedded null byte)"]
+    long = Path("n" * 5000)
+    assert messages(long) == [f"{long}:1:1: it cannot be read (File name too long)"]
