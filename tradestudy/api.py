@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -256,8 +257,18 @@ def starter(name: str) -> str:
 
     Raises
     ------
-    StudyError
+    OutOfRangeError
         If the name cannot be a study's name.
     """
+    from tradestudy.errors import OutOfRangeError
+    from tradestudy.study.schema.root import LONGEST_NAME, NAME_PATTERN
+
+    if not re.fullmatch(NAME_PATTERN, name) or len(name) > LONGEST_NAME:
+        raise OutOfRangeError(
+            "this cannot be the name of a study",
+            value=repr(name),
+            limit=f"a letter, digit or underscore, then also . + -, at most {LONGEST_NAME} characters",
+            remedy="choose another",
+        )
     template = files("tradestudy.study").joinpath("starter.yaml").read_text(encoding="utf-8")
     return template.replace("NAME", name)

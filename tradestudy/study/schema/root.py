@@ -23,7 +23,9 @@ from tradestudy.study.schema.questions import (
 from tradestudy.study.schema.scene import ScenePart
 
 FORMAT = 1
-Name = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=80)]
+NAME_PATTERN = r"^[\w][\w.+-]*$"
+LONGEST_NAME = 80
+Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=LONGEST_NAME)]
 
 
 class StudyFile(Part):

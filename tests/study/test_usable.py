@@ -1,0 +1,70 @@
+"""Usable intervals: ends against closed forms, and boundaries of known conditions."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.cameras.builders import r5, stereo
+from tradestudy.cameras.depth_camera import UsableCriteria
+from tradestudy.cameras.parts import Lens
+from tradestudy.study.usable import END_OF_STUDY, boundaries, usable_intervals
+
+GRID = np.geomspace(0.05, 10.0, 401)
+
+
+@given(edge=st.floats(0.06, 9.0))
+def test_boundaries_are_found_to_the_last_digits(edge: float) -> None:
+    (found,) = boundaries(lambda points: points >= edge, GRID)
+    assert found.begins
+    assert found.distance == pytest.approx(edge, rel=4e-15)
+    (ended,) = boundaries(lambda points: points <= edge, GRID)
+    assert not ended.begins
+    assert ended.distance == pytest.approx(edge, rel=4e-15)
+
+
+def test_two_intervals_and_their_ends() -> None:
+    found = boundaries(lambda points: (points < 0.3) | (points > 2.0), GRID)
+    assert [(pytest.approx(end.distance, rel=1e-12), end.begins) for end in found] == [(0.3, False), (2.0, True)]
+
+
+def test_overlap_ends_the_stereo_range_near_and_focus_far() -> None:
+    rig = stereo(lens=Lens(focal_length=30.5e-3, f_number=8.0), focus_distance=2.0)
+    (interval,) = usable_intervals(rig, UsableCriteria(overlap=0.8, blur_px=2.0), GRID)
+    # 1 − B/W with W = Z w/f; thin lens far limit a₀ H/(H − a₀ + f) with H = f²/(N c) + f.
+    w, f, c, focus = 10.24e-3, 30.5e-3, 20e-6, 2.0
+    near = 0.1 / 0.2 * f / w
+    H = f**2 / (8.0 * c) + f
+    far = focus * (H - f) / (H - focus)
+    blur_near = focus * (H - f) / (H + focus - 2 * f)
+    assert interval.near == pytest.approx(max(near, blur_near), rel=1e-9)
+    assert interval.near_limit == ("overlap" if near > blur_near else "focus")
+    assert interval.far == pytest.approx(far, rel=1e-9)
+    assert interval.far_limit == "focus"
+
+
+def test_total_covering_plane_is_the_published_one() -> None:
+    (interval,) = usable_intervals(r5(), UsableCriteria(virtual_depth=2.0), GRID[GRID > 0.1])
+    assert interval.near == pytest.approx(0.150, rel=1e-4)
+    assert interval.near_limit == "total_covering_plane"
+    assert interval.far_limit == END_OF_STUDY
+    assert interval.far == 10.0
+
+
+def test_pole_limits_are_named() -> None:
+    criteria = UsableCriteria(virtual_depth=2.0, failed_fraction=0.025)
+    (interval,) = usable_intervals(r5(), criteria, GRID[GRID > 0.1])
+    # P(N(0,1) > (d − d∞)/σ) = 0.025: d(a) − d∞ = 1.96 σ, with d = √3 p b_L / a_L.
+    z, f, gap, base = 14.77255e-3, 12.5e-3, 0.568093e-3, math.sqrt(3) * 126.5e-6
+    d = base * gap / (z - f) + 1.959963984540054 * 0.1 * 5.5e-6
+    shift = z - f - base * gap / d
+    assert interval.far == pytest.approx(f + f**2 / shift, rel=1e-9)
+    assert interval.far_limit == "failed_fraction"
+
+
+def test_nothing_usable_is_an_empty_list() -> None:
+    assert usable_intervals(stereo(), UsableCriteria(overlap=0.8, blur_px=0.5), GRID) == ()
