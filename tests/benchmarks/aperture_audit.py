@@ -1,4 +1,4 @@
-"""Audit by hand: is the true error below the stated one, and not far below? `python tests/benchmarks/aperture_audit.py`."""
+"""Audit of stated errors, run by hand: is the true error below the stated one, and not far below?"""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from aperture_cases import random_case, run, true_error  # noqa: E402
+from aperture_cases import random_case, run, true_error
 
-from tradestudy.errors import TradestudyError  # noqa: E402
+from tradestudy.errors import TradestudyError
 
 
 def main() -> None:
@@ -29,7 +29,7 @@ def main() -> None:
         true = true_error(case, result)
         ratios.append(result.error.intensity / true)
         if ratios[-1] < 1:
-            print(f"case {number}: stated {result.error.intensity:.2e} < true {true:.2e}: {case}")
+            print(f"case {number}: stated {result.error.intensity:.2e} < true {true:.2e}")
         for share, (grew, covered, refused) in starved.items():
             try:
                 poor = run(case, node_share=share)

@@ -15,8 +15,8 @@ obliquities it is the leading term for many Fresnel zones across the aperture.
 References
 ----------
 A. Rubinowicz, "Die Beugungswelle in der Kirchhoffschen Theorie der Beugungserscheinungen", 1917;
-K. Miyamoto and E. Wolf, "Generalization of the Maggi–Rubinowicz theory of the boundary diffraction wave", 1962; L. N. Trefethen and J. A. C.
-Weideman, "The exponentially convergent trapezoidal rule", 2014 (poles).
+K. Miyamoto and E. Wolf, "Generalization of the Maggi–Rubinowicz theory of the boundary diffraction wave", 1962;
+L. N. Trefethen and J. A. C. Weideman, "The exponentially convergent trapezoidal rule", 2014 (poles).
 """
 
 from __future__ import annotations

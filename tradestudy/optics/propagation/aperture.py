@@ -49,8 +49,8 @@ def aperture_field(
     method
         ``geometric``: rays. ``boundary_wave``: rays and the wave from the edge, Kirchhoff where they are singular.
         ``fresnel``: paths to second order, unit cosines, eqs. 17–22; the conjugate paths that a stigmatic or
-        perfect lens cancels are of second order too, so that all lens phases are one. ``kirchhoff``: exact paths and cosines,
-        eqs. 9–16.
+        perfect lens cancels are of second order too, so that all lens phases are one.
+        ``kirchhoff``: exact paths and cosines, eqs. 9–16.
     accuracy
         Relative L2 tolerance of the intensity over the targets, and the check.
     obliquity
@@ -67,7 +67,8 @@ def aperture_field(
     -------
     ApertureField
         Field [1/m² for a unit point of the paper's eqs. 10–12; 1/m for the textbook's free spherical wave] and
-        intensity in the shape of the targets, the stated error, the effort. The field leaves out the lens's constant phase n Δ.
+        intensity in the shape of the targets, the stated error, the effort. The field leaves out the
+        lens's constant phase n Δ.
 
     Raises
     ------
@@ -110,7 +111,7 @@ def aperture_field(
     kernel: Kernel = FresnelKernel(wavelength=wavelength) if method == "fresnel" else exact
     return propagate_wave(
         sample=lambda n: sample_wave(wave, n),
-        counts=counts or (lambda: nodes_for(wave, targets, accuracy)),
+        counts=counts or (lambda: nodes_for(wave, kernel, targets, accuracy)),
         kernel=kernel,
         targets=targets,
         accuracy=accuracy,

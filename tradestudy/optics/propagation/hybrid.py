@@ -32,7 +32,7 @@ from tradestudy.optics.propagation.sampling import (
 )
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.upsampling import ChebyshevGrid, chebyshev_grid
-from tradestudy.optics.propagation.wave_optics import Accuracy, propagate_wave
+from tradestudy.optics.propagation.wave_optics import Accuracy, largest_field, propagate_wave
 
 _LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4
@@ -88,7 +88,7 @@ def hybrid_field(
     size = math.prod(targets.shape)
     seconds = 0.0
     started = time.perf_counter()
-    edge = edge_nodes or _edge_nodes(wave, targets, accuracy)
+    edge = edge_nodes or _edge_nodes(wave, kernel, targets, accuracy)
     seconds += time.perf_counter() - started
     check_affordable(NodeCounts(radial=1, angular=edge), targets=size, check_targets=0, limits=limits)
     reference: _Reference | None = None
@@ -99,7 +99,7 @@ def hybrid_field(
         seconds += time.perf_counter() - started
         reference = reference or _reference(wave, kernel, targets, field, accuracy, limits)
         check = _check(wave, kernel, field, reference, edge, accuracy)
-        error = stated_error(field, check)
+        error = stated_error(field, check, largest=reference.largest)
         if error.intensity <= accuracy.tolerance or edge_nodes is not None:
             break
         if check.nodes < 0.3 * check.total or rounds == _MAX_ROUNDS:
@@ -131,15 +131,15 @@ def hybrid_field(
     )
 
 
-def _edge_nodes(wave: LensWave, targets: Targets, accuracy: Accuracy) -> int:
+def _edge_nodes(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: Accuracy) -> int:
     """Nodes on the edge by the slope of the path along it."""
     lens = wave.lens
     x, y, z = targets.coordinates()
     x, y, z = outline(x - lens.centre[0], y - lens.centre[1], z)
     return edge_node_count(
         wave.paths,
+        kernel,
         radius=lens.radius,
-        wavenumber=wave.wavenumber,
         x=x,
         y=y,
         z=z,
@@ -151,6 +151,7 @@ def _edge_nodes(wave: LensWave, targets: Targets, accuracy: Accuracy) -> int:
 class _Reference:
     at: CheckTargets
     field: ComplexArray
+    largest: float
     seconds: float
 
 
@@ -164,11 +165,13 @@ def _reference(
 ) -> _Reference:
     """Direct quadrature of the area integral at the check targets, on half as many nodes again as are needed."""
     started = time.perf_counter()
-    finer = nodes_for(wave, targets, accuracy).scaled(1.5)
+    finer = nodes_for(wave, kernel, targets, accuracy).scaled(1.5)
     check_affordable(finer, targets=0, check_targets=accuracy.check_targets, limits=limits)
     at = choose_check_targets(targets, field, count=accuracy.check_targets, seed=accuracy.seed)
-    exact = direct_sum(sample_wave(wave, finer), kernel, at.x, at.y, at.z)
-    return _Reference(at=at, field=exact, seconds=time.perf_counter() - started)
+    samples = sample_wave(wave, finer)
+    exact = direct_sum(samples, kernel, at.x, at.y, at.z)
+    largest = largest_field(samples, kernel, targets)
+    return _Reference(at=at, field=exact, largest=largest, seconds=time.perf_counter() - started)
 
 
 def _check(
@@ -292,7 +295,7 @@ def _handed_over(
     left = TargetPoints(x=x[result.singular], y=y[result.singular], distance=z[result.singular])
     kirchhoff = propagate_wave(
         sample=lambda n: sample_wave(wave, n),
-        counts=nodes_for(wave, left, accuracy),
+        counts=nodes_for(wave, kernel, left, accuracy),
         kernel=kernel,
         targets=targets if result.singular.all() else left,
         accuracy=accuracy,

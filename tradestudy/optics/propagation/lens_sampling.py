@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tradestudy.optics.propagation.direct import ApertureSamples
+from tradestudy.optics.propagation.direct import ApertureSamples, Kernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.sampling import NodeCounts, needed_nodes, outline
 from tradestudy.optics.propagation.targets import Targets
@@ -21,14 +21,14 @@ def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
     return ApertureSamples(nodes=nodes, field=np.asarray(wave.field(x, y), dtype=np.complex128), axial_cosine=cosine)
 
 
-def nodes_for(wave: LensWave, targets: Targets, accuracy: Accuracy) -> NodeCounts:
+def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: Accuracy) -> NodeCounts:
     """Node counts for the wave behind a lens and the outline of the targets."""
     x, y, z = targets.coordinates()
     x, y, z = outline(x - wave.lens.centre[0], y - wave.lens.centre[1], z)
     return needed_nodes(
         wave.paths,
+        kernel,
         radius=wave.lens.radius,
-        wavenumber=wave.wavenumber,
         x=x,
         y=y,
         z=z,

@@ -9,6 +9,7 @@ import numpy as np
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation.direct import Kernel
 from tradestudy.optics.propagation.paths import PathTerm
 
 _BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
@@ -59,15 +60,15 @@ class NodeCounts:
 
 def needed_nodes(
     paths: PathTerm,
+    kernel: Kernel,
     *,
     radius: float,
-    wavenumber: float,
     x: FloatArray,
     y: FloatArray,
     z: FloatArray,
     tolerance: float,
 ) -> NodeCounts:
-    """Node counts that resolve exp(i k (path(q) + |P − q|)) on a disc for every given target.
+    """Node counts that resolve the wave times the kernel on a disc for every given target.
 
     A ring needs more nodes than the highest angular frequency on it; the rings need half as many nodes as the phase
     turns along the squared radius. Both get the margin m^⅓ (3/2 ln 1/tolerance)^⅔/2^⅓ over which a Bessel function
@@ -77,10 +78,10 @@ def needed_nodes(
     ----------
     paths
         Path of the wave behind the aperture, in coordinates relative to its centre.
+    kernel
+        Gives the path on to the targets, to second order or exactly.
     radius
         Radius of the aperture [m].
-    wavenumber
-        2π/λ [rad/m].
     x, y, z
         Targets relative to the centre of the aperture [m]: those on the outline of the set are enough.
     tolerance
@@ -96,9 +97,9 @@ def needed_nodes(
     u = np.multiply.outer(ring, np.cos(angle))
     v = np.multiply.outer(ring, np.sin(angle))
     p_x, p_y = paths.slope(u, v)
-    a, b = u - x[:, None, None], v - y[:, None, None]
-    s = np.sqrt(a * a + b * b + z[:, None, None] ** 2)
-    slope_x, slope_y = p_x + a / s, p_y + b / s
+    onward = [kernel.slope_at_target(u, v, *at) for at in zip(x, y, z, strict=True)]
+    slope_x, slope_y = p_x - np.stack([e[0] for e in onward]), p_y - np.stack([e[1] for e in onward])
+    wavenumber = kernel.wavenumber
     radial = slope_x * np.cos(angle) + slope_y * np.sin(angle)
     tangential = slope_y * np.cos(angle) - slope_x * np.sin(angle)
     turns = wavenumber * radius * float(np.max(np.abs(tangential) * (ring / radius)[:, None]))
@@ -112,22 +113,22 @@ def needed_nodes(
 
 def edge_node_count(
     paths: PathTerm,
+    kernel: Kernel,
     *,
     radius: float,
-    wavenumber: float,
     x: FloatArray,
     y: FloatArray,
     z: FloatArray,
     tolerance: float,
 ) -> int:
-    """Nodes that resolve exp(i k (path(q) + |P − q|)) on the edge of a disc; parameters as for `needed_nodes`."""
+    """Nodes that resolve the wave times the kernel on the edge of a disc; parameters as for `needed_nodes`."""
     angle = 2 * np.pi * np.arange(64) / 64.0
     u, v = radius * np.cos(angle), radius * np.sin(angle)
     p_x, p_y = paths.slope(u, v)
-    a, b = u - x[:, None], v - y[:, None]
-    s = np.sqrt(a * a + b * b + z[:, None] ** 2)
-    along = (p_y + b / s) * np.cos(angle) - (p_x + a / s) * np.sin(angle)
-    turns = wavenumber * radius * float(np.max(np.abs(along)))
+    onward = [kernel.slope_at_target(u, v, *at) for at in zip(x, y, z, strict=True)]
+    slope_x, slope_y = p_x - np.stack([e[0] for e in onward]), p_y - np.stack([e[1] for e in onward])
+    along = slope_y * np.cos(angle) - slope_x * np.sin(angle)
+    turns = kernel.wavenumber * radius * float(np.max(np.abs(along)))
     return math.ceil(turns + bessel_margin(turns, tolerance)) + 1
 
 

@@ -202,12 +202,12 @@ def _refined(
         finer = sample(counts.scaled(2.0)) if doubling else None
         check = _check(samples, finer, kernel, targets, fast.field, accuracy)
         check_seconds += check.seconds
-        largest = _largest_field(samples, kernel, targets)
         error = stated_error(
             fast.field,
             check,
-            low_rank=fast.low_rank_error * largest,
-            nufft=0.3 * share * largest if fast.rank else 0.0,
+            largest=largest_field(samples, kernel, targets),
+            low_rank=fast.low_rank_error,
+            nufft=0.3 * share if fast.rank else 0.0,
         )
         good = error.intensity <= accuracy.tolerance
         if good or (fixed_nodes and (check.nodes > check.sums or share < 1e-13)):
@@ -267,7 +267,7 @@ def _check(
     )
 
 
-def _largest_field(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
+def largest_field(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
     """Field that the nodes could give together if all were in phase."""
     u, v, strength = samples.local()
     x, y, z = (np.asarray([float(np.mean(c))]) for c in targets.coordinates())
