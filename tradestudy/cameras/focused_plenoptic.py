@@ -10,8 +10,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorShape, ErrorSource, Limit, UsableCriteria
+from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorShape, Limit, UsableCriteria
+from tradestudy.cameras.focus import MicrolensTypesFocus
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
+from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field.microlens_relay import inverse_focus_virtual_depth, relay_blur_diameter
@@ -26,41 +28,6 @@ from tradestudy.optics.thin_lens import focus_shift
 from tradestudy.optics.triangulation import plenoptic_depth
 
 PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
-NO_ERROR = ErrorSource(standard_deviation=0.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlenopticCalibration:
-    """Calibration errors of the camera, each one draw per camera.
-
-    Parameters
-    ----------
-    mla_distance, focal_length
-        Of z and of f_M [m], both normal.
-    correlation
-        Between the two, because calibration on targets determines z − f_M far better than either; −1 … 1.
-    microlens_gap
-        Of b_L [m].
-
-    Raises
-    ------
-    OutOfRangeError
-        For a correlation outside −1 … 1.
-    """
-
-    mla_distance: ErrorSource = NO_ERROR
-    focal_length: ErrorSource = NO_ERROR
-    correlation: float = 0.0
-    microlens_gap: ErrorSource = NO_ERROR
-
-    def __post_init__(self) -> None:
-        if not -1.0 <= self.correlation <= 1.0:
-            raise OutOfRangeError("a correlation", value=f"{self.correlation:g}", limit="−1 to 1")
-        for name in ("mla_distance", "focal_length"):
-            if getattr(self, name).shape != "normal":
-                raise OutOfRangeError(
-                    f"the error of {name} is drawn jointly with its partner", value="uniform", limit="normal"
-                )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +86,16 @@ class FocusedPlenoptic:
                 value=f"pitch {self.microlenses.pitch * 1e6:g} um",
                 limit=f"at most {self.sensor.width * 1e6:g} um",
             )
+
+    @property
+    def focus(self) -> MicrolensTypesFocus:
+        """What the types of microlenses keep sharp."""
+        return MicrolensTypesFocus(
+            main_lens=self.main_lens,
+            microlenses=self.microlenses,
+            mla_distance=self.mla_distance,
+            sample_pitch=self.sensor.pixel_pitch,
+        )
 
     def microlens_object_distance(self, distance: ArrayLike) -> FloatArray:
         """a_L = z − b_M [m], signed: positive Keplerian, negative Galilean."""
@@ -273,20 +250,7 @@ class FocusedPlenoptic:
 
     def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
         """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        errors = self.calibration
-        sigma_z, sigma_f = errors.mla_distance.standard_deviation, errors.focal_length.standard_deviation
-        alone = math.sqrt(1.0 - errors.correlation**2)
-        directions: dict[str, tuple[Mapping[str, float], ...]] = {
-            "pixel_noise": ({"pixel_noise": self.disparity_error_px * self.sensor.pixel_pitch},),
-            "mla_distance_and_focal_length": (
-                {"mla_distance": sigma_z, "focal_length": errors.correlation * sigma_f},
-                {"focal_length": alone * sigma_f},
-            ),
-            "microlens_gap": ({"microlens_gap": errors.microlens_gap.standard_deviation},),
-        }
-        return {
-            name: parts for name, parts in directions.items() if any(value for part in parts for value in part.values())
-        }
+        return self.calibration.error_directions(self.disparity_error_px * self.sensor.pixel_pitch)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well.

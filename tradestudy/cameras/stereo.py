@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorSource, Limit, UsableCriteria
+from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.parts import Lens, Sensor, require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -103,6 +104,18 @@ class StereoRig:
                 limit=f"beyond the focal length, {self.lens.focal_length * 1e3:g} mm",
                 remedy="increase the focus distance",
             )
+
+    @property
+    def focus(self) -> SingleLensFocus | EveryObjectFocus:
+        """What both lenses keep sharp: they are equal and the depth of field of each is that of the rig."""
+        if self.focus_distance is None:
+            return EveryObjectFocus(lens=self.lens, sample_pitch=self.sensor.pixel_pitch, mechanisms=2)
+        return SingleLensFocus(
+            lens=self.lens,
+            focus_distance=self.focus_distance,
+            sample_pitch=self.sensor.pixel_pitch,
+            name="both lenses",
+        )
 
     @property
     def field_of_view(self) -> float:

@@ -6,8 +6,9 @@ import math
 from typing import assert_never
 
 from tradestudy.cameras.depth_camera import DepthCamera, ErrorSource, UsableCriteria
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic, PlenopticCalibration
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, focal_length_of_field_of_view
+from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
 from tradestudy.cameras.stereo import StereoCalibration, StereoRig
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.depth_of_field.microlens_relay import microlens_focal_length, touching_inverse_virtual_depths

@@ -1,0 +1,85 @@
+"""Lenses that a mechanism focuses on whatever is looked at."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.focus.focus import BlurCriterion, SharpRange, sharp_range
+from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field import DepthOfField, DiffractionMeasure, diffraction_diameter, images_needed
+from tradestudy.optics.thin_lens import image_distance
+
+
+@dataclass(frozen=True, kw_only=True)
+class EveryObjectFocus:
+    """A focus without limits, at the price of a mechanism in each lens and one exposure for each depth of field.
+
+    Parameters
+    ----------
+    lens
+        One of the lenses.
+    sample_pitch
+        The pixel pitch [m].
+    mechanisms
+        How many lenses are moved.
+    """
+
+    lens: Lens
+    sample_pitch: float
+    mechanisms: int
+
+    def __post_init__(self) -> None:
+        require_positive("pixel pitch", self.sample_pitch)
+
+    def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
+        """Everything beyond the focal length, one focus after another, unless diffraction alone is too wide.
+
+        The diffraction spot at a is ``d∞ b(a)/f`` wide, so that it leaves room from the distance on at which it equals
+        the criterion: ``b = f c/d∞``.
+        """
+        f = self.lens.focal_length
+        at_infinity = criterion.allowance(self.sample_pitch, self.lens.f_number)
+        if bool(at_infinity.exceeded):
+            nothing = DepthOfField(near=np.asarray(np.nan), far=np.asarray(np.nan))
+            return sharp_range(("refocused",), [nothing], at_infinity.reason)
+        spot = float(diffraction_diameter(criterion.wavelength, self.lens.f_number, criterion.measure))
+        widest = criterion.blur_px * self.sample_pitch
+        # b − f = f (c/d∞ − 1) is the largest focus shift that diffraction leaves sharp.
+        near = f + f * spot / (widest - spot) if widest > spot else math.inf
+        return sharp_range(("refocused",), [DepthOfField(near=np.asarray(near), far=np.asarray(math.inf))])
+
+    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+        """From the focal length to where a pixel covers the size: ``p (a − f)/f = r``."""
+        f = self.lens.focal_length
+        far = f + f * (resolution / self.sample_pitch)
+        return sharp_range(("refocused",), [DepthOfField(near=np.asarray(f), far=np.asarray(far))])
+
+    def images(self, criterion: BlurCriterion, near: float, far: float) -> int:
+        """The fewest depths of field that cover the scene; 0 where diffraction leaves none at its near end."""
+        f = self.lens.focal_length
+        if not near > f:
+            return 0
+        f_number = image_distance(near, f) / self.lens.pupil_diameter
+        blur = float(criterion.allowance(self.sample_pitch, f_number).geometric_diameter)
+        if not blur > 0.0:
+            return 0
+        return images_needed(near, far, focal_length=f, pupil_diameter=self.lens.pupil_diameter, blur_diameter=blur)
+
+    def _magnified(self, distance: ArrayLike, on_sensor: ArrayLike) -> FloatArray:
+        a, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
+        return np.asarray(np.where(a > f, np.asarray(on_sensor) * ((a - f) / f), np.nan))
+
+    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
+        """``p (a − f)/f``: a pixel on an object in focus [m]."""
+        return self._magnified(distance, self.sample_pitch)
+
+    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
+        """The spot ``∝ λ b/A`` on an object in focus: ``∝ λ a/A`` [m]."""
+        a, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
+        spot = diffraction_diameter(wavelength, 1.0 / self.lens.pupil_diameter, measure)
+        return np.asarray(np.where(a > f, spot * a, np.nan))

@@ -1,0 +1,128 @@
+"""What every camera can tell about its focus, so that a study treats all of them alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.parts import require_positive
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field import (
+    BlurAllowance,
+    DepthOfField,
+    DiffractionMeasure,
+    IntervalUnion,
+    blur_allowance,
+    diffraction_diameter,
+    union,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlurCriterion:
+    """How much blur counts as sharp.
+
+    Parameters
+    ----------
+    blur_px
+        Diameter of the blur in lateral samples: pixels, or microlenses of an unfocused plenoptic camera.
+    measure
+        How wide the diffraction spot counts in quadrature beside defocus; ``none`` is geometric optics.
+    wavelength
+        λ [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        For a blur or a wavelength that is not positive.
+    """
+
+    blur_px: float
+    measure: DiffractionMeasure
+    wavelength: float
+
+    def __post_init__(self) -> None:
+        require_positive("blur that counts as sharp", self.blur_px, "px")
+        require_positive("wavelength", self.wavelength)
+
+    def allowance(self, sample_pitch: float, working_f_number: ArrayLike) -> BlurAllowance:
+        """What diffraction leaves to defocus [m], ``√(c² − d²)``; see `blur_allowance`."""
+        spot = diffraction_diameter(self.wavelength, working_f_number, self.measure)
+        return blur_allowance(self.blur_px * sample_pitch, spot)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharpRange:
+    """What a camera keeps sharp: slice by slice, and together.
+
+    Parameters
+    ----------
+    names
+        Of the slices: an image of a stack, a type of microlens, the lens.
+    slices
+        Near and far limit [m] of each, shape (slices,); NaN where a slice is nowhere sharp.
+    reason
+        Why there is none, where there is none.
+    """
+
+    names: tuple[str, ...]
+    slices: DepthOfField
+    reason: str = ""
+
+    @property
+    def union(self) -> IntervalUnion:
+        """What the slices cover together, with gaps and overlaps."""
+        return union(self.slices)
+
+    @property
+    def extent(self) -> float:
+        """Total length [m] of all that is sharp; infinite where a far limit is."""
+        covered = self.union.covered
+        return float(np.sum(covered[:, 1] - covered[:, 0])) if len(covered) else 0.0
+
+    def share_of(self, near: float, far: float) -> float:
+        """Share of a range of distances [m], near < far, that is sharp."""
+        covered = np.clip(self.union.covered, near, far)
+        return float(np.sum(covered[:, 1] - covered[:, 0]) / (far - near))
+
+
+def sharp_range(names: tuple[str, ...], parts: Sequence[DepthOfField], reason: str = "") -> SharpRange:
+    """A sharp range of one slice for each name; the reason is that given, or all that the parts have."""
+    near, far = (
+        np.concatenate([np.empty(0), *(np.atleast_1d(getattr(part, end)) for part in parts)]) for end in ("near", "far")
+    )
+    reasons = [reason] if reason else [part.reason for part in parts if part.reason]
+    return SharpRange(names=names, slices=DepthOfField(near=near, far=far), reason="; ".join(dict.fromkeys(reasons)))
+
+
+class Focus(Protocol):
+    """The focus of a camera along its optical axis; all distances from the principal plane of its lens."""
+
+    @property
+    def mechanisms(self) -> int:
+        """How many lenses have to be moved to cover what `sharp_range` covers."""
+        ...
+
+    def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
+        """What is sharp by a blur criterion."""
+        ...
+
+    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+        """What is resolved with a given size of detail on the object [m] or better; geometric."""
+        ...
+
+    def images(self, criterion: BlurCriterion, near: float, far: float) -> int:
+        """Exposures taken for a scene from near to far [m]; 0 where no number is enough."""
+        ...
+
+    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
+        """The larger of sample and geometric blur on the object [m]; NaN where there is no real image."""
+        ...
+
+    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
+        """Width of the diffraction spot, projected to the object [m]; NaN where there is no real image."""
+        ...

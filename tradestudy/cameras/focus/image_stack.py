@@ -1,0 +1,136 @@
+"""A lens that a mechanism focuses anew for every image of a stack."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.focus.focus import BlurCriterion, SharpRange, sharp_range
+from tradestudy.cameras.focus.single_lens import SingleLensFocus, require_focus
+from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field import DiffractionMeasure, images_needed, plan_focus_stack
+from tradestudy.optics.thin_lens import image_distance
+
+
+@dataclass(frozen=True, kw_only=True)
+class ImageStackFocus:
+    """As few images as cover a range of distances, but no more than the stack may have.
+
+    Where the most images are too few, all are taken and spread evenly; the gaps between their slices are then equal.
+
+    Parameters
+    ----------
+    lens
+        The lens; focusing moves it as a whole.
+    sample_pitch
+        The pixel pitch [m].
+    near, far
+        Range that the stack is spread over [m]; far may be infinite.
+    most_images
+        The most images that one stack may have.
+
+    Raises
+    ------
+    OutOfRangeError
+        For an empty range, one that reaches into the focal length, or no images.
+    """
+
+    lens: Lens
+    sample_pitch: float
+    near: float
+    far: float
+    most_images: int
+
+    mechanisms = 1
+
+    def __post_init__(self) -> None:
+        require_positive("pixel pitch", self.sample_pitch)
+        require_focus(self.near, self.lens.focal_length)
+        if not self.near < self.far:
+            raise OutOfRangeError(
+                "range of a focus stack",
+                value=f"{self.near * 1e3:g} to {self.far * 1e3:g} mm",
+                limit="near < far",
+                remedy="order the range",
+            )
+        if self.most_images < 1:
+            raise OutOfRangeError("images of a focus stack", value=str(self.most_images), limit="at least 1")
+
+    def _at(self, focus_distance: float, name: str) -> SingleLensFocus:
+        return SingleLensFocus(lens=self.lens, focus_distance=focus_distance, sample_pitch=self.sample_pitch, name=name)
+
+    def _planning_blur(self, criterion: BlurCriterion) -> tuple[float, str]:
+        """The blur [m] left to defocus at the near end, where the diffraction spot is widest, and why there is none."""
+        f_number = image_distance(self.near, self.lens.focal_length) / self.lens.pupil_diameter
+        allowance = criterion.allowance(self.sample_pitch, f_number)
+        return float(allowance.geometric_diameter), allowance.reason
+
+    def focus_distances(self, criterion: BlurCriterion) -> FloatArray:
+        """Where the images are focused [m], nearest first; none where diffraction leaves no blur to defocus."""
+        blur, _ = self._planning_blur(criterion)
+        if not blur > 0.0:
+            return np.empty(0)
+        lens = {"focal_length": self.lens.focal_length, "pupil_diameter": self.lens.pupil_diameter}
+        count = min(images_needed(self.near, self.far, **lens, blur_diameter=blur), self.most_images)
+        if blur >= self.lens.pupil_diameter:  # all is sharp by this criterion, wherever the one image is focused
+            return np.array([self.near])
+        return plan_focus_stack(self.near, self.far, images=count, **lens, blur_diameter=blur).focus_distances
+
+    def _images(self, criterion: BlurCriterion) -> list[SingleLensFocus]:
+        return self._stack(self.focus_distances(criterion))
+
+    def _stack(self, focus_distances: FloatArray) -> list[SingleLensFocus]:
+        return [self._at(float(distance), f"image {number}") for number, distance in enumerate(focus_distances, 1)]
+
+    def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
+        """The slices of the stack, each with what diffraction leaves at its own focus."""
+        images = self._images(criterion)
+        ranges = [image.sharp_range(criterion).slices for image in images]
+        names = tuple(image.name for image in images)
+        return sharp_range(names, ranges, self._planning_blur(criterion)[1])
+
+    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+        """The slices of a stack spread for a size of detail on the object instead of a blur on the sensor.
+
+        An image focused at a₀ resolves r from ``a₀ (1 − r/A)`` to ``a₀ (1 + r/A)``, a fixed ratio, so that a touching
+        stack is a geometric progression of distances.
+        """
+        # Beyond this a pixel alone covers more than the size asked for, and no focus helps.
+        far = min(self.far, self.lens.focal_length * (1.0 + resolution / self.sample_pitch))
+        share = resolution / self.lens.pupil_diameter
+        if share >= 1.0 or far <= self.near:  # everything nearer than one focus is resolved, or nothing is anyway
+            focus = np.array([max(far, self.near)])
+        else:
+            stretch = math.log(far / self.near)
+            needed = math.ceil(stretch / (2.0 * math.atanh(share)) * (1.0 - 1e-12))
+            count = min(max(1, needed), self.most_images)
+            middles = self.near * np.exp((np.arange(count) + 0.5) * (stretch / count))
+            focus = middles / math.sqrt(1.0 - share**2)
+        images = self._stack(focus)
+        names = tuple(image.name for image in images)
+        return sharp_range(names, [image.sharp_range_at_resolution(resolution).slices for image in images])
+
+    def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - the stack has its own range
+        """How many images the stack takes for its own range."""
+        return len(self.focus_distances(criterion))
+
+    @cached_property
+    def _sharpest(self) -> list[SingleLensFocus]:
+        """The stack as planned for a blur of one pixel, geometric: what resolution is judged by."""
+        return self._images(BlurCriterion(blur_px=1.0, measure="none", wavelength=1e-6))  # λ does not enter
+
+    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
+        """That of the best image of the stack that covers its range at one pixel of blur [m]."""
+        return np.asarray(np.min([image.lateral_resolution(distance) for image in self._sharpest], axis=0))
+
+    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
+        """That of the image that resolves best there [m]."""
+        best = np.argmin([image.lateral_resolution(distance) for image in self._sharpest], axis=0)
+        widths = np.stack([image.diffraction_width(distance, wavelength, measure) for image in self._sharpest])
+        return np.asarray(np.take_along_axis(widths, best[np.newaxis], axis=0)[0])

@@ -1,0 +1,131 @@
+"""The microlenses of a focused plenoptic camera: one depth of field for each type."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.focus.focus import BlurCriterion, SharpRange, sharp_range
+from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field import (
+    DiffractionMeasure,
+    diffraction_diameter,
+    inverse_focus_virtual_depth,
+    relay_depth_of_field,
+)
+from tradestudy.optics.lateral_resolution import (
+    focused_plenoptic_depth_of_field_at_resolution,
+    focused_plenoptic_lateral_resolution,
+)
+from tradestudy.optics.microlens_projection import virtual_depth
+
+
+@dataclass(frozen=True, kw_only=True)
+class MicrolensTypesFocus:
+    """Main lens, array and sensor at fixed distances; each type is used on the side of the array it focuses on.
+
+    Parameters
+    ----------
+    main_lens, microlenses
+        The parts.
+    mla_distance
+        Main lens to array z [m].
+    sample_pitch
+        The pixel pitch [m].
+    """
+
+    main_lens: Lens
+    microlenses: MicrolensArray
+    mla_distance: float
+    sample_pitch: float
+
+    mechanisms = 0
+
+    def __post_init__(self) -> None:
+        require_positive("pixel pitch", self.sample_pitch)
+        require_positive("distance from main lens to microlens array", self.mla_distance)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """One for each type."""
+        count = self.microlenses.types
+        return ("microlenses",) if count == 1 else tuple(f"type {number}" for number in range(1, count + 1))
+
+    @property
+    def _inverse_focus(self) -> FloatArray:
+        return inverse_focus_virtual_depth(self.microlenses.focal_lengths, self.microlenses.gap)
+
+    def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
+        """Each type's depth of field through the main lens; see `relay_depth_of_field`.
+
+        A microlens is its own stop: the diffraction spot on the sensor is that of the f-number ``b_L/D``.
+        """
+        array = self.microlenses
+        allowance = criterion.allowance(self.sample_pitch, array.gap / array.aperture_diameter)
+        parts = [
+            relay_depth_of_field(
+                inverse,
+                blur_diameter=allowance.geometric_diameter,
+                microlens_aperture=array.aperture_diameter,
+                microlens_gap=array.gap,
+                mla_distance=self.mla_distance,
+                focal_length=self.main_lens.focal_length,
+                keplerian=bool(inverse >= 0.0),
+            )
+            for inverse in self._inverse_focus
+        ]
+        return sharp_range(self.names, parts, allowance.reason)
+
+    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+        """See `focused_plenoptic_depth_of_field_at_resolution`."""
+        array = self.microlenses
+        parts = [
+            focused_plenoptic_depth_of_field_at_resolution(
+                resolution,
+                mla_distance=self.mla_distance,
+                microlens_gap=array.gap,
+                focal_length=self.main_lens.focal_length,
+                inverse_focus_virtual_depth=inverse,
+                microlens_aperture=array.aperture_diameter,
+                pixel_pitch=self.sample_pitch,
+                keplerian=bool(inverse >= 0.0),
+            )
+            for inverse in self._inverse_focus
+        ]
+        return sharp_range(self.names, parts)
+
+    def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
+        """One."""
+        return 1
+
+    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
+        """``max(p |v|, D |1 − v/v₀|) (a − f)/f`` [m] of the sharpest type.
+
+        See `focused_plenoptic_lateral_resolution`.
+        """
+        a, f, array = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length, self.microlenses
+        real = a > f
+        sizes = [
+            focused_plenoptic_lateral_resolution(
+                np.where(real, a, 2.0 * f),
+                mla_distance=self.mla_distance,
+                microlens_gap=array.gap,
+                focal_length=f,
+                inverse_focus_virtual_depth=inverse,
+                microlens_aperture=array.aperture_diameter,
+                pixel_pitch=self.sample_pitch,
+            )
+            for inverse in self._inverse_focus
+        ]
+        return np.asarray(np.where(real, np.min(sizes, axis=0), np.nan))
+
+    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
+        """The spot behind a microlens times ``|v| (a − f)/f`` [m]."""
+        a, f, array = np.asarray(distance, dtype=np.float64), self.main_lens.focal_length, self.microlenses
+        real = a > f
+        v = virtual_depth(np.where(real, a, 2.0 * f), self.mla_distance, array.gap, f)
+        spot = diffraction_diameter(wavelength, array.gap / array.aperture_diameter, measure)
+        return np.asarray(np.where(real, spot * np.abs(v) * ((a - f) / f), np.nan))

@@ -1,0 +1,74 @@
+"""The views of an unfocused plenoptic camera: sharp wherever each of them is, since they can be refocused there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.focus.focus import BlurCriterion, SharpRange
+from tradestudy.cameras.focus.single_lens import SingleLensFocus
+from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field import DiffractionMeasure
+
+
+@dataclass(frozen=True, kw_only=True)
+class RefocusedViewsFocus:
+    """A lens as wide as one view, with one lateral sample for each microlens.
+
+    Parameters
+    ----------
+    main_lens
+        The main lens.
+    focus_distance
+        a₀ [m], the distance whose image falls on the array.
+    view_pupil_diameter
+        The part of the pupil that one pixel sees through [m].
+    microlens_pitch
+        The lateral sample [m].
+    """
+
+    main_lens: Lens
+    focus_distance: float
+    view_pupil_diameter: float
+    microlens_pitch: float
+
+    mechanisms = 0
+
+    def __post_init__(self) -> None:
+        require_positive("pupil of a view", self.view_pupil_diameter)
+
+    @property
+    def _view(self) -> SingleLensFocus:
+        f = self.main_lens.focal_length
+        return SingleLensFocus(
+            lens=Lens(focal_length=f, f_number=f / self.view_pupil_diameter),
+            focus_distance=self.focus_distance,
+            sample_pitch=self.microlens_pitch,
+            name="refocused views",
+        )
+
+    def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
+        """Depth of field of one view, the blur and the diffraction of its small pupil in microlenses."""
+        return self._view.sharp_range(criterion)
+
+    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+        """See `depth_of_field_at_resolution`."""
+        return self._view.sharp_range_at_resolution(resolution)
+
+    def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
+        """One: refocusing is computed."""
+        return 1
+
+    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
+        """``max(p a/z, B |a − a₀|/a₀)`` [m], p the microlens pitch and B the pupil of a view."""
+        return self._view.lateral_resolution(distance)
+
+    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
+        """The spot of one view's pupil on the array times a/z [m].
+
+        A refocused image adds the views and is no sharper than each of them: the microlens has sampled it already.
+        """
+        return np.asarray(self._view.diffraction_width(distance, wavelength, measure))

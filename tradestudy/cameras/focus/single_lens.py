@@ -1,0 +1,104 @@
+"""One lens before one sensor, focused at one distance: a conventional camera, or each half of a stereo rig."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.focus.focus import BlurCriterion, SharpRange, sharp_range
+from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field import DiffractionMeasure, depth_of_field, diffraction_diameter
+from tradestudy.optics.lateral_resolution import depth_of_field_at_resolution, lateral_resolution
+from tradestudy.optics.thin_lens import image_distance
+
+
+def require_focus(focus_distance: float, focal_length: float) -> None:
+    """Refuse a focus that a lens cannot have."""
+    if not focus_distance > focal_length:
+        raise OutOfRangeError(
+            "the lens cannot focus that close",
+            value=f"{focus_distance * 1e3:g} mm",
+            limit=f"beyond the focal length, {focal_length * 1e3:g} mm",
+            remedy="increase the focus distance",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleLensFocus:
+    """A lens that stays focused at one distance.
+
+    Parameters
+    ----------
+    lens
+        The lens.
+    focus_distance
+        a₀ [m] from its principal plane; infinity is allowed.
+    sample_pitch
+        The pixel pitch [m].
+    name
+        Of the one slice that it keeps sharp.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a focus inside the focal length or a pitch that is not positive.
+    """
+
+    lens: Lens
+    focus_distance: float
+    sample_pitch: float
+    name: str = "one image"
+
+    mechanisms = 0
+
+    def __post_init__(self) -> None:
+        require_positive("pixel pitch", self.sample_pitch)
+        require_focus(self.focus_distance, self.lens.focal_length)
+
+    @property
+    def working_f_number(self) -> float:
+        """N_w = b₀/A."""
+        return float(image_distance(self.focus_distance, self.lens.focal_length)) / self.lens.pupil_diameter
+
+    def sharp_range(self, criterion: BlurCriterion) -> SharpRange:
+        """The exact thin lens with what diffraction leaves of the criterion; see `depth_of_field`."""
+        allowance = criterion.allowance(self.sample_pitch, self.working_f_number)
+        limits = depth_of_field(
+            self.focus_distance, self.lens.focal_length, self.lens.pupil_diameter, allowance.geometric_diameter
+        )
+        return sharp_range((self.name,), [limits], allowance.reason)
+
+    def sharp_range_at_resolution(self, resolution: float) -> SharpRange:
+        """``a₀ (1 − r/A)`` to the nearer of ``a₀ (1 + r/A)`` and ``r b₀/p``; see `depth_of_field_at_resolution`."""
+        limits = depth_of_field_at_resolution(
+            resolution,
+            focus_distance=self.focus_distance,
+            focal_length=self.lens.focal_length,
+            pupil_diameter=self.lens.pupil_diameter,
+            sample_pitch=self.sample_pitch,
+        )
+        return sharp_range((self.name,), [limits])
+
+    def images(self, criterion: BlurCriterion, near: float, far: float) -> int:  # noqa: ARG002 - one, whatever the scene
+        """One."""
+        return 1
+
+    def lateral_resolution(self, distance: ArrayLike) -> FloatArray:
+        """``max(p a/b₀, A |a − a₀|/a₀)`` [m]; see `lateral_resolution`."""
+        return lateral_resolution(
+            distance,
+            focus_distance=self.focus_distance,
+            focal_length=self.lens.focal_length,
+            pupil_diameter=self.lens.pupil_diameter,
+            sample_pitch=self.sample_pitch,
+        )
+
+    def diffraction_width(self, distance: ArrayLike, wavelength: float, measure: DiffractionMeasure) -> FloatArray:
+        """The spot on the sensor times a/b₀ [m]."""
+        b0 = float(image_distance(self.focus_distance, self.lens.focal_length))
+        spot = diffraction_diameter(wavelength, self.working_f_number, measure)
+        return np.asarray(spot * (np.asarray(distance, dtype=np.float64) / b0))
