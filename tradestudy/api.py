@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
-from tradestudy.study.definition import StudyDefinition, load_definition
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.loading import load_definition
 from tradestudy.study.progress import Progress
 
 if TYPE_CHECKING:

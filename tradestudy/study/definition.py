@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.assemble import camera_of, criteria_of
-from tradestudy.study.reader import Document, read, validate, with_values
+from tradestudy.study.reader import Document, validate, with_values
 from tradestudy.study.schema.root import StudyFile
 
 
@@ -73,14 +72,44 @@ class StudyDefinition:
             distance=np.array(self.file.scene.distance_values()),
         )
 
-    def with_values(self, values: Mapping[str, str | float | bool | None]) -> StudyDefinition:
-        """The same study with other values, by dotted path; None takes a value back. Checked like any other."""
-        return StudyDefinition.of(with_values(self.document, {path: _as_yaml(value) for path, value in values.items()}))
+    def with_values(
+        self,
+        values: Mapping[str, str | float | bool | None],
+        *,
+        written_at: tuple[str | int, ...] | None = None,
+    ) -> StudyDefinition:
+        """The same study with other values, by dotted path; None takes a value back. Checked like any other.
 
+        Parameters
+        ----------
+        values
+            New value for each path.
+        written_at
+            The mapping of this study that the values stand in, so that their mistakes are reported there.
+        """
+        texts = {path: _as_yaml(value) for path, value in values.items()}
+        places = None if written_at is None else {path: (*written_at, path) for path in values}
+        return StudyDefinition.of(with_values(self.document, texts, written_at=places))
 
-def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinition:
-    """Read and check a study file with ``path=value`` overrides."""
-    return StudyDefinition.of(read(path, overrides))
+    @cached_property
+    def readings(self) -> Mapping[str, StudyDefinition]:
+        """The study under each of its other readings.
+
+        Raises
+        ------
+        StudyError
+            With every mistake of every reading.
+        """
+        found: dict[str, StudyDefinition] = {}
+        problems: list[Problem] = []
+        for name, reading in self.file.readings.items():
+            try:
+                found[name] = self.with_values(reading.set, written_at=("readings", name, "set"))
+            except StudyError as error:
+                problems += error.problems
+        if problems:
+            raise StudyError(problems)
+        return found
 
 
 def _as_yaml(value: str | float | bool | None) -> str:

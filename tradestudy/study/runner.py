@@ -31,9 +31,7 @@ def compute(definition: StudyDefinition, progress: Progress = lambda _step, _sha
         As declared in `tradestudy.results`.
     """
     file = definition.file
-    readings = {NOMINAL: definition} | {
-        name: definition.with_values(reading.set) for name, reading in file.readings.items()
-    }
+    readings = {NOMINAL: definition, **definition.readings}
     groups: dict[str, xr.Dataset] = {
         "/": xr.Dataset(
             attrs={

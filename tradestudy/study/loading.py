@@ -1,0 +1,59 @@
+"""Read a study file and check all of it: what it declares, and every place where it says how to change that."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from tradestudy.errors import Problem, StudyError, TradestudyError
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.reader import read
+from tradestudy.study.sweep import sweep_axes
+
+Change = tuple[tuple[str | int, ...], dict[str, str]]
+
+
+def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinition:
+    """Read a study file with ``path=value`` overrides; check it, its readings, and both ends of what it varies.
+
+    Raises
+    ------
+    StudyError
+        With every mistake found, at its place.
+    """
+    definition = StudyDefinition.of(read(path, overrides))
+    problems: list[Problem] = []
+    try:
+        definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
+    except StudyError as error:
+        problems += error.problems
+    problems += _problems_of_changes(definition)
+    if problems:
+        raise StudyError(list(dict.fromkeys(problems)))
+    return definition
+
+
+def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
+    """Mistakes of the first and last value of each sweep axis and of the ends of each inverse question."""
+    for where, values in _changes(definition):
+        try:
+            definition.with_values(values)
+        except StudyError as error:
+            file, line, column = definition.document.locate(where)
+            for problem in error.problems:
+                path = ".".join(str(key) for key in where)
+                yield Problem(file=file, line=line, column=column, path=path, what=f"{problem.path}: {problem.what}")
+
+
+def _changes(definition: StudyDefinition) -> Iterator[Change]:
+    try:
+        axes = sweep_axes(definition)
+    except TradestudyError as error:
+        file, line, column = definition.document.locate(("sweep",))
+        raise StudyError([Problem(file=file, line=line, column=column, path="sweep", what=str(error))]) from error
+    for axis in axes:
+        for value in (axis.values[0], axis.values[-1]):
+            yield ("sweep", axis.path), {axis.path: value}
+    for name, question in definition.file.solve.items():
+        for value in (question.low, question.high):
+            yield ("solve", name, "vary"), {question.vary: value}
