@@ -13,7 +13,7 @@ from tradestudy.results import dataset
 DISTANCE = np.geomspace(0.05, 10.0, 160)
 WAYS = ["noise", "calibration", "both"]
 QUANTILES = [0.025, 0.15865525393145707, 0.5, 0.8413447460685429, 0.975]
-PARTS = ["pixel_noise", "yaw", "baseline", "mla_distance"]
+PARTS = ["pixel_noise", "yaw", "baseline", "mla_distance", "roll"]
 READINGS = {
     "as declared": "the study as declared",
     "least-squares-all": "every lens that sees the point, all types sharp",
@@ -87,6 +87,7 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
     part = np.full((*noise.shape, len(PARTS)), np.nan)
     part[..., 0] = noise
     part[1:, :, 1], part[1:, :, 2], part[0, :, 3] = calibration[1:], 0.001 * z, calibration[0]
+    part[1:, :, 4] = 0.0  # on the axis, roll moves no depth
     near, far = np.array([0.15, 1.489, 0.391]), np.array([1.0, 10.0, 10.0])
     step_far = np.where(z > 7.0, np.inf, both * 1.1)
     farther = np.where(np.arange(3)[:, None] == 0, step_far, noise * 1.05)

@@ -161,6 +161,15 @@ def test_stretches_of_one_winner_touch_and_cover_the_range(tree: xr.DataTree) ->
     assert all(a[1] == b[0] for a, b in itertools.pairwise(stretches))
 
 
+def test_parts_that_move_no_depth_are_named_and_not_drawn(tree: xr.DataTree) -> None:
+    figure = figures.figure(tree, "uncertainty_parts")
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert names == ["all together", "pixel noise", "yaw", "baseline", "mla distance"]
+    assert "moves no depth here: roll." in figures.build(tree)["uncertainty_parts"].caption
+    # Black for the total, and the three parts that a stereo rig has.
+    assert len(figure.axes[1].get_lines()) == 1 + 3
+
+
 @pytest.mark.parametrize(("panel", "way"), [(0, "both"), (1, "noise"), (2, "calibration")])
 def test_every_reading_has_its_marks_at_its_ratios(tree: xr.DataTree, panel: int, way: str) -> None:
     axes = figures.figure(tree, "readings").axes[panel]

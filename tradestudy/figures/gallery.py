@@ -124,10 +124,13 @@ def _values_at(depth: xr.Dataset, shown: tuple[Camera, ...], distance: float) ->
 
 
 def _parts(tree: xr.DataTree) -> Drawing:
+    silent = ", ".join(name.replace("_", " ") for name in uncertainty_parts.silent_part_names(nominal(tree)))
     return Drawing(
         name="uncertainty_parts",
         caption="What depth uncertainty is made of: each source of error alone, and all together (black). Shaded: "
-        "usable distances. Sources that are drawn jointly do not add in quadrature." + _design_words(tree),
+        "usable distances. Sources that are drawn jointly do not add in quadrature."
+        + (f" Not drawn, because it moves no depth here: {silent}." if silent else "")
+        + _design_words(tree),
         alt="One log-log chart per camera with a line per source of error. " + _largest_parts(tree),
         draw=partial(uncertainty_parts.uncertainty_parts, tree),
     )

@@ -31,10 +31,21 @@ _COLUMNS = 3
 
 
 def part_names(depth: xr.Dataset) -> tuple[str, ...]:
-    """The sources of error that at least one camera has."""
-    part = depth["depth_uncertainty_part"]
-    present = np.isfinite(part.transpose("part", ...).values.reshape(part.sizes["part"], -1)).any(axis=1)
-    return tuple(str(name) for name in part["part"].values[present])
+    """The sources of error that at least one camera has, and that move its depth."""
+    return tuple(name for name, largest in _largest(depth).items() if largest > 0.0)
+
+
+def silent_part_names(depth: xr.Dataset) -> tuple[str, ...]:
+    """The sources of error that cameras have but that move no depth, as roll on the axis."""
+    return tuple(name for name, largest in _largest(depth).items() if largest == 0.0)
+
+
+def _largest(depth: xr.Dataset) -> dict[str, float]:
+    """The largest uncertainty [m] from each part over all cameras and distances; NaN where no camera has it."""
+    part = depth["depth_uncertainty_part"].transpose("part", ...)
+    rows = part.values.reshape(part.sizes["part"], -1)
+    known = np.where(np.isnan(rows), -np.inf, rows).max(axis=1)
+    return {str(name): float(m) if m >= 0.0 else np.nan for name, m in zip(part["part"].values, known, strict=True)}
 
 
 def uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
