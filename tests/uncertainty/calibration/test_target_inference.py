@@ -112,7 +112,7 @@ def test_array_distance_and_focal_length_are_known_together():
     """Disparity depends on z − f: a calibration by depths knows the difference far better than either."""
     _, problem = plenoptic_problem(np.random.default_rng(2), deviations=(1e-3, 1e-4), lateral_noise=1e3)
     fit = fit_target(problem).laplace
-    assert fit.correlation[0, 1] > 0.9
+    assert fit.correlation[0, 1] > 0.85
     difference = np.array([1.0, -1.0, 0.0])
     assert np.sqrt(difference @ fit.covariance @ difference) < 0.5 * fit.standard_deviation[:2].min()
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import ndtri
-from scipy.stats import rankdata
 
 from tradestudy.optics.arrays import FloatArray
 
@@ -65,6 +64,8 @@ def _split(chains: FloatArray) -> FloatArray:
 
 def _rank_normalise(chains: FloatArray) -> FloatArray:
     """Normal scores of the ranks over all chains (eq. 14)."""
+    from scipy.stats import rankdata  # a second to import, and only chains need it
+
     ranks = rankdata(chains, axis=None).reshape(chains.shape)
     scores: FloatArray = ndtri((ranks - 0.375) / (chains.size + 0.25))
     return scores
