@@ -108,10 +108,9 @@ class Heading:
 
 @dataclass(frozen=True)
 class Paragraph:
-    """A paragraph; `small` is for remarks under tables and figures."""
+    """A paragraph."""
 
     text: Text
-    small: bool = False
 
 
 @dataclass(frozen=True)

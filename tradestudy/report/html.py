@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import jinja2
 import markupsafe
 
-from tradestudy.report.document import Document, Equation, Heading, flattened, plain, spans
+from tradestudy.report.document import Document, Equation, Heading, flattened, spans
 from tradestudy.report.typesetting import template, typeset
 
 _EQUATION_TEXT_SIZE_PT = 11.0  # as in templates/equations.typ
@@ -43,7 +43,6 @@ def render(document: Document, pictures: Mapping[str, bytes]) -> bytes:
         headings=[block for block in blocks if isinstance(block, Heading)],
         style=markupsafe.Markup(template("report.css")),
         spans=spans,
-        plain=plain,
         zip=zip,
         equation=drawn.__getitem__,
         picture_uri=lambda name: _data_uri(pictures[name]),
