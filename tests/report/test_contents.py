@@ -8,7 +8,11 @@ import xarray as xr
 
 from tradestudy import figures
 from tradestudy.report.contents import compose
-from tradestudy.report.document import Bullets, Document, Heading, Picture, Table, flattened, plain, spans
+from tradestudy.report.document import Bullets, Document, Heading, Picture, Table, Text, flattened, spans
+
+
+def plain(text: Text) -> str:
+    return "".join(span.text for span in spans(text))
 
 
 def document_of(tree: xr.DataTree) -> Document:

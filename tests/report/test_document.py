@@ -13,7 +13,6 @@ from tradestudy.report.document import (
     Table,
     flattened,
     literal,
-    plain,
     say,
     spans,
 )  # fmt: skip
@@ -100,7 +99,3 @@ def test_callouts_are_opened_when_blocks_are_counted() -> None:
     inner = Paragraph("b")
     box = Callout(title="", blocks=(inner,))
     assert tuple(flattened((Paragraph("a"), box))) == (Paragraph("a"), box, inner)
-
-
-def test_plain_text_of_spans() -> None:
-    assert plain(say("**a** *b*")) == "a b"

@@ -47,11 +47,6 @@ def spans(text: Text) -> Spans:
     return (Span(literal(text)),) if isinstance(text, str) else text
 
 
-def plain(text: Text) -> str:
-    """Text without its styles, for alt texts and titles."""
-    return "".join(span.text for span in spans(text))
-
-
 def say(template: LiteralString, **values: Text) -> Spans:
     """Read light markup from `template` and put `values` into its ``{places}`` as literal text.
 
