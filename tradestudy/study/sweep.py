@@ -18,18 +18,26 @@ MOST_POINTS = 20_000
 
 @dataclass(frozen=True, kw_only=True)
 class SweepAxis:
-    """One swept value: its dotted path, the text of each value, and labels (SI floats, or text for choices)."""
+    """One swept value: its dotted path, the text of each value, and labels (SI floats, or text for choices).
+
+    ``declared`` is the value that the study has without the sweep, as a label; empty text where it has none.
+    """
 
     path: str
     values: tuple[str, ...]
     labels: tuple[float, ...] | tuple[str, ...]
     units: str
+    declared: float | str
 
 
 def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
     """The axes that a study declares; none where it sweeps nothing."""
     return tuple(
-        _axis_of_range(path, part) if isinstance(part, SweepRangePart) else _axis(path, tuple(str(v) for v in part))
+        _axis(
+            path,
+            _values_of_range(path, part) if isinstance(part, SweepRangePart) else tuple(map(str, part)),
+            definition,
+        )
         for path, part in definition.file.sweep.items()
     )
 
@@ -55,25 +63,28 @@ def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> li
     ]
 
 
-def _axis_of_range(path: str, part: SweepRangePart) -> SweepAxis:
+def _values_of_range(path: str, part: SweepRangePart) -> tuple[str, ...]:
     dimension = common_dimension(part.start, part.stop)
     if dimension is None:
         raise UnitError(f"sweep of {path}: '{part.start}' and '{part.stop}' have no common unit")
     space = np.geomspace if part.spacing == "log" else np.linspace
     numbers = space(parse(part.start, dimension), parse(part.stop, dimension), part.points)
-    values = tuple(f"{float(number)!r} {dimension.unit}".strip() for number in numbers)
-    return SweepAxis(path=path, values=values, labels=tuple(float(n) for n in numbers), units=dimension.unit or "1")
+    return tuple(f"{float(number)!r} {dimension.unit}".strip() for number in numbers)
 
 
-def _axis(path: str, values: tuple[str, ...]) -> SweepAxis:
+def _axis(path: str, values: tuple[str, ...], definition: StudyDefinition) -> SweepAxis:
+    entry = definition.document.entry(path)
+    declared = "" if entry is None else definition.document.text_of(path)
     dimension = common_dimension(*values)
     if dimension is None:
-        return SweepAxis(path=path, values=values, labels=values, units="")
+        return SweepAxis(path=path, values=values, labels=values, units="", declared=declared)
+    alike = common_dimension(declared, *values)
     return SweepAxis(
         path=path,
         values=values,
         labels=tuple(parse(value, dimension) for value in values),
         units=dimension.unit or "1",
+        declared=parse(declared, alike) if alike else declared,
     )
 
 

@@ -36,7 +36,7 @@ def depth_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
         for name in arrays[0]
     }
     leading = tuple(axis.path for axis in axes)
-    coordinates: dict[str, Any] = {axis.path: axis.labels for axis in axes}
+    coordinates: dict[str, Any] = {axis.path: list(axis.labels) for axis in axes}
     coordinates |= {
         "camera": list(definition.case.cameras),
         "distance": definition.case.distance,
@@ -48,7 +48,7 @@ def depth_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
     }
     result = dataset("depth", stacked, coordinates, leading=leading)
     for axis in axes:
-        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path}
+        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
     return result
 
 

@@ -1,0 +1,147 @@
+"""The headline study answers the paper's section 6 as published recomputations say it must."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tradestudy.api import Result, Study
+
+
+def value(result: Result, claim: str, reading: str = "as declared") -> float:
+    return float(result.data["claims"].to_dataset()["value"].sel(claim=claim, reading=reading))
+
+
+def verdict(result: Result, claim: str) -> str:
+    return str(result.data["claims"].to_dataset()["verdict"].sel(claim=claim).item())
+
+
+def test_the_reconstructed_r5_has_the_published_closure(headline: Study) -> None:
+    camera = headline.definition.case.cameras["raytrix-r5"]
+    assert camera.microlenses.gap == pytest.approx(0.568e-3, abs=0.0005e-3)
+    assert camera.mla_distance == pytest.approx(14.773e-3, abs=0.0005e-3)
+    assert float(camera.virtual_depth(0.150)) == pytest.approx(2.0, rel=1e-12)
+
+
+def test_named_stereo_readings(headline: Study) -> None:
+    cameras = headline.definition.case.cameras
+    focal = {name: camera.lens.focal_length for name, camera in cameras.items() if camera.family == "stereo"}
+    assert focal["stereo-printed"] == 30.5e-3
+    assert focal["stereo-65-across"] == pytest.approx(8.00e-3, abs=0.005e-3)
+    assert focal["stereo-65-diagonal"] == pytest.approx(11.3e-3, abs=0.02e-3)
+    assert cameras["stereo-short"].baseline == 20e-3
+
+
+def test_claim_1_overlap_under_three_readings(headline_result: Result) -> None:
+    found = [value(headline_result, "C1", reading) for reading in ("as declared", "diagonal", "printed-focal-length")]
+    assert found == pytest.approx([0.391, 0.552, 1.489], abs=0.001)
+    assert verdict(headline_result, "C1") == "cannot be decided from the paper"
+
+
+def test_claim_2_holds_for_pairs_and_not_for_least_squares_over_all_lenses(headline_result: Result) -> None:
+    assert value(headline_result, "C2") == pytest.approx(1 / 2.9, abs=0.01)
+    assert value(headline_result, "C2", "adjacent-pair") < 1
+    assert value(headline_result, "C2", "least-squares-all") > 1
+    assert verdict(headline_result, "C2") == "cannot be decided from the paper"
+
+
+def test_claim_4_last_disparity_step(headline_result: Result) -> None:
+    assert 6.6 <= value(headline_result, "C4") <= 6.95
+    assert value(headline_result, "C4", "adjacent-pair") == pytest.approx(4.0, abs=0.1)
+    assert value(headline_result, "C4", "plane-100mm") == pytest.approx(4.2, abs=0.1)
+    assert value(headline_result, "C4", "plane-300mm") == pytest.approx(12.5, abs=0.4)
+    assert value(headline_result, "C4", "galilean") == pytest.approx(36 * 0.432 / 0.4464, rel=0.01)
+    assert verdict(headline_result, "C4") == "cannot be decided from the paper"
+
+
+def test_contradictions_of_table_1_are_reported(headline_result: Result) -> None:
+    table = headline_result.data["contradictions"].to_dataset().to_dataframe().set_index("camera")
+    assert table.loc["stereo-printed", "implied"].startswith("19.06° across")
+    assert table.loc["raytrix-r5", "implied"] == "48.51° across, 65.01° on the diagonal"
+    assert "stereo-65-across" not in table.index
+    assert "stereo-65-diagonal" not in table.index
+
+
+def test_yaw_that_equals_the_r5_at_half_a_metre(headline: Study, headline_result: Result) -> None:
+    solved = float(headline_result.data["decision"].to_dataset()["solved_value"].sel(question="yaw-at-half-metre"))
+    depth = headline.with_values({"stereo-65-across.calibration.yaw.standard_deviation": f"{solved!r} rad"}).run()
+    table = depth.data["decision"].to_dataset()
+    assert float(table["uncertainty_ratio"].sel(reading="as declared", place=0.5, way="both")) == pytest.approx(
+        1, rel=1e-6
+    )
+    # By hand: u ≈ Z²/B ψ (1 + (B/2Z)²) for yaw alone must equal the R5's 25.8 mm.
+    by_hand = 25.8e-3 * 0.1 / 0.25 / (1 + 0.01)
+    assert solved == pytest.approx(by_hand, rel=0.02)
+
+
+def test_every_variable_has_units_and_name(headline_result: Result) -> None:
+    for group in headline_result.data.children.values():
+        for name, variable in group.data_vars.items():
+            assert variable.attrs.get("long_name"), name
+            assert "units" in variable.attrs, name
+            if variable.dtype.kind == "f" and variable.attrs["units"] not in ("", "mixed"):
+                assert variable.attrs.get("error"), f"{name} does not say how far it can be trusted"
+
+
+def test_every_nan_and_infinity_of_depth_has_its_reason(headline_result: Result) -> None:
+    depth = headline_result.data["depth"].to_dataset()
+    assert not np.isnan(depth["depth_uncertainty"]).any()
+    assert not np.isnan(depth["depth_quantile"]).any()
+    # Infinite exactly where the far end of the interval is beyond the pole.
+    beyond = depth["failed_fraction"].sel(way="both") >= 0.15865525393145707
+    assert (np.isinf(depth["depth_uncertainty"]) == beyond).all()
+    stereo = depth["camera"].str.startswith("stereo")
+    assert np.isnan(depth["virtual_depth"].sel(camera=stereo)).all()
+    assert not np.isnan(depth["virtual_depth"].sel(camera=~stereo)).any()
+
+
+def test_calibration_of_the_plenoptic_camera_is_never_zero(headline_result: Result) -> None:
+    way = headline_result.data["depth"].to_dataset()["depth_uncertainty_way"].sel(way="calibration")
+    assert (way > 0).all()
+
+
+def test_flips_are_counted_against_the_study_as_declared(headline_result: Result) -> None:
+    table = headline_result.data["decision"].to_dataset()
+    assert not table["flips"].sel(reading="as declared").any()
+    at_half = table["flips"].sel(place=0.5, way="both")
+    assert at_half["reading"].values[at_half.values].tolist() == ["least-squares-all"]
+
+
+def test_other_cameras_give_sensible_different_answers(headline: Study) -> None:
+    """A 300 mm baseline and a 25 mm plenoptic lens: nearer end of stereo and plenoptic noise move as geometry says."""
+    changed = headline.with_values(
+        {"stereo-65-across.baseline": "300 mm", "raytrix-r5.main_lens.focal_length": "25 mm"}
+    )
+    depth, before = (study.run().data["depth"].to_dataset() for study in (changed, headline))
+    near = [float(d["usable_near"].sel(camera="stereo-65-across", interval=0)) for d in (depth, before)]
+    assert near[0] / near[1] == pytest.approx(3.0, rel=1e-9)  # overlap scales with the baseline
+    one = {"distance": 1.0, "method": "nearest"}
+    u_new, u_old = (float(d["depth_uncertainty"].sel(camera="stereo-65-across").sel(**one)) for d in (depth, before))
+    assert u_new / u_old == pytest.approx(1 / 3, rel=0.03)
+    # At the total covering plane, |v| = 2, noise is ((a − f)/f)² b_L σ_v with the same σ_v: 121 b_L against 25 b_L′.
+    noise = [
+        float(d["depth_uncertainty_way"].sel(camera="raytrix-r5", way="noise").interp(distance=0.15))
+        for d in (depth, before)
+    ]
+    gaps = [study.definition.case.cameras["raytrix-r5"].microlenses.gap for study in (changed, headline)]
+    assert noise[0] / noise[1] == pytest.approx(25 * gaps[0] / (121 * gaps[1]), rel=0.01)
+    # Beyond it |v| grows faster behind the longer lens, and a pair's noise with its square.
+    r5_new, r5_old = (float(d["depth_uncertainty"].sel(camera="raytrix-r5").sel(**one)) for d in (depth, before))
+    assert r5_new > r5_old
+
+
+def test_a_sweep_adds_its_dimensions_and_holds_each_point(headline: Study) -> None:
+    axes = {
+        "stereo-short.baseline": ["10 mm", "20 mm", "40 mm"],
+        "raytrix-r5.depth.estimator": ["adjacent-pair", "same-type-pair"],
+    }
+    document = {"sweep": axes} | {"readings": {}, "claims": {}, "solve": {}, "requirements": {}}
+    study = headline.with_values({key: str(value) for key, value in document.items()})
+    depth = study.run().data["depth"].to_dataset()
+    assert depth["depth_uncertainty"].dims == (*axes, "camera", "distance")
+    assert depth["stereo-short.baseline"].values.tolist() == [0.01, 0.02, 0.04]
+    single = headline.with_values({"stereo-short.baseline": "40 mm", "raytrix-r5.depth.estimator": "adjacent-pair"})
+    alone = single.run().data["depth"].to_dataset()
+    at = depth.sel({"stereo-short.baseline": 0.04, "raytrix-r5.depth.estimator": "adjacent-pair"})
+    np.testing.assert_array_equal(at["depth_uncertainty"], alone["depth_uncertainty"])
+    np.testing.assert_array_equal(at["limit_met"], alone["limit_met"])

@@ -1,0 +1,206 @@
+"""The command line from a study file to a report, as a newcomer runs it, in a folder of its own."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pypdfium2
+import pytest
+
+STUDIES = Path(__file__).parent.parent / "studies"
+HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
+
+
+def tradestudy(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "tradestudy", *map(str, arguments)],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    done = tradestudy("run", HEADLINE, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "reports/plenoptic-vs-stereo/report.html"
+    return folder / "reports" / "plenoptic-vs-stereo"
+
+
+class Page(HTMLParser):
+    def __init__(self) -> None:
+        super().__init__()
+        self.ids: list[str] = []
+        self.headings: list[str] = []
+        self.pictures: list[dict[str, str | None]] = []
+        self.outside: list[str] = []
+        self.text: list[str] = []
+        self._heading = False
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        found = dict(attrs)
+        if "id" in found:
+            self.ids.append(found["id"] or "")
+        if tag in ("img", "svg"):
+            self.pictures.append(found)
+        for key in ("src", "href"):
+            target = found.get(key) or ""
+            if target.startswith(("http", "//", "file")):
+                self.outside.append(target)
+        if tag in ("h1", "h2", "h3"):
+            self.headings.append("")
+            self._heading = True
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag in ("h1", "h2", "h3"):
+            self._heading = False
+
+    def handle_data(self, data: str) -> None:
+        self.text.append(data)
+        if self._heading:
+            self.headings[-1] += data
+
+
+def test_everything_a_run_writes_is_there(run_folder: Path) -> None:
+    for name in ("report.html", "report.pdf", "results.nc", "run.json"):
+        assert (run_folder / name).stat().st_size > 500
+    assert {"whole_range.svg", "close_range.svg", "mid_range.svg"} <= {
+        p.name for p in (run_folder / "figures").iterdir()
+    }
+    assert len(list((run_folder / "tables").glob("*.csv"))) >= 5
+    assert not [path for path in run_folder.rglob("*") if path.name.endswith(".part")]
+    record = json.loads((run_folder / "run.json").read_text())
+    assert {"study_hash", "code_hash", "versions", "machine", "seconds", "seed"} <= record.keys()
+
+
+def test_html_is_whole_self_contained_and_accessible(run_folder: Path) -> None:
+    page = Page()
+    page.feed((run_folder / "report.html").read_text(encoding="utf-8"))
+    assert not page.outside
+    assert [name for name, count in Counter(page.ids).items() if count > 1] == []
+    assert len(page.pictures) >= 5
+    for picture in page.pictures:
+        assert picture.get("alt") or picture.get("aria-label") or picture.get("aria-hidden"), picture
+    headings = " | ".join(page.headings)
+    for word in ("answer", "Assumptions", "Method", "Results", "Claims", "Contradictions", "Provenance"):
+        assert word.lower() in headings.lower()
+    text = " ".join(page.text)
+    for claim in ("C1", "C2", "C3", "C4", "C5", "cannot be decided from the paper", "0.582°", "48.51°", "19.06°"):
+        assert claim in text
+
+
+def test_pdf_pages_carry_headings_and_plotted_curves(run_folder: Path) -> None:
+    document = pypdfium2.PdfDocument(run_folder / "report.pdf")
+    texts = [page.get_textpage().get_text_range() for page in document]
+    whole = "\n".join(texts)
+    for heading in ("The answer", "Assumptions", "Method", "Results", "Claims", "Contradictions found", "Provenance"):
+        assert heading in whole
+    assert "Raytrix R5 against a 100 mm stereo rig" in texts[0]
+    coloured = []
+    for page in document:
+        pixels = page.render(scale=1.5).to_numpy().astype(int)
+        spread = pixels.max(axis=2) - pixels.min(axis=2)
+        coloured.append(np.count_nonzero(spread > 60))
+    # The first page's figure holds the curves of six cameras, and at least three more pages hold figures of results.
+    assert coloured[0] > 2000
+    assert sum(count > 2000 for count in coloured) >= 4
+    # A curve runs across the page: coloured pixels in most columns of the plot.
+    first = document[0].render(scale=1.5).to_numpy().astype(int)
+    columns = ((first.max(axis=2) - first.min(axis=2)) > 60).any(axis=0)
+    assert columns[columns.argmax() :].sum() > 400
+
+
+def test_report_again_gives_identical_bytes(run_folder: Path) -> None:
+    kept = {path: path.read_bytes() for path in sorted(run_folder.rglob("*")) if path.is_file()}
+    assert tradestudy("report", run_folder, cwd=run_folder).returncode == 0
+    assert {path: path.read_bytes() for path in sorted(run_folder.rglob("*")) if path.is_file()} == kept
+
+
+def test_two_runs_differ_in_their_provenance_only(run_folder: Path, tmp_path: Path) -> None:
+    done = tradestudy("run", HEADLINE, "--out", tmp_path / "again", "--quiet", cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    for path in sorted(run_folder.rglob("*")):
+        if path.is_file() and path.name not in ("run.json", "report.html", "report.pdf"):
+            assert path.read_bytes() == (tmp_path / "again" / path.relative_to(run_folder)).read_bytes(), path.name
+
+    def without_provenance(folder: Path) -> str:
+        html = (folder / "report.html").read_text(encoding="utf-8")
+        return html[: html.index('id="provenance"')]
+
+    assert without_provenance(run_folder) == without_provenance(tmp_path / "again")
+
+
+def test_finished_results_are_not_computed_again_unless_asked(run_folder: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "copy"
+    shutil.copytree(run_folder, folder)
+    started = json.loads((folder / "run.json").read_text())["started"]
+    (folder / "report.pdf").unlink()
+    assert tradestudy("run", HEADLINE, "--out", folder, cwd=tmp_path).returncode == 0
+    assert json.loads((folder / "run.json").read_text())["started"] == started
+    assert (folder / "report.pdf").read_bytes() == (run_folder / "report.pdf").read_bytes()
+    time.sleep(1.1)  # the record counts whole seconds
+    assert tradestudy("run", HEADLINE, "--out", folder, "--fresh", "--no-pdf", cwd=tmp_path).returncode == 0
+    assert json.loads((folder / "run.json").read_text())["started"] != started
+
+
+def test_a_wrong_study_costs_nothing_on_disk(run_folder: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "reports"
+    shutil.copytree(run_folder, folder)
+    kept = {path: path.stat().st_mtime_ns for path in folder.rglob("*")}
+    done = tradestudy("run", HEADLINE, "--set", "stereo-short.baseline=20", "--out", folder, cwd=tmp_path)
+    assert done.returncode == 2
+    assert re.search(r"--set:1:\d+: cameras\.stereo-short\.baseline: '20' has no unit", done.stderr)
+    assert "Traceback" not in done.stderr
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*")} == kept
+
+
+@pytest.mark.parametrize("delay", [0.6, 1.5, 2.5])
+def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path, delay: float) -> None:
+    folder = tmp_path / "killed"
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tradestudy", "run", str(HEADLINE), "--out", str(folder), "--quiet"], cwd=tmp_path
+    )
+    time.sleep(delay)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    if (folder / "report.html").exists():
+        assert (folder / "report.html").read_text(encoding="utf-8").rstrip().endswith("</html>")
+    if (folder / "report.pdf").exists():
+        pypdfium2.PdfDocument(folder / "report.pdf")
+    again = tradestudy("run", HEADLINE, "--out", folder, "--no-pdf", cwd=tmp_path)
+    assert again.returncode == 0, again.stderr
+    assert not [path for path in folder.rglob("*") if path.name.endswith(".part")]
+
+
+def test_strict_says_which_requirement_is_missed(tmp_path: Path, run_folder: Path) -> None:
+    folder = tmp_path / "strict"
+    shutil.copytree(run_folder, folder)
+    done = tradestudy("run", HEADLINE, "--strict", "--no-pdf", "--out", folder, cwd=tmp_path)
+    assert done.returncode == 3
+    assert "close-range" in done.stderr
+
+
+def test_a_new_study_checks_and_runs(tmp_path: Path) -> None:
+    assert tradestudy("new", "mine", cwd=tmp_path).returncode == 0
+    checked = tradestudy("check", "mine.yaml", cwd=tmp_path)
+    assert checked.returncode == 0, checked.stderr
+    assert checked.stdout.startswith("mine: 2 cameras")
+    assert tradestudy("run", "mine.yaml", "--no-pdf", "--quiet", cwd=tmp_path).returncode == 0
+    assert tradestudy("new", "mine", cwd=tmp_path).returncode == 2
+    refused = tradestudy("new", "../mine", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "cannot be the name of a study" in refused.stderr
