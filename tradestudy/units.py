@@ -74,6 +74,7 @@ _COMMON_UNITS = (
     "waves", "percent", "ppm", "K", "degC", "Pa", "kPa", "hPa", "bar", "s", "ms", "min", "h",
 )  # fmt: skip
 _LONGEST_UNIT = 60
+_SHORTEST_BEGINNING = 3
 _CELSIUS = re.compile(r"\b(?:degC|celsius|degree_Celsius)\b")
 _QUANTITY = re.compile(r"(?P<number>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?P<unit>.*)", re.ASCII)
 _INFINITY = re.compile(r"(?P<sign>[+-]?)\.?inf(?:inity)?", re.IGNORECASE)
@@ -303,7 +304,10 @@ def significant(number: float, digits: int = 3) -> str:
 def nearest(word: str, known: Iterable[str]) -> str | None:
     """Find the known word most like the one written, or None when nothing is like it."""
     by_folded = {candidate.casefold(): candidate for candidate in known}
-    close = difflib.get_close_matches(word.casefold(), by_folded, n=1, cutoff=0.6)
+    folded = word.casefold()
+    close = difflib.get_close_matches(folded, by_folded, n=1, cutoff=0.6)
+    if not close and len(folded) >= _SHORTEST_BEGINNING:
+        close = [candidate for candidate in by_folded if candidate.startswith(folded)]
     return by_folded[close[0]] if close else None
 
 

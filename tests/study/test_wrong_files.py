@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tradestudy import load
 from tradestudy.errors import StudyError
-from tradestudy.study.definition import load_definition
 
 HERE = Path(__file__).parent / "wrong"
 
@@ -23,7 +23,7 @@ MESSAGES = {
 
 def messages(path: Path) -> list[str]:
     with pytest.raises(StudyError) as caught:
-        load_definition(path)
+        load(path)
     return [str(problem) for problem in caught.value.problems]
 
 
@@ -38,7 +38,7 @@ def test_no_wrong_file_is_forgotten() -> None:
 
 
 def test_the_files_are_wrong_by_their_mistakes_alone() -> None:
-    definition = load_definition(HERE / "right.yaml")
+    definition = load(HERE / "right.yaml").definition
     assert list(definition.case.cameras) == ["rig", "array", "near"]
     assert definition.file.cameras["near"].baseline == 0.02  # type: ignore[union-attr]  # a stereo rig
 

@@ -163,9 +163,10 @@ class _Composer:
             self.close()
         elif isinstance(event, yaml_events.ScalarEvent):
             self.count_values(place, 1)
-            value = _resolved(event.value) if event.implicit[0] and not event.style else event.value
             self.tags(event, place)
-            self.add(ScalarEntry(place=place, value=value, text=event.value), event.anchor, 1, 0)
+            text = self.text(event.value, place)
+            value = _resolved(text) if event.implicit[0] and not event.style else text
+            self.add(ScalarEntry(place=place, value=value, text=text), event.anchor, 1, 0)
         elif isinstance(event, yaml_events.AliasEvent):
             self.alias(event.anchor, place)
 
@@ -237,6 +238,13 @@ class _Composer:
         text = entry.text if isinstance(entry, ScalarEntry) else ""
         self.note(entry.place, f"a key is text; write '{text}' in quotes" if text else "a name is expected as the key")
         return text, entry.place
+
+    def text(self, written: str, place: Place) -> str:
+        """Refuse escapes that stand for half a character: no file could hold the text."""
+        if any("\ud800" <= letter <= "\udfff" for letter in written):
+            self.note(place, "an escape stands for half a character (a lone surrogate)")
+            return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in written)
+        return written
 
     def tags(self, event: Any, place: Place) -> None:
         """Refuse tags: the schema knows what each value is."""

@@ -66,7 +66,7 @@ def _limits(dimension: Dimension, *, above: float, at_least: float, at_most: flo
 
 def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[str, Any]:
     """Describe the text form to editors; a bare number is right only where the dimension has no unit."""
-    pattern = f"^{_NUMBER}" + (r"\s*\S.*$" if dimension.unit else r"(\s*%)?$")
+    pattern = f"^{_NUMBER}" + (r"\s*(1?/)?[A-Za-z%°µμÅ].*$" if dimension.unit else r"(\s*%)?$")
     schema: dict[str, Any] = {
         "type": ["string"] if dimension.unit else ["number", "string"],
         "description": f"{dimension.name} {limits}",

@@ -15,7 +15,7 @@ from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, 
 from tradestudy.study.mistakes import MistakeAt, nearest_name
 from tradestudy.study.schema.alignment import Alignment, align, key_meaning, key_names
 from tradestudy.study.source import MOST_MISTAKES
-from tradestudy.units import nearest
+from tradestudy.units import UnitError, nearest
 
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
@@ -252,8 +252,9 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
     """Say in three parts what is wrong, what is expected, and what is nearest."""
     context, kind, shown = finding.context, finding.kind, _shown(finding.entry)
     if kind == "value_error":
-        head, _, expected = str(context["error"]).rpartition("; ")
-        return (head, expected, "") if head else (expected, "", "")
+        said = str(context["error"])
+        head, _, expected = said.rpartition("; ") if isinstance(context["error"], UnitError) else (said, "", "")
+        return head, expected, ""
     if kind in _SHAPES:
         return f"{shown} stands here", _SHAPES[kind], ""
     if kind == "literal_error":
