@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import finufft
 import numpy as np
@@ -17,7 +18,7 @@ import scipy.fft
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.direct import ComplexArray
 
 _TAPER = 0.15  # outer part of the band over which light fades out, so that its edge does not ring
 
@@ -57,35 +58,49 @@ class Transfer:
         """Frequencies of one axis in the order of the FFT [1/m]."""
         return np.asarray(scipy.fft.fftfreq(self.count, self.spacing))
 
-    def response(self, carrier: tuple[float, float]) -> ComplexArray:
+    def response(self, carrier: tuple[float, float], *, single: bool = False) -> ComplexArray:
         """Transfer function about a carrier frequency, shape (count, count) as (f_y, f_x), constant phase dropped.
 
         Kirchhoff: exp(i b k_z)/(1 + i k_z/(k² b)). The first factor belongs to Rayleigh–Sommerfeld I; the paper's
         kernel lacks its 1 + i/(k s), and at the stationary point s = b k/k_z.
         Fresnel: exp(−iπ λ b f²).
+
+        `single` computes in 32 bits: 1e-5 rad of error in a millimetre.
         """
-        fx = (self.frequencies + carrier[0])[None, :]
-        fy = (self.frequencies + carrier[1])[:, None]
-        squared = (self.wavelength * fx) ** 2 + (self.wavelength * fy) ** 2
-        k, b = 2 * math.pi / self.wavelength, self.distance
+        real = np.dtype(np.float32 if single else np.float64)
+        sine_x: FloatArray = (self.wavelength * (self.frequencies + carrier[0])).astype(real)
+        sine_y: FloatArray = (self.wavelength * (self.frequencies + carrier[1])).astype(real)
+        squared = (sine_x**2)[None, :] + (sine_y**2)[:, None]
+        k_b = 2 * math.pi / self.wavelength * self.distance
+        window: FloatArray = self._window.astype(real)
         if self.paraxial:
-            return unit_phasor(-k * b * squared / 2) * self._window()
-        if float(np.max(np.where(self._window() > 0, squared, 0.0))) >= 1:
+            return _phasor(-k_b / 2 * squared, window)
+        if float(np.max(squared, where=window > 0, initial=0.0)) >= 1:
             raise OutOfRangeError(
                 "angle between array and detector",
                 value="sine ≥ 1",
                 limit="propagating waves",
                 remedy="widen the gap or narrow the detector",
             )
-        cosine = np.sqrt(np.maximum(1 - squared, 0.0))
-        phase = unit_phasor(-k * b * squared / (1 + cosine))
-        return np.asarray(phase / (1 + 1j * cosine / (k * b)) * self._window())
+        cosine = np.sqrt(np.maximum(1 - squared, 0))
+        factor = cosine / k_b
+        return _phasor(-k_b * squared / (1 + cosine) - np.arctan(factor), window / np.sqrt(1 + factor**2))
 
+    @cached_property
     def _window(self) -> FloatArray:
         """One inside the band, falling smoothly to zero over its outer part."""
         f = np.hypot(self.frequencies[None, :], self.frequencies[:, None]) / self.half_band
         ramp = np.clip((1 - f) / _TAPER, 0.0, 1.0)
         return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
+
+
+def _phasor(phase: FloatArray, amplitude: FloatArray) -> ComplexArray:
+    """Complex number of the same precision from its phase and amplitude."""
+    result = np.empty(phase.shape, dtype=np.result_type(phase.dtype, np.complex64))
+    np.cos(phase, out=result.real)
+    np.sin(phase, out=result.imag)
+    result *= amplitude
+    return result
 
 
 def sine_towards(offset: float, distance: float, *, paraxial: bool) -> float:

@@ -58,7 +58,7 @@ def cell_nodes(lenses: Microlenses, *, cycles: float) -> CellNodes:
 
 def plane_wave_degree(phase: float) -> int:
     """Polynomial degree that holds exp(i phase t), −1 ≤ t ≤ 1, to about 1e-6."""
-    return math.ceil(phase + 6 * max(phase, 1.0) ** (1 / 3))
+    return math.ceil(phase + 6 * math.cbrt(max(phase, 1.0)))
 
 
 def _gap_nodes(lenses: Microlenses, frequency: float) -> tuple[FloatArray, FloatArray, FloatArray]:

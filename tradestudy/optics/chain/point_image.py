@@ -67,8 +67,8 @@ def wave_point_image(
     UnaffordableError
         If nodes or samples need more memory than allowed.
     """
-    fine = _compute(wave, paraxial_detector_leg, accuracy)
-    coarse = _compute(wave, paraxial_detector_leg, accuracy.coarser())
+    fine = compute_point(wave, paraxial_detector_leg, accuracy)
+    coarse = compute_point(wave, paraxial_detector_leg, accuracy.coarser())
     change = float(np.linalg.norm(fine.pixels - coarse.pixels) / np.linalg.norm(fine.pixels))
     error = math.hypot(change, fine.pixel_error)
     check = {
@@ -99,7 +99,9 @@ def wave_point_image(
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Computation:
+class PointComputation:
+    """One pass through the chain, and what each step left behind; `pixels` are integrals of |U|², not yet shares."""
+
     plan: WavePlan
     plane: MicrolensPlane
     table: FieldTable
@@ -109,7 +111,7 @@ class _Computation:
     pixel_error: float
 
 
-def _compute(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> _Computation:
+def compute_point(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> PointComputation:
     """Table of the main-lens field, microlenses, detector samples, pixels."""
     plan = plan_waves(wave, paraxial, accuracy)
     plane = _plane(wave, plan, paraxial, accuracy.microlens_nodes, accuracy)
@@ -117,7 +119,7 @@ def _compute(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> _Compu
     field = table_reader(wave, table)(*plane.positions)
     samples = _detector_samples(plane, plan, field * plane.transmission(wave.source), accuracy)
     pixels, pixel_error = integrate_pixels(np.abs(samples) ** 2, per_pixel=plan.per_pixel, spacing=plan.spacing)
-    return _Computation(
+    return PointComputation(
         plan=plan,
         plane=plane,
         table=table,
@@ -143,7 +145,7 @@ def plan_waves(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> Wave
     path = wave.path
     reach = ray_reach(path, wave.source, whole_pupil=wave.coherent_radius > 0)
     fresnel_length = math.sqrt(wave.wavelength * path.detector_distance)
-    margin = accuracy.diffraction_reach * 1.2 * fresnel_length * accuracy.tolerance ** (-1 / 6)
+    margin = accuracy.diffraction_reach * 1.2 * fresnel_length * math.pow(accuracy.tolerance, -1 / 6)
     kept = float(reach.travel.max()) + margin
     pixels = path.pixels
     rough = choose_transfer(
@@ -214,7 +216,7 @@ def field_spacing(wave: PupilWave, accuracy: ChainAccuracy) -> float:
     path = wave.path
     far = float(np.max(np.linalg.norm(path.microlenses.centres - path.chief_point(wave.source), axis=1)))
     sine = (path.main_lens.radius + far) / math.hypot(path.main_lens.radius + far, path.array_distance)
-    finer = 2.5 * (1e-4 / accuracy.tolerance) ** (1 / 6)
+    finer = 2.5 * math.pow(1e-4 / accuracy.tolerance, 1 / 6)
     return wave.wavelength / (2 * sine * max(finer, 1.2) * accuracy.field_sampling)
 
 
@@ -242,7 +244,7 @@ def _detector_samples(
     x, y = plane.positions
     rows, columns = (n * plan.per_pixel + 2 * _MARGIN for n in pixels.shape)
     first = np.asarray(pixels.corner) - pixels.centre + (0.5 - _MARGIN) * plan.spacing
-    return propagate(
+    fields = propagate(
         plan.transfer,
         x=x.ravel() - pixels.centre[0],
         y=y.ravel() - pixels.centre[1],
@@ -251,10 +253,11 @@ def _detector_samples(
         start=first[None],
         shape=(rows, columns),
         tolerance=accuracy.tolerance / 20,
-    )[0]
+    )
+    return np.asarray(fields[0])
 
 
-def _field_check(wave: PupilWave, done: _Computation, rng: np.random.Generator) -> float:
+def _field_check(wave: PupilWave, done: PointComputation, rng: np.random.Generator) -> float:
     """Relative discrepancy of the field at random microlens nodes from direct quadrature."""
     x, y = (c.ravel() for c in done.plane.positions)
     field = done.field.ravel()
@@ -268,7 +271,7 @@ def _field_check(wave: PupilWave, done: _Computation, rng: np.random.Generator) 
 
 
 def _intensity_check(
-    wave: PupilWave, done: _Computation, paraxial: bool, accuracy: ChainAccuracy, rng: np.random.Generator
+    wave: PupilWave, done: PointComputation, paraxial: bool, accuracy: ChainAccuracy, rng: np.random.Generator
 ) -> float:
     """Relative discrepancy of the intensity at random detector samples from direct quadrature on finer nodes."""
     plane, plan = done.plane, done.plan

@@ -1,0 +1,148 @@
+"""Extended sources: a disc, its quadrature nodes, and the symmetry that spares most of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.microlens_nodes import plane_wave_degree
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.optics.quadrature import gauss_legendre
+
+Symmetry = tuple[int, int, bool]  # signs of x and y, then whether x and y change places
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscSource:
+    """A disc of uniform brightness facing the camera.
+
+    Parameters
+    ----------
+    diameter
+        [m], > 0.
+    distance
+        Distance before the main lens [m], > 0.
+    x, y
+        Centre [m].
+    coherent
+        False: every point radiates on its own and intensities add. True: one wave of one phase over the disc.
+    """
+
+    diameter: float
+    distance: float
+    x: float = 0.0
+    y: float = 0.0
+    coherent: bool = False
+
+    def __post_init__(self) -> None:
+        if not (self.diameter > 0 and math.isfinite(self.diameter)):
+            raise OutOfRangeError("diameter of the source", value=f"{self.diameter:g} m", limit="> 0, finite")
+        if not self.distance > 0:
+            raise OutOfRangeError("distance of the source", value=f"{self.distance:g} m", limit="> 0")
+
+    @property
+    def centre(self) -> PointSource:
+        """Middle of the disc."""
+        return PointSource(x=self.x, y=self.y, distance=self.distance)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceNodes:
+    """Polar nodes on a disc, ring by ring; weights sum to 1.
+
+    Attributes
+    ----------
+    radial_points, radial_weights
+        Gauss–Legendre nodes in the squared relative radius, in (0, 1), and weights.
+    x, y
+        Node positions, shape (rings, angles) [m].
+    """
+
+    radial_points: FloatArray
+    radial_weights: FloatArray
+    x: FloatArray
+    y: FloatArray
+
+
+def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, density: float) -> SourceNodes:
+    """Place nodes that resolve how the light on a pixel changes as the source point moves.
+
+    A microlens sees the source through the part of the pupil that lights it, of width w = width · |b/a_L| and at most
+    the pupil: as a function of the source point the light holds no frequency above w/(λ a), the cutoff of that part.
+
+    Parameters
+    ----------
+    path, source, wavelength
+        Camera, disc, wavelength.
+    density
+        Share of that cutoff that is resolved.
+    """
+    depth = abs(path.image_at_array(source.centre)[2])
+    image = abs(path.array_distance - path.image_at_array(source.centre)[2])
+    pupil = 2 * path.main_lens.radius
+    seen = min(pupil, 2 * path.microlenses.cell_reach * image / depth) if depth > 0 else pupil
+    degree = plane_wave_degree(density * math.pi * source.diameter * seen / (wavelength * source.distance))
+    rings, angles = max(4, degree // 4 + 2), 8 * max(2, -(-(degree + 1) // 8))
+    points, weights = gauss_legendre(rings)
+    angle = 2 * math.pi * np.arange(angles) / angles
+    radius = source.diameter / 2 * np.sqrt(points)[:, None]
+    return SourceNodes(
+        radial_points=points,
+        radial_weights=weights,
+        x=source.x + radius * np.cos(angle),
+        y=source.y + radius * np.sin(angle),
+    )
+
+
+def symmetries(path: LightPath, source: DiscSource) -> list[Symmetry]:
+    """Mirrors and quarter turns that change neither lenses, nor pixels, nor the disc; the identity comes first."""
+    candidates: list[Symmetry] = [(sx, sy, swap) for swap in (False, True) for sx in (1, -1) for sy in (1, -1)]
+    return [one for one in candidates if _leaves(path, source, one)]
+
+
+def moved(points: FloatArray, symmetry: Symmetry) -> FloatArray:
+    """Apply a symmetry to points (…, 2)."""
+    sx, sy, swap = symmetry
+    signed = points * np.array([sx, sy])
+    return np.asarray(signed[..., ::-1] if swap else signed)
+
+
+def moved_image(pixels: FloatArray, symmetry: Symmetry) -> FloatArray:
+    """Image of the moved scene: what lay at a point lies at its `moved` place."""
+    sx, sy, swap = symmetry
+    flipped = pixels[:: 1 if sy > 0 else -1, :: 1 if sx > 0 else -1]
+    return np.asarray(flipped.T if swap else flipped)
+
+
+def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tuple[int, int]]:
+    """One node of each set that the symmetries carry into one another, and the size of the set."""
+    at = np.column_stack([nodes.x[ring], nodes.y[ring]])
+    images = np.stack([moved(at, one) for one in group])
+    scale = 1e-6 * float(np.ptp(at[:, 0]) + np.ptp(at[:, 1]))
+    keys = [{(round(x / scale), round(y / scale)) for x, y in images[:, i]} for i in range(at.shape[0])]
+    seen: set[tuple[int, int]] = set()
+    for index, (x, y) in enumerate(at):
+        if (round(x / scale), round(y / scale)) not in seen:
+            seen |= keys[index]
+            yield index, len(keys[index])
+
+
+def _leaves(path: LightPath, source: DiscSource, symmetry: Symmetry) -> bool:
+    """Whether a symmetry changes nothing that the light meets."""
+    lenses, pixels = path.microlenses, path.pixels
+    if symmetry[2] and (lenses.layout == "hexagonal" or pixels.shape[0] != pixels.shape[1]):
+        return False
+    slack = 1e-9 * lenses.pitch
+    for point in (pixels.centre, (source.x, source.y)):
+        if np.max(np.abs(moved(np.asarray(point), symmetry) - point)) > slack:
+            return False
+    distance = np.linalg.norm(moved(lenses.centres, symmetry)[:, None] - lenses.centres, axis=-1)
+    partner = np.argmin(distance, axis=1)
+    same = np.array_equal(lenses.focal_lengths[partner], lenses.focal_lengths)
+    return bool(np.all(distance.min(axis=1) < slack) and same)

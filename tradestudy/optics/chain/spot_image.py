@@ -1,0 +1,423 @@
+"""Image of an incoherent disc: many points, each through the microlenses that it lights, on small detector patches.
+
+What is shared is computed once: the main-lens field at a few distances of the source from the axis (it turns with the
+source, and is interpolated in between), the nodes of a microlens, the symmetry of the scene. Behind each microlens the
+light is followed on a patch about its ray image only; patches of one source point add as fields.
+"""
+
+from __future__ import annotations
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tradestudy.errors import NotConvergedError, UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
+from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, propagate
+from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane
+from tradestudy.optics.chain.pixels import integrate_pixels
+from tradestudy.optics.chain.point_image import compute_point, field_spacing
+from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.chain.sources import DiscSource, SourceNodes, moved_image, orbits, source_nodes, symmetries
+from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.lens import PointSource
+
+_THREADS = 2
+_MARGIN = 3
+_CHECKED_POINTS = 2
+_SINGLE_PRECISION_FROM = 1e-3  # tolerance above which 32-bit floats add nothing to the error
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Spot:
+    """What all source points share."""
+
+    path: LightPath
+    source: DiscSource
+    wavelength: float
+    paraxial: tuple[bool, bool]
+    accuracy: ChainAccuracy
+    radii: FloatArray
+    tables: list[FieldTable]
+    plane: MicrolensPlane
+    transmission: ComplexArray
+    transfer: Transfer
+    half_patch: float
+    per_pixel: int
+    lit_within: float
+
+    @property
+    def spacing(self) -> float:
+        return self.path.pixels.pitch / self.per_pixel
+
+    def wave(self, x: float, y: float) -> PupilWave:
+        return PupilWave(
+            path=self.path,
+            source=PointSource(x=x, y=y, distance=self.source.distance),
+            wavelength=self.wavelength,
+            paraxial=self.paraxial[0],
+        )
+
+
+def wave_spot_image(
+    path: LightPath,
+    source: DiscSource,
+    *,
+    wavelength: float,
+    paraxial: tuple[bool, bool],
+    accuracy: ChainAccuracy,
+    rng: np.random.Generator,
+) -> ChainImage:
+    """Image of an incoherent disc by wave optics, averaged over its area.
+
+    Parameters
+    ----------
+    path, source
+        Camera and disc.
+    wavelength
+        [m].
+    paraxial
+        Whether each leg is Fresnel's; else Kirchhoff's.
+    accuracy
+        What to aim at.
+    rng
+        Draws the source points whose image is checked.
+
+    Raises
+    ------
+    UnaffordableError
+        If tables or patches need more memory than allowed.
+    NotConvergedError
+        If the image of a source point differs grossly from that of the single-point computation.
+    """
+    density = _source_density(accuracy)
+    nodes = source_nodes(path, source, wavelength=wavelength, density=density)
+    spot = _prepare(path, source, nodes, wavelength, paraxial, accuracy)
+    group = symmetries(path, source)
+    rings, pixel_error, points = _ring_images(spot, nodes, group)
+    rings = np.mean([moved_image_stack(rings, one) for one in group], axis=0)
+    pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
+    size = float(np.linalg.norm(pixels))
+    per_point = _points_check(spot, nodes, rng)
+    terms = {
+        "source angles": _angular_error(nodes, rings) / size,
+        "source radii": _radial_error(nodes, rings) / size,
+        "single points": per_point,
+        "pixel integration": pixel_error,
+    }
+    return ChainImage(
+        pixels=pixels,
+        numerical_error=math.hypot(*terms.values()),
+        error_terms=terms,
+        direct_check={},
+        microlens_share=math.nan,
+        effort={
+            "source points": points,
+            "source nodes": nodes.x.size,
+            "nodes per microlens": spot.plane.cell.x.size,
+            "samples per patch": spot.transfer.count**2,
+        },
+    )
+
+
+def moved_image_stack(rings: FloatArray, symmetry: tuple[int, int, bool]) -> FloatArray:
+    """`moved_image` on the last two axes."""
+    flat = rings.reshape(-1, *rings.shape[-2:])
+    return np.stack([moved_image(one, symmetry) for one in flat]).reshape(rings.shape)
+
+
+def _source_density(accuracy: ChainAccuracy) -> float:
+    """Share of the cutoff to resolve: the light near it is weak, and the pixel averages it away."""
+    return accuracy.source_sampling * min(1.0, 0.63 * math.pow(1e-2 / accuracy.tolerance, 1 / 6))
+
+
+def _prepare(
+    path: LightPath,
+    source: DiscSource,
+    nodes: SourceNodes,
+    wavelength: float,
+    paraxial: tuple[bool, bool],
+    accuracy: ChainAccuracy,
+) -> _Spot:
+    """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
+    lenses = path.microlenses
+    distance = np.hypot(nodes.x, nodes.y)
+    edge = np.unravel_index(np.argmax(distance), distance.shape)
+    outer = PointSource(x=float(nodes.x[edge]), y=float(nodes.y[edge]), distance=source.distance)
+    reaches = [ray_reach(path, point) for point in (source.centre, outer)]
+    growth = 1.2 * math.pow(accuracy.tolerance, -1 / 6) * accuracy.diffraction_reach
+    margin = growth * math.sqrt(wavelength * path.detector_distance)
+    spread = max(float(one.spread.max()) for one in reaches)
+    half_patch = spread + margin
+    kept = lenses.cell_reach + half_patch
+    band = (kept + 2 * math.sqrt(wavelength * path.detector_distance)) / path.detector_distance / wavelength
+    per_pixel = max(3, math.ceil(accuracy.pixel_sampling * band * 1.2 * path.pixels.pitch))
+    spacing = path.pixels.pitch / per_pixel
+    plane = microlens_plane(
+        path,
+        reaches[1],
+        wavelength=wavelength,
+        paraxial=paraxial[1],
+        target_reach=half_patch,
+        density=accuracy.microlens_nodes,
+    )
+    transfer = choose_transfer(
+        wavelength=wavelength,
+        distance=path.detector_distance,
+        paraxial=paraxial[1],
+        node_reach=lenses.cell_reach,
+        target_reach=half_patch + spacing,
+        kept_reach=kept,
+        spacing=spacing,
+    )
+    depth = abs(path.image_at_array(source.centre)[2])
+    beyond = growth * math.sqrt(wavelength * max(depth, path.detector_distance))
+    lit_within = max(blur_radius(path, source.centre), blur_radius(path, outer)) + beyond + lenses.cell_reach
+    radii, tables = _tables(path, source, distance, wavelength, paraxial[0], accuracy, lit_within + lenses.cell_reach)
+    transmission = plane.transmission(source.centre)
+    return _Spot(
+        path=path,
+        source=source,
+        wavelength=wavelength,
+        paraxial=paraxial,
+        accuracy=accuracy,
+        radii=radii,
+        tables=tables,
+        plane=plane,
+        transmission=transmission,
+        transfer=transfer,
+        half_patch=half_patch,
+        per_pixel=per_pixel,
+        lit_within=lit_within,
+    )
+
+
+def _tables(
+    path: LightPath,
+    source: DiscSource,
+    distance: FloatArray,
+    wavelength: float,
+    paraxial: bool,
+    accuracy: ChainAccuracy,
+    half_width: float,
+) -> tuple[FloatArray, list[FieldTable]]:
+    """Main-lens field for sources on the x axis at Chebyshev points of the distances that occur."""
+    low, high = float(distance.min()), float(distance.max())
+    count = max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
+    radii = (low + high) / 2 - (high - low) / 2 * np.cos(math.pi * (np.arange(count) + 0.5) / count)
+    lenses = path.microlenses
+    half = min(half_width, float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
+               + high * path.array_distance / source.distance)  # fmt: skip
+    tables: list[FieldTable] = []
+    for radius in radii:
+        wave = PupilWave(
+            path=path,
+            source=PointSource(x=float(radius), distance=source.distance),
+            wavelength=wavelength,
+            paraxial=paraxial,
+        )
+        spacing = field_spacing(wave, accuracy) if not tables else tables[0].spacing
+        needed = 16.0 * count * (2 * half / spacing) ** 2
+        if needed > accuracy.memory_limit:
+            raise UnaffordableError(
+                "tables of the main-lens field",
+                value=f"{count} of {2 * half / spacing:.0f}² points, {needed / 1e9:.1f} GB",
+                limit=f"{accuracy.memory_limit / 1e9:.1f} GB",
+                remedy="lower field_sampling, or raise the memory limit",
+            )
+        tables.append(
+            field_table(
+                wave,
+                low=(-half, -half),
+                high=(half, half),
+                spacing=spacing,
+                node_density=accuracy.pupil_nodes,
+                tolerance=min(accuracy.tolerance / 4, 1e-3),
+                memory_limit=accuracy.memory_limit,
+            )
+        )
+    return radii, tables
+
+
+def _ring_images(spot: _Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]]) -> tuple[FloatArray, float, int]:
+    """Mean pixel image of each ring, from even and from odd angles apart: shape (rings, 2, rows, columns)."""
+    images, errors, points = [], [], 0
+    with ThreadPoolExecutor(_THREADS) as pool:
+        for ring in range(nodes.x.shape[0]):
+            chosen = list(orbits(nodes, ring, group))
+            points += len(chosen)
+            at = [(float(nodes.x[ring, i]), float(nodes.y[ring, i])) for i, _ in chosen]
+            shared = _radial_cache(spot, at)
+            fine = list(pool.map(lambda p, s=shared: point_intensity(spot, p, s[p]), at))
+            halves = []
+            for parity in (0, 1):
+                part = [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % 2 == parity]
+                total = sum(n * image for n, image in part)
+                halves.append(np.asarray(total, dtype=np.float64) / sum(n for n, _ in part))
+            done = [integrate_pixels(half, per_pixel=spot.per_pixel, spacing=spot.spacing) for half in halves]
+            images.append([one[0] for one in done])
+            errors.append(max(one[1] for one in done))
+    return np.asarray(images), max(errors), points
+
+
+def _radial_cache(spot: _Spot, at: list[tuple[float, float]]) -> dict[tuple[float, float], FieldTable]:
+    """Table at the distance of each point; one blend where points share their distance."""
+    blends: dict[int, FieldTable] = {}
+    result = {}
+    for point in at:
+        radius = math.hypot(*point)
+        key = round(radius * 1e12)
+        if key not in blends:
+            blends[key] = blended(spot.tables, _lagrange(spot.radii, radius))
+        result[point] = blends[key]
+    return result
+
+
+def point_intensity(spot: _Spot, at: tuple[float, float], table: FieldTable) -> FloatArray:
+    """Intensity of one source point on the fine grid of the detector, as a share of its power through the pupil."""
+    wave = spot.wave(*at)
+    reach = ray_reach(spot.path, wave.source)
+    lit = _lit(spot, wave)
+    strengths = _arriving(spot, wave, table, lit) * _transmission(spot, wave)[lit]
+    lenses, k = spot.path.microlenses, 1 / spot.wavelength
+    slope = reach.slope[lit]
+    sine = slope if spot.paraxial[1] else slope / np.sqrt(1 + np.sum(slope**2, axis=1, keepdims=True))
+    cell = spot.plane.cell
+    carrier = unit_phasor(-2 * np.pi * k * (sine[:, :1] * cell.x + sine[:, 1:] * cell.y))
+    kind = np.complex64 if spot.accuracy.tolerance >= _SINGLE_PRECISION_FROM else np.complex128
+    first, start = _patch_starts(spot, reach, lit)
+    side = 2 * math.ceil(spot.half_patch / spot.spacing) + 1
+    single = kind is np.complex64
+    responses = np.stack([spot.transfer.response((k * s[0], k * s[1]), single=single) for s in sine])
+    patches = propagate(
+        spot.transfer,
+        x=cell.x,
+        y=cell.y,
+        strengths=(strengths * carrier).astype(kind),
+        responses=responses,
+        start=start,
+        shape=(side, side),
+        tolerance=spot.accuracy.tolerance / 20,
+        threads=1,
+    )
+    canvas = _added(spot, patches, first, k * sine, lenses.centres[lit])
+    return np.asarray(np.abs(canvas) ** 2 / wave.power())
+
+
+def _lit(spot: _Spot, wave: PupilWave) -> np.ndarray[tuple[int, ...], np.dtype[np.int_]]:
+    """Microlenses that noticeable light can reach; at least the nearest."""
+    distance = np.linalg.norm(spot.path.microlenses.centres - wave.path.chief_point(wave.source), axis=1)
+    return np.flatnonzero(distance <= max(spot.lit_within, float(distance.min())))
+
+
+def _arriving(
+    spot: _Spot, wave: PupilWave, table: FieldTable, lit: np.ndarray[tuple[int, ...], np.dtype[np.int_]]
+) -> ComplexArray:
+    """Main-lens field on the nodes of the lit microlenses: the table's, turned to the azimuth of the source."""
+    x, y = (c[lit] for c in spot.plane.positions)
+    radius = math.hypot(wave.source.x, wave.source.y)
+    cosine, sine = (wave.source.x / radius, wave.source.y / radius) if radius > 0 else (1.0, 0.0)
+    turned = spot.wave(radius, 0.0)
+    along, across = cosine * x + sine * y, cosine * y - sine * x
+    chief = turned.path.chief_point(turned.source)
+    return table.slow_part(along - chief[0], across) * unit_phasor(fast_phase(turned, along, across))
+
+
+def _transmission(spot: _Spot, wave: PupilWave) -> ComplexArray:
+    """Phasors of the lenses; perfect ones follow the source."""
+    if spot.path.microlenses.lens_phase == "perfect":
+        return spot.plane.transmission(wave.source)
+    return spot.transmission
+
+
+def _patch_starts(
+    spot: _Spot, reach: RayReach, lit: np.ndarray[tuple[int, ...], np.dtype[np.int_]]
+) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int_]], FloatArray]:
+    """Canvas index (x, y) of each patch's first sample, and its position relative to its microlens."""
+    origin = np.asarray(spot.path.pixels.corner) + (0.5 - _MARGIN) * spot.spacing
+    half = math.ceil(spot.half_patch / spot.spacing)
+    first = np.round((reach.image[lit] - origin) / spot.spacing).astype(int) - half
+    return first, origin + first * spot.spacing - spot.path.microlenses.centres[lit]
+
+
+def _added(
+    spot: _Spot,
+    patches: ComplexArray,
+    first: np.ndarray[tuple[int, ...], np.dtype[np.int_]],
+    carrier: FloatArray,
+    centres: FloatArray,
+) -> ComplexArray:
+    """Fields of all patches, each over its carrier, added on the canvas of the detector."""
+    rows, columns = (n * spot.per_pixel + 2 * _MARGIN for n in spot.path.pixels.shape)
+    origin = np.asarray(spot.path.pixels.corner) + (0.5 - _MARGIN) * spot.spacing
+    canvas = np.zeros((rows, columns), dtype=patches.dtype)
+    side = patches.shape[1]
+    for patch, (j, i), (fx, fy), (cx, cy) in zip(patches, first, carrier, centres, strict=True):
+        y0, y1, x0, x1 = max(i, 0), min(i + side, rows), max(j, 0), min(j + side, columns)
+        if y0 >= y1 or x0 >= x1:
+            continue
+        x = origin[0] + spot.spacing * np.arange(x0, x1) - cx
+        y = origin[1] + spot.spacing * np.arange(y0, y1) - cy
+        wave_x = unit_phasor(2 * np.pi * fx * x).astype(patches.dtype)
+        wave_y = unit_phasor(2 * np.pi * fy * y).astype(patches.dtype)
+        canvas[y0:y1, x0:x1] += patch[y0 - i : y1 - i, x0 - j : x1 - j] * wave_y[:, None] * wave_x
+    return canvas
+
+
+def _lagrange(points: FloatArray, at: float) -> FloatArray:
+    """Weights that interpolate a polynomial through the points."""
+    difference = points[:, None] - points + np.eye(points.size)
+    factors = np.where(np.eye(points.size, dtype=bool), 1.0, (at - points) / difference)
+    return np.asarray(factors.prod(axis=1))
+
+
+def _angular_error(nodes: SourceNodes, rings: FloatArray) -> float:
+    """Even against odd angles: the error of half the angles, squared down to that of all as spectra decay."""
+    difference = np.tensordot(nodes.radial_weights, rings[:, 0] - rings[:, 1], axes=1) / 2
+    size = float(np.linalg.norm(np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)))
+    half = float(np.linalg.norm(difference))
+    return half * min(1.0, math.sqrt(half / size))
+
+
+def _radial_error(nodes: SourceNodes, rings: FloatArray) -> float:
+    """Highest Legendre coefficient that the rings resolve, carried on to the first that they do not."""
+    n = nodes.radial_points.size
+    legendre = np.polynomial.legendre.legvander(2 * nodes.radial_points - 1, n - 1)
+    coefficients = np.tensordot(
+        (legendre * nodes.radial_weights[:, None]).T * (2 * np.arange(n) + 1)[:, None], rings.mean(axis=1), axes=1
+    )
+    last = float(np.linalg.norm(coefficients[-1])) / (2 * n - 1)
+    size = float(np.linalg.norm(coefficients[0]))
+    return last * min(1.0, math.sqrt(last / size))
+
+
+def _points_check(spot: _Spot, nodes: SourceNodes, rng: np.random.Generator) -> float:
+    """Relative L2 difference of random source points' pixels from the single-point computation, root mean square."""
+    squares, sizes = [], []
+    picks = rng.choice(nodes.x.size, size=_CHECKED_POINTS, replace=False)
+    finer = replace(spot.accuracy, tolerance=max(spot.accuracy.tolerance / 10, 1e-6))
+    for pick in picks:
+        at = (float(nodes.x.ravel()[pick]), float(nodes.y.ravel()[pick]))
+        fast = integrate_pixels(
+            np.asarray(point_intensity(spot, at, _radial_cache(spot, [at])[at]), dtype=np.float64),
+            per_pixel=spot.per_pixel,
+            spacing=spot.spacing,
+        )[0]
+        wave = spot.wave(*at)
+        truth = compute_point(wave, spot.paraxial[1], finer).pixels / wave.power()
+        squares.append(float(np.sum((fast - truth) ** 2)))
+        sizes.append(float(np.sum(truth**2)))
+    error = math.sqrt(sum(squares) / sum(sizes))
+    if error > 0.3:
+        raise NotConvergedError(
+            "points of the spot disagree with the single-point computation",
+            value=f"{error:.2g}",
+            limit="0.3",
+            remedy="refine diffraction_reach, microlens_nodes or pupil_nodes",
+        )
+    return error
