@@ -145,7 +145,7 @@ def rig(seed: int) -> None:
 
 def _normal(mean: FloatArray, covariance: FloatArray) -> LaplaceFit:
     """A fit as a distribution to draw from."""
-    return LaplaceFit(names=SHARED_NAMES, mean=mean, covariance=covariance, evaluations=0, seconds=0.0)
+    return LaplaceFit(names=SHARED_NAMES, mean=mean, covariance=covariance)
 
 
 def main() -> None:

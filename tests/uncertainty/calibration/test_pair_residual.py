@@ -28,9 +28,9 @@ def rig():
     return fit_rig(read_corners(FILE), declared_baseline=0.094)
 
 
-def shaken_rig(motion, noise, rng, views=25):
+def shaken_rig(motion, noise, rng, views=25, columns=9):
     """Corners of a board that moves between the exposures, by full rotations and translations."""
-    grid = flat_grid(9, 6, 0.024)
+    grid = flat_grid(columns, 6, 0.024)
     poses = tilted_poses(views, (0.35, 0.6), 0.15, 0.35, rng)
     lever = np.sqrt(np.mean(np.sum(grid**2, axis=1)))
     seen_left = move(poses, grid)
@@ -79,7 +79,7 @@ def test_ignoring_the_term_is_overconfident(rig):
 def test_compressed_likelihood_equals_a_dense_normal_density():
     """Poses as very wide normal effects, motions as normal effects: one multivariate density per view."""
     rng = np.random.default_rng(5)
-    corners = shaken_rig(2e-4, 0.1, rng, views=3)
+    corners = shaken_rig(2e-4, 0.1, rng, views=3, columns=4)
     poses = tilted_poses(3, (0.35, 0.6), 0.15, 0.35, np.random.default_rng(5))
     states = ViewStates(poses=poses, motions=2e-4 * rng.standard_normal((3, 6)))
     lever = gyration_radius(corners)
@@ -126,16 +126,16 @@ def test_exact_likelihood_meets_the_compressed_one_near_the_fit(rig):
 def test_injected_motion_is_found_and_its_errors_are_honest():
     rng = np.random.default_rng(11)
     scores_with, scores_without, scales = [], [], []
-    for _ in range(6):
+    for _ in range(4):
         fit = fit_rig(shaken_rig(3e-4, 0.1, rng))
         scales.append(fit.explained.motion_scale)
         assert fit.explained.noise_px == pytest.approx(0.1, rel=0.06)
         for scores, result in ((scores_with, fit.explained), (scores_without, fit.pair)):
             error = result.shared - TRUTH
             scores.append(error @ np.linalg.solve(result.covariance, error))
-    # 6 × 25 × 6 motions: the scale is known to 1/√1800
+    # 4 × 25 × 6 motions: the scale is known to 1/√1200
     assert np.mean(scales) == pytest.approx(3e-4, rel=0.1)
-    low, high = chi2.ppf([1e-3, 1 - 1e-3], 6 * 18)
+    low, high = chi2.ppf([1e-3, 1 - 1e-3], 4 * 18)
     assert low < np.sum(scores_with) < high
     assert np.sum(scores_without) > 3.0 * high
 

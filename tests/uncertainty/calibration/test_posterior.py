@@ -41,7 +41,7 @@ def test_a_correlated_normal_is_recovered():
 def test_the_laplace_proposal_shortens_the_way_and_changes_nothing_else():
     names = tuple(f"p{k}" for k in range(8))
     scale = np.geomspace(1e-3, 1e3, 8)
-    fit = LaplaceFit(names=names, mean=0.5 * scale, covariance=np.diag(1.5 * scale**2), evaluations=0, seconds=0.0)
+    fit = LaplaceFit(names=names, mean=0.5 * scale, covariance=np.diag(1.5 * scale**2))
 
     def skewed(parameters):  # Gumbel: mean γ, variance π²/6, far from the proposal's normal
         z = parameters / scale

@@ -61,9 +61,7 @@ def test_nonsense_is_refused(change, word):
 def test_laplace_draws_have_the_stated_covariance():
     scale = np.array([1e-6, 1.0, 1e4])
     correlation = np.array([[1.0, 0.996, 0.0], [0.996, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    fit = LaplaceFit(
-        names=NAMES, mean=scale, covariance=correlation * np.outer(scale, scale), evaluations=1, seconds=0.0
-    )
+    fit = LaplaceFit(names=NAMES, mean=scale, covariance=correlation * np.outer(scale, scale))
     draws = fit.draw(np.random.default_rng(0), 40_000)
     np.testing.assert_allclose(np.corrcoef(draws.T), correlation, atol=0.02)
     np.testing.assert_allclose(draws.std(axis=0), scale, rtol=0.02)

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from tradestudy.errors import NotConvergedError
 from tradestudy.uncertainty.calibration.projection import (
     cross_matrix,
     move,
@@ -64,11 +63,13 @@ def test_rays_invert_the_projection():
     np.testing.assert_array_equal(ray_slopes(INTRINSICS, INTRINSICS[None, 2:4]), [[0.0, 0.0]])
 
 
-def test_a_distortion_without_inverse_is_refused():
+def test_a_distortion_without_inverse_gives_no_ray():
     # r (1 − r²) has its largest value 0.385 at 0.577: nothing is imaged at 0.5 focal lengths
     barrel = np.array([100.0, 100.0, 0.0, 0.0, -1.0, 0.0])
-    with pytest.raises(NotConvergedError, match="distortion cannot be inverted"):
-        ray_slopes(barrel, np.array([[50.0, 0.0]]))
+    slopes = ray_slopes(barrel, np.array([[50.0, 0.0], [38.0, 0.0], [np.nan, 0.0]]))
+    assert np.isnan(slopes[[0, 2]]).all()
+    root = [r.real for r in np.roots([-1.0, 0.0, 1.0, -0.38]) if 0 < r.real < 0.577]
+    np.testing.assert_allclose(slopes[1], [root[0], 0.0], rtol=1e-10)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 0.9e-2, 1.1e-2, 1.0, 3.0])

@@ -108,13 +108,18 @@ def test_stereo_covariance_equals_the_dense_inverse():
     assert abs(correlation[yaw, right_centre]) > 0.7
 
 
-def test_array_distance_and_focal_length_are_known_together():
-    """Disparity depends on z − f: a calibration by depths knows the difference far better than either."""
+def test_array_distance_and_focal_length_err_together():
+    """∂a/∂z = −((a − f)/f)² and ∂a/∂f = (a/f)² have opposite signs: errors of z and f that go together cancel in depth."""
     _, problem = plenoptic_problem(np.random.default_rng(2), deviations=(1e-3, 1e-4), lateral_noise=1e3)
     fit = fit_target(problem).laplace
     assert fit.correlation[0, 1] > 0.85
-    difference = np.array([1.0, -1.0, 0.0])
-    assert np.sqrt(difference @ fit.covariance @ difference) < 0.5 * fit.standard_deviation[:2].min()
+    z, f, gap = fit.mean
+    a = 0.3
+    gain = ((a - f) / f) ** 2
+    sensitivity = np.array([-gain, (a / f) ** 2, gain * (z - f * a / (a - f)) / gap])
+    joint = np.sqrt(sensitivity @ fit.covariance @ sensitivity)
+    apart = np.sqrt(np.sum((sensitivity * fit.standard_deviation) ** 2))
+    assert apart > 4.0 * joint
 
 
 def test_known_poses_and_a_linear_camera_give_the_closed_form():

@@ -26,17 +26,11 @@ class LaplaceFit:
         Peak of the posterior.
     covariance : array (P, P)
         Inverse information there.
-    evaluations : int
-        Parameter vectors at which the model was computed.
-    seconds : float
-        Wall time.
     """
 
     names: tuple[str, ...]
     mean: FloatArray
     covariance: FloatArray
-    evaluations: int
-    seconds: float
 
     @property
     def standard_deviation(self) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -67,6 +68,8 @@ class PairResidualFit:
         Root mean square length per corner of what the term leaves unexplained [px].
     overconfidence : array (18,)
         Standard deviation with the term over that claimed without it.
+    seconds : float
+        Wall time.
     """
 
     shared: FloatArray
@@ -79,6 +82,7 @@ class PairResidualFit:
     left_rms_px: float
     right_rms_px: float
     overconfidence: FloatArray
+    seconds: float
 
 
 def view_means(fit: PairFit, corners: StereoCorners) -> ViewMeans:
@@ -120,6 +124,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners, *, iterations: int =
     NotConvergedError
         The linearisation does not settle.
     """
+    begin = time.perf_counter()
     lever = gyration_radius(corners)
     shared = fit.shared
     states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
@@ -134,7 +139,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners, *, iterations: int =
         states = settle_views(shared, states, corners, lever, noise_px=noise, motion_scale=scale)
         compressed = compress_views(shared, states, corners, lever)
         if step @ information @ step < 1e-8:
-            return _result(fit, corners, compressed, states, lever, noise, scale, without)
+            return _result(fit, corners, compressed, states, lever, noise, scale, without, begin)
     raise NotConvergedError(
         "the fit with a left-right term does not settle",
         value=f"{iterations} linearisations",
@@ -152,6 +157,7 @@ def _result(
     noise: float,
     scale: float,
     without: float,
+    begin: float,
 ) -> PairResidualFit:
     """Gather the fit and what it leaves unexplained."""
     covariance = covariance_from_information(compressed.information(noise, scale)[0], SHARED_NAMES)
@@ -170,6 +176,7 @@ def _result(
         left_rms_px=float(np.sqrt(np.sum(left**2) / corners.corner_count)),
         right_rms_px=float(np.sqrt(np.sum(right**2) / corners.corner_count)),
         overconfidence=np.sqrt(np.diag(covariance) / np.diag(fit.covariance)),
+        seconds=time.perf_counter() - begin,
     )
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
 INTRINSIC_NAMES = (
@@ -19,6 +18,9 @@ INTRINSIC_NAMES = (
     "radial_distortion_k1",
     "radial_distortion_k2",
 )
+
+
+_RADIUS_TOLERANCE = 1e-13  # focal lengths: far below a thousandth of a pixel
 
 
 def project(intrinsics: FloatArray, points: FloatArray) -> FloatArray:
@@ -110,38 +112,30 @@ def ray_slopes(intrinsics: FloatArray, image: FloatArray, *, iterations: int = 2
     image : array (..., N, 2)
         Image coordinates [px].
     iterations : int
-        Newton steps allowed.
+        Newton steps.
 
     Returns
     -------
     array (..., N, 2)
-        Slopes of the rays [1]; NaN where the image coordinates are.
-
-    Raises
-    ------
-    NotConvergedError
-        The distortion polynomial has no inverse there (too far outside the calibrated field).
+        Slopes of the rays [1]; NaN where the image coordinates are NaN, and where the distortion polynomial has no
+        rising inverse (too far outside the calibrated field): an outcome of a draw, to be counted by its cause.
     """
     x = (image[..., 0] - intrinsics[..., 2, None]) / intrinsics[..., 0, None]
     y = (image[..., 1] - intrinsics[..., 3, None]) / intrinsics[..., 1, None]
     k1, k2 = intrinsics[..., 4, None], intrinsics[..., 5, None]
     distorted = np.hypot(x, y)
-    radius = distorted.copy()
-    for _ in range(iterations):
-        r2 = radius * radius
-        step = (radius * (1.0 + r2 * (k1 + r2 * k2)) - distorted) / (1.0 + r2 * (3.0 * k1 + 5.0 * r2 * k2))
-        radius = radius - step
-        if np.nanmax(np.abs(step), initial=0.0) < 1e-14:
-            break
-    else:
-        raise NotConvergedError(
-            "the radial distortion cannot be inverted at an image point",
-            value=f"r = {np.nanmax(distorted):.3g} focal lengths from the principal point",
-            limit="the part of the field where the distortion polynomial rises",
-            remedy="use points inside the calibrated field",
-        )
-    scale = np.where(distorted > 0.0, radius / np.where(distorted > 0.0, distorted, 1.0), 1.0)
-    return np.stack([x * scale, y * scale], axis=-1)
+    radius = distorted
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where there is no inverse, which ends as NaN
+        for _ in range(iterations):
+            r2 = radius * radius
+            slope = 1.0 + r2 * (3.0 * k1 + 5.0 * r2 * k2)
+            step = (radius * (1.0 + r2 * (k1 + r2 * k2)) - distorted) / slope
+            radius = radius - step
+            if not np.any(np.abs(step) > _RADIUS_TOLERANCE):
+                break
+        found = (np.abs(step) <= _RADIUS_TOLERANCE) & (slope > 0.0) & (radius >= 0.0)
+        scale = np.where(distorted > 0.0, radius / np.where(distorted > 0.0, distorted, 1.0), 1.0)
+    return np.stack([x, y], axis=-1) * np.where(found, scale, np.nan)[..., None]
 
 
 def cross_matrix(vector: FloatArray) -> FloatArray:

@@ -155,4 +155,4 @@ def _joint_laplace(fit: PairResidualFit, corners: StereoCorners) -> LaplaceFit:
     covariance[:18, :18] = fit.covariance
     covariance[18, 18], covariance[19, 19] = 1.0 / (8.0 * corners.corner_count), 1.0 / (12.0 * len(corners.views))
     mean = np.concatenate([fit.shared, np.log([fit.noise_px, fit.motion_scale])])
-    return LaplaceFit(names=POSTERIOR_NAMES, mean=mean, covariance=covariance, evaluations=0, seconds=0.0)
+    return LaplaceFit(names=POSTERIOR_NAMES, mean=mean, covariance=covariance)

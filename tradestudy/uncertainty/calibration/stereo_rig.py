@@ -70,8 +70,10 @@ def depth_of_draws(shared: FloatArray, draws: FloatArray, distances: FloatArray)
     Returns
     -------
     array (K, D)
-        Depths [m]; +inf where a draw sees no disparity. Calibration error only, no pixel noise.
+        Depths [m]; +inf where a draw sees no disparity, NaN where its distortion cannot be inverted. Calibration error
+        only, no pixel noise.
     """
     points = distances[:, None] * np.array([0.0, 0.0, 1.0])
     inverse = inverse_depth(draws, observe_pair(shared, points))
-    return np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
+    depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
+    return np.where(np.isnan(inverse), np.nan, depth)

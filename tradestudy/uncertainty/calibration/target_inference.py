@@ -37,10 +37,16 @@ class TargetFit:
         Parameters, poses marginalised.
     poses : array (V, 6)
         Most probable poses [rad, m].
+    evaluations : int
+        Parameter vectors at which the camera was computed.
+    seconds : float
+        Wall time.
     """
 
     laplace: LaplaceFit
     poses: FloatArray
+    evaluations: int
+    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +101,19 @@ class TargetProblem:
         poses : array (V, 6)
             Target poses.
         """
-        seen = self.model(parameters[..., None, :], move(poses, self.target.points))
+        return self.residuals_at(parameters, move(poses, self.target.points))
+
+    def residuals_at(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
+        """Observed minus predicted for points (V, N, 3) already in the camera's frame [m], shape (..., V, N·C).
+
+        Parameters
+        ----------
+        parameters : array (..., P)
+            Camera parameters.
+        points : array (V, N, 3)
+            Target points as posed.
+        """
+        seen = self.model(parameters[..., None, :], points)
         values = np.where(np.isnan(self.observed), 0.0, (self.observed - seen) / self.target.noise)
         return values.reshape(*values.shape[:-2], -1)
 
@@ -130,14 +148,12 @@ def fit_target(problem: TargetProblem, *, iterations: int = 50) -> TargetFit:
         parameters, poses, covariance, size = _gauss_newton_step(problem, parameters, poses)
         if size < _SETTLED:
             _require_inside(priors, parameters)
-            laplace = LaplaceFit(
-                names=priors.names,
-                mean=parameters,
-                covariance=covariance,
+            return TargetFit(
+                laplace=LaplaceFit(names=priors.names, mean=parameters, covariance=covariance),
+                poses=poses,
                 evaluations=count * (2 * len(parameters) + 7),
                 seconds=time.perf_counter() - begin,
             )
-            return TargetFit(laplace=laplace, poses=poses)
     raise NotConvergedError(
         "the calibration does not settle",
         value=f"{iterations} steps",
@@ -281,9 +297,12 @@ def _frozen_log_posterior(
     size = max(1, _CHUNK_NUMBERS // problem.observed.size)
     split = basis.shape[1] - 6
     constant = np.einsum("vmk,vm->vk", basis[:, split:], misfit)
+    points = move(poses, problem.target.points)
     for start in range(0, len(rows), size):
         chosen = rows[start : start + size]
-        residuals = np.moveaxis(problem.residuals(parameters[chosen], poses), -2, 0)  # views first: a batched product
+        residuals = np.moveaxis(
+            problem.residuals_at(parameters[chosen], points), -2, 0
+        )  # views first: a batched product
         inner = residuals @ basis[:, :split] + constant[:, None]
         result[chosen] -= 0.5 * (np.sum(residuals**2, axis=(0, 2)) - np.sum(inner**2, axis=(0, 2)))
     return np.where(np.isnan(result), -np.inf, result)  # an observed point that these parameters cannot see

@@ -90,5 +90,12 @@ class CalibrationTrial:
     def _shares(self, truth: FloatArray, draws: FloatArray) -> FloatArray:
         """Share of draws below the truth for each depth and each parameter."""
         depths = self.reading(truth, draws, self.distances)
+        if np.any(np.isnan(depths)):
+            raise NotConvergedError(
+                "draws of a synthetic calibration read no depth",
+                value=f"{int(np.isnan(depths).sum())} of {depths.size}",
+                limit="none, or their ranks mean nothing",
+                remedy="narrow the priors, or leave out distances outside the field",
+            )
         shares: FloatArray = np.concatenate([(depths < self.distances).mean(axis=0), (draws < truth).mean(axis=0)])
         return shares
