@@ -1,0 +1,259 @@
+"""Error models against the cameras' own law, rotation matrices, 40-digit arithmetic, and published sensitivities."""
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from tests.cameras.builders import PITCH, r5, stereo
+from tradestudy.cameras.error_models import (
+    PLENOPTIC_ERRORS,
+    STEREO_ERRORS,
+    Environment,
+    plenoptic_observation,
+    plenoptic_reading,
+    stereo_observation,
+    stereo_reading,
+)
+from tradestudy.cameras.error_models.focused_plenoptic import plenoptic_inverse_depth
+from tradestudy.cameras.error_models.stereo import stereo_inverse_depth
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.air import air_refractive_index, focal_length_change_with_medium
+from tradestudy.optics.radial_distortion import distort, undistort
+
+DISTANCES = np.array([0.3, 0.5, 1.0, 3.0, 10.0])
+DEG = math.radians(1.0)
+SCALES = {"m": 5e-6, "rad": 0.2 * DEG, "1": 1e-3}
+AIR = Environment(
+    housing_expansion=23e-6, focal_length_expansion=5e-6, glass_index=1.52, wavelength=550e-9,
+    temperature=293.15, pressure=101_325.0,
+)  # fmt: skip
+
+
+def drawn(table, rng, count=7, without=("pixel_noise", "left_pixel_noise", "right_pixel_noise")):
+    return {name: SCALES[unit] * rng.standard_normal((count, 1)) for name, unit in table.items() if name not in without}
+
+
+@pytest.mark.parametrize("triangulation", ["disparity", "midpoint"])
+@pytest.mark.parametrize("convergence", [0.0, 0.1])
+def test_on_the_axis_the_stereo_model_is_the_cameras_own(triangulation, convergence):
+    rig = stereo(triangulation=triangulation, convergence_angle=convergence)
+    rng = np.random.default_rng(0)
+    shared = {name: SCALES[STEREO_ERRORS[name]] * rng.standard_normal((20, 1)) for name in ("yaw", "pitch", "roll")}
+    focal, centre, base, noise = (scale * rng.standard_normal((20, 1)) for scale in (5e-6, 3e-6, 2e-5, 1e-6))
+    found = stereo_reading(
+        rig,
+        DISTANCES,
+        0.0,
+        shared
+        | {"baseline": base, "left_focal_length": focal, "right_focal_length": focal}
+        | {"left_principal_point_x": -centre / 2, "right_principal_point_x": centre / 2}
+        | {"left_pixel_noise": noise / 2, "right_pixel_noise": -noise / 2},
+    )
+    depth = rig.depth_with_errors(
+        DISTANCES,
+        shared | {"baseline": base, "focal_length": focal, "principal_point": centre, "pixel_noise": noise},
+    )
+    np.testing.assert_allclose(found.inverse_depth, 1.0 / depth, rtol=1e-12)
+    assert not np.broadcast_to(found.no_overlap, (20, 5))[:, 1:].any()
+    assert not found.out_of_range.any()
+
+
+@pytest.mark.parametrize("estimator", ["same-type-pair", "widest-pair"])
+def test_on_the_axis_the_plenoptic_model_is_the_cameras_own(estimator):
+    camera = r5(estimator=estimator)
+    rng = np.random.default_rng(1)
+    scales = {"mla_distance": 5e-6, "focal_length": 5e-6, "microlens_gap": 1e-6, "pixel_noise": 0.55e-6}
+    errors = {name: scale * rng.standard_normal((50, 1)) for name, scale in scales.items()}
+    found = plenoptic_reading(camera, DISTANCES, 0.0, errors).inverse_depth
+    depth = camera.depth_with_errors(DISTANCES, errors)
+    finite = np.isfinite(depth)
+    assert 0.5 < finite.mean() < 1.0
+    np.testing.assert_allclose(found[finite], 1.0 / depth[finite], rtol=1e-9)
+    assert (found[~finite] <= 0.0).all()
+
+
+def test_a_disparity_that_crossed_zero_goes_where_it_was_heading():
+    near, far = r5(), r5(mla_distance=11.9e-3)  # Keplerian and Galilean
+    for camera, expected in ((near, -1.0), (far, 1.0)):
+        crossing = {"pixel_noise": np.array([[-np.sign(expected) * -3e-3]])}
+        found = plenoptic_reading(camera, np.array([1.0]), 0.0, crossing).inverse_depth
+        assert found[0, 0] * camera.main_lens.focal_length == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("triangulation", ["disparity", "midpoint"])
+def test_a_rig_that_knows_its_errors_reads_the_truth(triangulation):
+    """All errors at once, in rig and calibration alike, over the field: observation and reading are inverses."""
+    rig = stereo(triangulation=triangulation, convergence_angle=0.05)
+    errors = drawn(STEREO_ERRORS, np.random.default_rng(2))
+    z = np.array([0.7, 2.0])
+    image = stereo_observation(rig, errors, 0.12 * z, -0.1 * z, z)
+    inverse, valid = stereo_inverse_depth(rig, errors, image)
+    np.testing.assert_allclose(inverse, np.broadcast_to(1.0 / z, inverse.shape), rtol=1e-11)
+    assert valid.all()
+
+
+def test_a_plenoptic_camera_that_knows_its_errors_reads_the_truth():
+    camera = r5()
+    errors = drawn(PLENOPTIC_ERRORS, np.random.default_rng(3), without=("pixel_noise", "array_rotation"))
+    errors["microlens_pitch"] *= 0.01
+    z = np.array([0.2, 0.5, 2.0])
+    seen = plenoptic_observation(camera, errors, 0.2 * z, -0.15 * z, z)
+    inverse, valid = plenoptic_inverse_depth(camera, errors, seen, z)
+    np.testing.assert_allclose(inverse, np.broadcast_to(1.0 / z, inverse.shape), rtol=1e-9)
+    assert valid.all()
+
+
+def test_the_stereo_picture_is_that_of_rotation_matrices():
+    """Another program's rotations: right camera turned by intrinsic yaw, pitch, roll, distortion by hand."""
+    rig = stereo()
+    yaw, pitch, roll, k1 = 0.01, -0.02, 0.03, 0.05
+    errors = {"yaw": yaw, "pitch": pitch, "roll": roll, "right_distortion_k1": k1, "right_focal_length": 1e-4}
+    point = np.array([0.1, -0.07, 1.3])
+    # Positive yaw turns z towards −x: about −y in a right-handed frame.
+    turn = Rotation.from_euler("YXZ", [-yaw, pitch, roll]).as_matrix()
+    a, b, c = turn.T @ (point - np.array([0.05, 0.0, 0.0]))
+    u, v = a / c, b / c
+    expected = (rig.lens.focal_length + 1e-4) * np.array([u, v]) * (1 + k1 * (u * u + v * v))
+    found = stereo_observation(rig, errors, *point)
+    np.testing.assert_allclose([found[2], found[3]], expected, rtol=1e-12)
+    np.testing.assert_allclose(found[:2], rig.lens.focal_length * (point[:2] + np.array([0.05, 0.0])) / point[2])
+
+
+def sensitivity(reading, distance, field, name, step):
+    plus, minus = (reading(distance, field, {name: np.array([[s * step]])}).inverse_depth for s in (1.0, -1.0))
+    return -(distance**2) * (plus - minus)[0] / (2.0 * step)
+
+
+def test_stereo_sensitivities_off_the_axis_are_those_of_the_text_book():
+    """dZ = (Z²/B)(1 + x²/f²) ψ for yaw, y φ/f for roll, x y for pitch, with x, y the slopes in the right picture."""
+    rig = stereo()
+    field = 0.7
+
+    def reading(distance, where, errors):
+        return stereo_reading(rig, distance, where, errors)
+
+    z = np.array([2.0, 5.0])
+    x = field * 5.12e-3 / 30.5e-3 - 0.05 / z
+    y = field * 5.12e-3 / 30.5e-3
+    lever = z**2 / 0.1
+    for name, expected in (("yaw", lever * (1 + x**2)), ("roll", lever * y), ("pitch", -lever * x * y)):
+        found = sensitivity(reading, z, field, name, 1e-5)
+        np.testing.assert_allclose(np.abs(found), np.abs(expected), rtol=1e-6)
+
+
+def test_plenoptic_sensitivities_are_published_ones():
+    """6.24 and 6.40 mm per µm of z and f_M at 1 m, of opposite sign; 20 µm of field curvature: 10.6 mm at 0.3 m."""
+
+    def reading(distance, where, errors):
+        return plenoptic_reading(r5(), distance, where, errors)
+
+    one = np.array([1.0])
+    z = sensitivity(reading, one, 0.0, "mla_distance", 1e-8)[0]
+    f = sensitivity(reading, one, 0.0, "focal_length", 1e-8)[0]
+    assert abs(z) == pytest.approx(6.24e3, rel=1e-3)
+    assert abs(f) == pytest.approx(6.40e3, rel=1e-3)
+    assert z * f < 0
+    near = np.array([0.3, 1.0])
+    curved = 20e-6 * np.abs(sensitivity(reading, near, 1.0, "field_curvature", 1e-8))
+    np.testing.assert_allclose(curved, [10.6e-3, 125e-3], rtol=5e-3)
+    assert np.all(sensitivity(reading, near, 0.0, "field_curvature", 1e-8) == 0.0)
+    tilted = sensitivity(reading, near, 1.0, "array_tilt_x", 1e-6)
+    # A tilt moves the array by tilt · x and takes the same from the gap, on which a_L = v b_L hangs.
+    v = r5().virtual_depth(near)
+    np.testing.assert_allclose(np.abs(tilted), (1 + v) * 5.632e-3 * ((near - 12.5e-3) / 12.5e-3) ** 2, rtol=1e-5)
+
+
+def test_plenoptic_reading_in_forty_digits():
+    """Every error of the reading at once, written out again with mpmath for one point at the edge."""
+    camera = r5()
+    rng = np.random.default_rng(4)
+    errors = {name: float(SCALES[unit] * rng.standard_normal()) for name, unit in PLENOPTIC_ERRORS.items()}
+    errors |= {"microlens_pitch": 3e-9, "pixel_noise": 2e-7}
+    a, field = 0.6, 0.5
+    found = plenoptic_reading(camera, np.array([a]), field, {k: np.array([[v]]) for k, v in errors.items()})
+    with mpmath.workdps(40):
+        m = mpmath.mpf
+        z, gap, f, p = m(camera.mla_distance), m(camera.microlenses.gap), m(camera.main_lens.focal_length), m(PITCH)
+        e = {name: m(value) for name, value in errors.items()}
+        spacing = m(float(camera.estimator_baseline(np.array(a))))
+        corner = m(camera.sensor.diagonal) / 2
+        x0 = y0 = m(field) * m(camera.sensor.width) / 2
+        apart = spacing * (1 + gap / (z - f * m(a) / (m(a) - f)))
+        x, y = x0 - e["array_offset_x"], y0 - e["array_offset_y"]
+        square = (x * x + y * y) / corner**2
+        tilt = e["array_tilt_x"] * x + e["array_tilt_y"] * y
+        grid = spacing * (1 + e["microlens_pitch"] / p) * (1 + gap / z) / (1 + gap / (z + e["pupil_distance"]))
+        sigma = apart * mpmath.cos(e["array_rotation"]) + e["pixel_noise"] - grid
+        behind = (gap + e["microlens_gap"] - tilt) * grid / sigma
+        image = z + e["mla_distance"] + tilt - behind * (1 + e["depth_distortion"] * square)
+        image -= e["field_curvature"] * square
+        expected = 1 / (f + e["focal_length"]) - 1 / image
+    assert found.inverse_depth[0, 0] == pytest.approx(float(expected), rel=1e-9)
+
+
+def test_temperature_and_pressure_move_a_camera_as_published():
+    """Air to vacuum shortens a 12.5 mm lens of one glass by about 10 µm: 60 mm at 1 m, read too near or too far."""
+    vacuum = {"pressure_change": np.array([[-101_325.0]])}
+    # Δf = −f Δn n_g/(n_g − 1) with the tabulated Δn = 2.73e-4 at 20 °C.
+    expected = -12.5e-3 * 2.73e-4 * 1.52 / 0.52
+    assert 12.5e-3 * (AIR.focal_length_factor(vacuum)[0, 0] - 1) == pytest.approx(expected, rel=1e-3)
+    one = np.array([1.0])
+    read = 1.0 / plenoptic_reading(r5(), one, 0.0, vacuum, AIR).inverse_depth[0, 0]
+    shortened = 12.5e-3 + expected
+    image = shortened / (1.0 - shortened)  # of a point at 1 m: b = f'a/(a − f'), read with the f of the calibration
+    assert read == pytest.approx(12.5e-3 + 12.5e-3**2 / (image - 12.5e-3), rel=1e-4)
+    assert 0.05 < read - 1.0 < 0.07
+    # Aluminium over z moves depth by 1.8 mm/K at 1 m where the lens does not drift; gap and pitch move with it.
+    only_z = 12.5e-3 * 23e-6 * 6.24e3
+    assert only_z == pytest.approx(1.8e-3, rel=0.01)
+    warm = {"temperature_change": np.array([[1.0]])}
+    rig = stereo()
+    grown = 1.0 / stereo_reading(rig, one, 0.0, warm, AIR).inverse_depth[0, 0]
+    # Baseline and principal distance both grow by αΔT, so disparity by twice that, and depth is read nearer.
+    assert grown - 1.0 == pytest.approx(-2 * 23e-6, rel=1e-3)
+    assert stereo_reading(rig, one, 0.0, vacuum, AIR).inverse_depth[0, 0] == pytest.approx(1.0, rel=1e-14)
+    assert plenoptic_reading(r5(), one, 0.0, warm).inverse_depth[0, 0] == pytest.approx(1.0, rel=1e-12)
+
+
+def test_air_has_its_tabulated_index():
+    """Tables: n − 1 = 2.765e-4 for a helium-neon laser in dry air at 15 °C, 2.731e-4 at 550 nm and 20 °C."""
+    assert air_refractive_index(632.8e-9, 288.15, 101_325.0) - 1.0 == pytest.approx(2.7653e-4, rel=1e-3)
+    assert air_refractive_index(550e-9, 293.15, 101_325.0) - 1.0 == pytest.approx(2.731e-4, rel=1e-3)
+    assert air_refractive_index(550e-9, 293.15, 0.0) == 1.0
+    # Lensmaker: 1/f = (n_g/n − 1) K.
+    assert focal_length_change_with_medium(1.5, 1.0, 1.33) == pytest.approx(0.5 / (1.5 / 1.33 - 1.0), rel=1e-14)
+
+
+def test_distortion_inverts_where_it_can_and_says_where_not():
+    rng = np.random.default_rng(5)
+    x, y = rng.uniform(-0.6, 0.6, (2, 500))
+    back_x, back_y, valid = undistort(*distort(x, y, -0.2, 0.05), -0.2, 0.05)
+    assert valid.all()
+    np.testing.assert_allclose([back_x, back_y], [x, y], atol=1e-14)
+    # r (1 − r²/3) has its largest value, 2/3, at r = 1: nothing beyond has an origin.
+    assert undistort(np.array([0.6, 0.7]), 0.0, -1.0 / 3.0, 0.0)[2].tolist() == [True, False]
+
+
+def test_what_a_camera_does_not_see_or_cannot_be_is_said():
+    rig = stereo()
+    nearest = stereo_reading(rig, np.array([0.2, 0.5]), 0.0, {"yaw": np.zeros((2, 1))})
+    # x = f B/2Z = 7.6 mm at 0.2 m, beyond the sensor's 5.12 mm.
+    assert np.broadcast_to(nearest.no_overlap, (2, 2)).tolist() == [[True, False]] * 2
+    bent = stereo_reading(rig, DISTANCES, 0.9, {"left_distortion_k1": np.array([[0.0], [-40.0]])})
+    assert bent.out_of_range.any(axis=1).tolist() == [False, True]
+    reading = plenoptic_reading(r5(), np.array([0.01, 1.0]), 0.0, {"microlens_gap": np.array([[0.0], [-1e-3]])})
+    assert reading.out_of_range.tolist() == [[True, False], [True, True]]
+    diverging = stereo_reading(rig, np.array([10.0]), 0.0, {"yaw": np.array([[1.0 * DEG], [-1.0 * DEG]])})
+    assert sorted(np.sign(diverging.inverse_depth[:, 0])) == [-1.0, 1.0]
+    with pytest.raises(OutOfRangeError, match="no such error"):
+        stereo_reading(rig, DISTANCES, 0.0, {"jaw": 0.1})
+    with pytest.raises(OutOfRangeError, match="place in the field"):
+        plenoptic_reading(r5(), DISTANCES, 1.5, {})
+    with pytest.raises(OutOfRangeError, match="environment"):
+        Environment(
+            housing_expansion=0.0, focal_length_expansion=0.0, glass_index=1.0, wavelength=5e-7, temperature=293.0,
+            pressure=0.0,
+        )  # fmt: skip

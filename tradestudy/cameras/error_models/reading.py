@@ -1,0 +1,65 @@
+"""What all error models take and return."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+Errors = Mapping[str, ArrayLike]
+"""Errors by name, in SI; what is missing is zero. Arrays of shape (draws, 1) give one row per draw."""
+
+SESSION_CHANGES: Final[Mapping[str, str]] = {"temperature_change": "K", "pressure_change": "Pa"}
+"""Changes of the surroundings since the calibration, with their units."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class InverseDepthReading:
+    """Inverse depths that were read.
+
+    Parameters
+    ----------
+    inverse_depth
+        w = 1/Z [1/m], shape (draws, distances); w ≤ 0 is at or beyond infinity.
+    no_overlap
+        Where the camera does not see the point at all; broadcasts against ``inverse_depth``.
+    out_of_range
+        Where the errors leave no camera: a length that is not positive, a distortion without an inverse.
+    """
+
+    inverse_depth: FloatArray
+    no_overlap: BoolArray
+    out_of_range: BoolArray
+
+
+def require_known(errors: Errors, known: Mapping[str, str], camera: str) -> None:
+    """Refuse errors that a camera does not have."""
+    if unknown := sorted(set(errors) - set(known) - set(SESSION_CHANGES)):
+        raise OutOfRangeError(
+            f"{camera} has no such error",
+            value=", ".join(unknown),
+            limit=", ".join(sorted({**known, **SESSION_CHANGES})),
+            remedy="use one of the names of its error model",
+        )
+
+
+def require_field(field: float) -> None:
+    """Refuse a place beyond the edge of the sensor."""
+    if not 0.0 <= field <= 1.0:
+        raise OutOfRangeError(
+            "a place in the field",
+            value=f"{field:g}",
+            limit="0 (axis) to 1 (corner of the sensor)",
+            remedy="give the share of the way from the axis to the corner",
+        )
+
+
+def value_of(errors: Errors, name: str) -> FloatArray:
+    """One error, zero where it is not given."""
+    return np.asarray(errors.get(name, 0.0), dtype=np.float64)
