@@ -15,7 +15,7 @@ LAYERS = {
     "cameras": 2, "scene": 2, "accuracy": 2,
     "effects": 3, "uncertainty": 3, "imaging": 3, "verification": 3,
     "results": 4, "storage": 4, "study": 5, "cost": 6,
-    "figures": 5, "report": 6,
+    "comparison": 5, "figures": 5, "report": 6,
     "provenance": 1, "api": 7, "cli": 8, "__main__": 9,
 }  # fmt: skip
 SAME_LAYER = {
@@ -31,7 +31,7 @@ MAY_BE_READ = {"errors", "units", "results", "storage", "figures", "report"}
 # library → rooms that may import it; every other room must go through them.
 HEAVY = {
     "pydantic": {"study/schema", "study/mistakes.py"},
-    "xarray": {"results", "storage", "study", "cost", "figures", "report", "api", "cli"},
+    "xarray": {"results", "storage", "study", "cost", "comparison", "figures", "report", "api", "cli"},
     "matplotlib": {"figures"},
     "typst": {"report"},
     "jinja2": {"report"},

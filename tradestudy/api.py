@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     import xarray as xr
     from matplotlib.figure import Figure
 
+    from tradestudy.comparison import Comparison
     from tradestudy.study.schema.root import StudyFile
 
 
@@ -109,6 +110,7 @@ class Study:
             "study_hash": self.hash,
             "code_hash": provenance.code_hash(),
             "seed": None,
+            "inputs": provenance.flattened(self.definition.document.tree),
             "started": started.isoformat(timespec="seconds"),
             "versions": provenance.versions(),
             "machine": provenance.machine(),
@@ -244,6 +246,23 @@ def report(directory: str | Path, *, pdf: bool = True) -> None:
 
     result = open_result(directory)
     renderer.write(result.data, dict(result.run_record), Path(directory), pdf=pdf)
+
+
+def compare(directories: Sequence[str | Path]) -> Comparison:
+    """Finished runs side by side: inputs that differ, results that moved against the first run.
+
+    Raises
+    ------
+    OutOfRangeError
+        For fewer than two folders.
+    ResultsError
+        Where a folder holds no run that can be read.
+    """
+    from tradestudy.comparison import compare_runs
+
+    results = [open_result(directory) for directory in directories]
+    names = [str(directory) for directory in directories]
+    return compare_runs(names, [result.run_record for result in results], [result.data for result in results])
 
 
 def schema() -> dict[str, Any]:

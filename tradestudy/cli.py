@@ -122,6 +122,31 @@ def report(
 
 
 @app.command()
+def compare(
+    directories: Annotated[
+        list[Path], typer.Argument(metavar="DIR DIR…", help="Folders of finished runs.", show_default=False)
+    ],
+    debug: DebugOption = False,
+) -> None:
+    """Show runs side by side: inputs that differ, results that moved."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        comparison = api.compare(directories)
+        for title, differences in (
+            ("Inputs that differ", comparison.inputs),
+            ("Results that moved", comparison.results),
+        ):
+            _say(title)
+            if not differences:
+                _say("  none")
+            for difference in differences:
+                _say(f"  {difference.what}")
+                for name, value in zip(comparison.names, difference.values, strict=True):
+                    _say(f"    {name}: {value}")
+
+
+@app.command()
 def schema(debug: DebugOption = False) -> None:
     """Print the JSON Schema of study files, for editors."""
     with _answering(debug=debug):

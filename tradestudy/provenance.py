@@ -20,6 +20,19 @@ def study_hash(tree: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()
 
 
+def flattened(tree: Mapping[str, Any]) -> dict[str, str]:
+    """Every value that a study declares, as text by dotted path."""
+    flat: dict[str, str] = {}
+    pending: list[tuple[str, Any]] = [(key, value) for key, value in reversed(list(tree.items()))]
+    while pending:
+        path, value = pending.pop()
+        if isinstance(value, Mapping) and value:
+            pending += [(f"{path}.{key}", child) for key, child in reversed(list(value.items()))]
+        else:
+            flat[path] = str(value)
+    return flat
+
+
 @cache
 def code_hash() -> str:
     """SHA-256 of the package's own sources: results of other code are not these results."""

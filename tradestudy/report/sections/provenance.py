@@ -10,8 +10,8 @@ from tradestudy.units import significant
 
 
 def provenance(run: Mapping[str, Any]) -> Iterator[Block]:
-    """Write the content of ``run.json`` as a table."""
-    rows = tuple(_rows(run))
+    """Write the content of ``run.json`` as a table; what the study declares stands in the sections before it."""
+    rows = tuple(_rows({key: value for key, value in run.items() if key != "inputs"}))
     if rows:
         yield Heading(text="Provenance", anchor="provenance")
         yield Table(
