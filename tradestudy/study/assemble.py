@@ -3,31 +3,47 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import assert_never
 
-from tradestudy.cameras.depth_camera import DepthCamera, ErrorSource, UsableCriteria
+from tradestudy.cameras.conventional import ConventionalCamera, FocusStackPlan
+from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
+from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, focal_length_of_field_of_view
 from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
 from tradestudy.cameras.stereo import StereoCalibration, StereoRig
+from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.depth_of_field.microlens_relay import microlens_focal_length, touching_inverse_virtual_depths
+from tradestudy.optics.depth_of_field import (
+    microlens_focal_length,
+    object_distance_of_magnification,
+    object_distance_of_working_distance,
+    touching_inverse_virtual_depths,
+)
 from tradestudy.optics.thin_lens import image_distance
 from tradestudy.study.schema.cameras import (
     AngleErrorPart,
+    CameraPart,
+    ConventionalFocusPart,
+    ConventionalPart,
     FocusedPlenopticPart,
     LengthErrorPart,
     LensPart,
     NormalLengthErrorPart,
+    PlenopticCalibrationPart,
     SensorPart,
     StereoPart,
+    UnfocusedPlenopticPart,
 )
+from tradestudy.study.schema.depth_of_field import BlurPart
 from tradestudy.study.schema.questions import UsablePart
 
 COVERING_VIRTUAL_DEPTH = 2.0
+AnyCamera = FocusedPlenoptic | UnfocusedPlenoptic | StereoRig | ConventionalCamera
 
 
-def camera_of(part: FocusedPlenopticPart | StereoPart) -> DepthCamera:
+def camera_of(part: CameraPart) -> AnyCamera:
     """Build the camera that a part of a study file describes.
 
     Raises
@@ -38,8 +54,12 @@ def camera_of(part: FocusedPlenopticPart | StereoPart) -> DepthCamera:
     match part:
         case FocusedPlenopticPart():
             return focused_plenoptic_of(part)
+        case UnfocusedPlenopticPart():
+            return unfocused_plenoptic_of(part)
         case StereoPart():
             return stereo_of(part)
+        case ConventionalPart():
+            return conventional_of(part)
         case _:
             assert_never(part)
 
@@ -115,7 +135,7 @@ def focused_plenoptic_of(part: FocusedPlenopticPart) -> FocusedPlenoptic:
         raise OutOfRangeError(
             "the microlens array would stand before the main lens", value=f"{z * 1e3:g} mm", remedy="reduce the gap"
         )
-    depth, errors = part.depth, part.calibration
+    depth = part.depth
     pair = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}
     return FocusedPlenoptic(
         main_lens=lens,
@@ -132,12 +152,17 @@ def focused_plenoptic_of(part: FocusedPlenopticPart) -> FocusedPlenoptic:
         lenses="all" if pair.get(depth.estimator, depth.lenses) == "all" else "sharpest-type",
         disparity_error_px=depth.disparity_error_px,
         discrimination_step_px=depth.discrimination_step,
-        calibration=PlenopticCalibration(
-            mla_distance=error_of(errors.mla_distance),
-            focal_length=error_of(errors.focal_length),
-            correlation=errors.correlation,
-            microlens_gap=error_of(errors.microlens_gap),
-        ),
+        calibration=plenoptic_calibration_of(part.calibration),
+    )
+
+
+def plenoptic_calibration_of(part: PlenopticCalibrationPart) -> PlenopticCalibration:
+    """Calibration errors of a plenoptic camera of either kind."""
+    return PlenopticCalibration(
+        mla_distance=error_of(part.mla_distance),
+        focal_length=error_of(part.focal_length),
+        correlation=part.correlation,
+        microlens_gap=error_of(part.microlens_gap),
     )
 
 
@@ -150,6 +175,91 @@ def _designed_focal_lengths(part: FocusedPlenopticPart, gap: float, sign: float)
         types=array.types,
     )
     return tuple(float(focal_length) for focal_length in microlens_focal_length(sign * inverse_depths, gap))
+
+
+def unfocused_plenoptic_of(part: UnfocusedPlenopticPart) -> UnfocusedPlenoptic:
+    """An unfocused plenoptic camera; with f-number matching ``f_L = p z/A``."""
+    sensor = sensor_of(part.sensor)
+    lens = lens_of(part.main_lens, sensor)
+    array = part.microlenses
+    if not part.focus.distance > lens.focal_length:
+        raise OutOfRangeError(
+            "the main lens cannot focus that close",
+            value=f"{part.focus.distance * 1e3:g} mm",
+            limit=f"beyond the focal length, {lens.focal_length * 1e3:g} mm",
+            remedy="increase the focus distance",
+        )
+    z = float(image_distance(part.focus.distance, lens.focal_length))
+    matching = array.focal_length == "f-number-matching"
+    focal_length = array.pitch * z / lens.pupil_diameter if matching else float(array.focal_length)
+    aperture = array.aperture_diameter or (focal_length / array.f_number if array.f_number else array.pitch)
+    return UnfocusedPlenoptic(
+        main_lens=lens,
+        sensor=sensor,
+        microlenses=MicrolensArray(
+            layout=array.layout,
+            pitch=array.pitch,
+            gap=focal_length,
+            focal_lengths=(focal_length,),
+            aperture_diameter=aperture,
+        ),
+        focus_distance=part.focus.distance,
+        estimator=part.depth.estimator,
+        disparity_error_px=part.depth.disparity_error_px,
+        discrimination_step_px=part.depth.discrimination_step,
+        calibration=plenoptic_calibration_of(part.calibration),
+    )
+
+
+def conventional_of(part: ConventionalPart) -> ConventionalCamera:
+    """A conventional camera, focused by distance, by image scale, or by a data sheet's working distance.
+
+    The scale s of a pixel p gives the magnification p/s and with it the distance of the principal plane; at a reference
+    it tells how far that plane lies behind the front of the lens, which is supposed to stay so.
+    """
+    sensor = sensor_of(part.sensor)
+    lens = lens_of(part.lens, sensor)
+    focus = part.focus
+
+    def by_scale(image_scale: float) -> float:
+        return float(object_distance_of_magnification(lens.focal_length, sensor.pixel_pitch / image_scale))
+
+    behind_front = None
+    if focus.reference is not None:
+        behind_front = by_scale(focus.reference.image_scale) - focus.reference.working_distance
+    stack = focus.stack
+    return ConventionalCamera(
+        lens=lens,
+        sensor=sensor,
+        focus_distance=_focus_distance(focus, by_scale),
+        stack=None
+        if stack is None
+        else FocusStackPlan(
+            near=stack.start, far=stack.stop, most_images=stack.images, time_per_image=stack.time_per_image
+        ),
+        front_to_principal_plane=behind_front,
+    )
+
+
+def _focus_distance(focus: ConventionalFocusPart, by_scale: Callable[[float], float]) -> float:
+    """Distance of the focus from the principal plane [m], whichever way it is given."""
+    if focus.distance is not None:
+        return focus.distance
+    if focus.image_scale is not None:
+        return by_scale(focus.image_scale)
+    assert focus.working_distance is not None and focus.reference is not None  # noqa: PT018 - the schema's promise, for the type checker
+    return float(
+        object_distance_of_working_distance(
+            focus.working_distance,
+            reference_working_distance=focus.reference.working_distance,
+            reference_object_distance=by_scale(focus.reference.image_scale),
+        )
+    )
+
+
+def blur_criterion_of(part: BlurPart, wavelength: float) -> BlurCriterion:
+    """What counts as sharp, in the light of the scene."""
+    return BlurCriterion(blur_px=part.blur, measure=part.diffraction, wavelength=wavelength)
 
 
 def sensor_of(part: SensorPart) -> Sensor:

@@ -11,8 +11,16 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.decision import is_usable
 from tradestudy.study.definition import Case
 from tradestudy.study.depth import depth_uncertainty
+from tradestudy.study.focus_claims import (
+    depth_of_field_ratio,
+    depth_of_field_ratio_words,
+    depth_of_field_value,
+    depth_of_field_words,
+)
 from tradestudy.study.schema.questions import (
     ClaimPart,
+    DepthOfFieldClaim,
+    DepthOfFieldRatioClaim,
     ExpectPart,
     LimitDistanceClaim,
     RelativeUncertaintyDistanceClaim,
@@ -31,9 +39,9 @@ _FARTHEST = 1e5
 def claim_dimension(claim: ClaimPart) -> Dimension:
     """What the value of a claim measures."""
     match claim:
-        case LimitDistanceClaim() | RelativeUncertaintyDistanceClaim():
+        case LimitDistanceClaim() | RelativeUncertaintyDistanceClaim() | DepthOfFieldClaim():
             return LENGTH
-        case UncertaintyRatioClaim():
+        case UncertaintyRatioClaim() | DepthOfFieldRatioClaim():
             return NUMBER
         case ShareBetterClaim():
             return FRACTION
@@ -53,6 +61,10 @@ def claim_quantity(claim: ClaimPart) -> str:
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
             return f"distance where the uncertainty of {claim.camera} reaches {share} of it ({claim.way})"
+        case DepthOfFieldClaim():
+            return depth_of_field_words(claim)
+        case DepthOfFieldRatioClaim():
+            return depth_of_field_ratio_words(claim)
 
 
 def claim_value(claim: ClaimPart, case: Case) -> float:
@@ -76,6 +88,10 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
             )
             begins = [end.distance for end in reached if end.begins]
             return begins[-1] if begins else math.nan
+        case DepthOfFieldClaim():
+            return depth_of_field_value(claim, case)
+        case DepthOfFieldRatioClaim():
+            return depth_of_field_ratio(claim, case)
 
 
 def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:

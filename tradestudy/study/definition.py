@@ -8,21 +8,35 @@ from functools import cached_property
 
 import numpy as np
 
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.conventional import ConventionalCamera
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.assemble import camera_of, criteria_of
+from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of
 from tradestudy.study.reader import Document, validate, with_values
 from tradestudy.study.schema.root import StudyFile
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """What a study computes with: cameras, limits and distances in SI."""
+    """What a study computes with: cameras, limits and distances in SI.
+
+    Parameters
+    ----------
+    cameras
+        Those that measure depth.
+    all_cameras
+        Every camera of the study, in its order.
+    criteria, distance, wavelength
+        Limits of the usable range, distances [m], and the light [m].
+    """
 
     cameras: Mapping[str, DepthCamera]
+    all_cameras: Mapping[str, Camera]
     criteria: UsableCriteria
     distance: FloatArray
+    wavelength: float
 
 
 @dataclass(frozen=True)
@@ -56,7 +70,7 @@ class StudyDefinition:
     @cached_property
     def case(self) -> Case:
         """The cameras, built; every one that cannot be is reported."""
-        cameras: dict[str, DepthCamera] = {}
+        cameras: dict[str, AnyCamera] = {}
         problems: list[Problem] = []
         for name, part in self.file.cameras.items():
             try:
@@ -67,9 +81,11 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return Case(
-            cameras=cameras,
+            cameras={name: camera for name, camera in cameras.items() if not isinstance(camera, ConventionalCamera)},
+            all_cameras=cameras,
             criteria=criteria_of(self.file.usable),
             distance=np.array(self.file.scene.distance_values()),
+            wavelength=self.file.scene.wavelength,
         )
 
     def with_values(

@@ -7,8 +7,10 @@ import xarray as xr
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.groups.claims import claims_group, requirements_group
+from tradestudy.study.groups.criteria import criteria_group
 from tradestudy.study.groups.decision import decision_group
 from tradestudy.study.groups.depth import depth_group
+from tradestudy.study.groups.depth_of_field import depth_of_field_group
 from tradestudy.study.groups.registers import assumptions_group, cameras_group, contradictions_group
 from tradestudy.study.progress import Progress
 
@@ -43,12 +45,18 @@ def compute(definition: StudyDefinition, progress: Progress = lambda _step, _sha
             }
         ),
         "/cameras": cameras_group(definition),
-        "/depth": depth_group(definition, progress),
         "/assumptions": assumptions_group(definition),
         "/contradictions": contradictions_group(definition),
     }
-    progress("decision", 0.0)
-    groups["/decision"] = decision_group(definition, readings, groups["/depth"])
+    if definition.case.cameras:
+        groups["/depth"] = depth_group(definition, progress)
+        progress("decision", 0.0)
+        groups["/decision"] = decision_group(definition, readings, groups["/depth"])
+    if file.depth_of_field is not None:
+        progress("depth of field", 0.0)
+        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field)
+        if file.criteria is not None:
+            groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field)
     progress("claims", 0.0)
     if file.claims:
         groups["/claims"] = claims_group(definition, readings)

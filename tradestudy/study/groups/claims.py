@@ -30,12 +30,13 @@ def claims_group(definition: StudyDefinition, readings: Mapping[str, StudyDefini
     met = np.full(value.shape, -1, dtype=np.int8)
     text = np.full(value.shape, "", dtype=object)
     verdicts = []
-    for row, claim in enumerate(claims.values()):
+    for row, (key, claim) in enumerate(claims.items()):
         dimension = claim_dimension(claim)
         answers: dict[str, bool | None] = {}
-        for name in (declared, *claim.under):
+        for name in (claim.reading or declared, *claim.under):
             column = names.index(name)
-            value[row, column] = claim_value(claim, readings[name].case)
+            # A reading may change what is asked too, such as the blur that counts as sharp; never what is expected.
+            value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)
             text[row, column] = pretty(value[row, column], dimension)
             answers[name] = is_met(claim.expect, value[row, column], dimension)
             met[row, column] = -1 if answers[name] is None else int(bool(answers[name]))

@@ -13,7 +13,7 @@ from tradestudy.study.properties import camera_properties
 
 def cameras_group(definition: StudyDefinition) -> xr.Dataset:
     """/cameras: titles, kinds, notes, and what follows from the inputs."""
-    parts, cameras = definition.file.cameras, definition.case.cameras
+    parts, cameras = definition.file.cameras, definition.case.all_cameras
     properties = [(name, *item) for name, camera in cameras.items() for item in camera_properties(camera)]
     return dataset(
         "cameras",

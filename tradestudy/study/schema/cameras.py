@@ -11,14 +11,18 @@ from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.quantities import (
     Angle,
+    Count,
     Length,
     PositiveAngle,
+    PositiveCount,
+    PositiveDuration,
     PositiveLength,
     PositiveLengthOrInfinity,
     PositiveNumber,
     PositivePixels,
 )
 
+AttributeName = Annotated[str, Field(pattern=r"^[a-z][\w -]*$", max_length=60)]
 PixelCount = Annotated[int, Field(ge=1, le=100_000, strict=True)]
 
 
@@ -116,6 +120,84 @@ class DisparityPart(Part):
         return self.disparity_error * (math.sqrt(2.0) if self.error_of == "coordinate" else 1.0)
 
 
+class UnfocusedMicrolensesPart(Part):
+    """The microlens array of an unfocused plenoptic camera, one focal length before the sensor."""
+
+    layout: Literal["hexagonal", "square"]
+    pitch: PositiveLength = Field(description="Distance of neighbouring microlens centres: the lateral sample.")
+    focal_length: PositiveLength | Literal["f-number-matching"] = Field(
+        description="Also the distance to the sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
+    )
+    aperture_diameter: PositiveLength | None = Field(default=None, description="Of one microlens; default: the pitch.")
+    f_number: PositiveNumber | None = Field(
+        default=None, description="Of one microlens, focal length over aperture diameter, instead of that diameter."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if self.aperture_diameter is not None and self.f_number is not None:
+            raise MistakeAt((), "give at most one of aperture_diameter and f_number")
+        return self
+
+
+class UnfocusedFocusPart(Part):
+    """Where an unfocused plenoptic camera is focused."""
+
+    distance: PositiveLength = Field(description="Object distance whose image falls on the microlenses.")
+
+
+class ReferenceScalePart(Part):
+    """What a data sheet says of one focus: it tells where the principal plane lies behind the front of the lens."""
+
+    working_distance: PositiveLength = Field(description="From the front of the lens.")
+    image_scale: PositiveLength = Field(description="Size that one pixel covers on the object.")
+
+
+class FocusStackPart(Part):
+    """A stack of images at different focus, as few as cover the range but no more than it may have."""
+
+    start: PositiveLength = Field(alias="from", description="Nearest distance to cover.")
+    stop: PositiveLengthOrInfinity = Field(alias="to", description="Farthest distance to cover; may be infinity.")
+    images: PositiveCount = Field(description="The most images of one stack.")
+    time_per_image: PositiveDuration | None = Field(
+        default=None, description="From one image to the next, refocusing included."
+    )
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if not self.start < self.stop:
+            raise MistakeAt(("to",), "must lie beyond from")
+        return self
+
+
+class ConventionalFocusPart(Part):
+    """Where a conventional camera is focused: by distance, by image scale, or by a working distance of a data sheet."""
+
+    distance: PositiveLengthOrInfinity | None = Field(
+        default=None, description="Object to the principal plane of the lens."
+    )
+    image_scale: PositiveLength | None = Field(
+        default=None, description="Size that one pixel covers on the object in focus."
+    )
+    working_distance: PositiveLength | None = Field(
+        default=None, description="Object to the front of the lens; needs a reference."
+    )
+    reference: ReferenceScalePart | None = None
+    stack: FocusStackPart | None = Field(default=None, description="A focus stack instead of a single image.")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        ways = (self.distance, self.image_scale, self.working_distance)
+        if sum(way is not None for way in ways) != 1:
+            raise MistakeAt((), "give exactly one of distance, image_scale and working_distance")
+        if self.working_distance is not None and self.reference is None:
+            raise MistakeAt(
+                ("working_distance",),
+                "counts from the front of the lens; give a reference (working_distance and image_scale at one focus)",
+            )
+        return self
+
+
 class PlenopticDepthPart(DisparityPart):
     """Depth by micro-images."""
 
@@ -130,6 +212,12 @@ class PlenopticDepthPart(DisparityPart):
         if self.lenses is not None and self.estimator in ("adjacent-pair", "same-type-pair"):
             raise MistakeAt(("lenses",), f"the estimator {self.estimator} has no choice of lenses; leave it out")
         return self
+
+
+class UnfocusedDepthPart(DisparityPart):
+    """Depth by the views through parts of the pupil; a px of disparity is one microlens, the sample of a view."""
+
+    estimator: Literal["outermost-views", "least-squares"]
 
 
 class StereoDepthPart(DisparityPart):
@@ -196,12 +284,29 @@ class StatedPart(Part):
     microlens_gap: Length | None = None
     mla_distance: Length | None = None
     hyperfocal_distance: Length | None = None
+    depth_of_field: PositiveLength | None = Field(default=None, description="Of one image of a conventional camera.")
+
+
+class AttributesPart(Part):
+    """What decides a trade besides curves, declared; what is left out is derived where the other inputs allow it."""
+
+    moving_parts: Count | None = Field(
+        default=None, description="Default: one for each lens that is refocused by a mechanism."
+    )
+    bits_per_pixel: PositiveCount | None = Field(default=None, description="Of a raw image; data volumes need it.")
+    envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
+        default=None, description="Length, width and height of the whole instrument."
+    )
+    others: dict[AttributeName, Annotated[str, Field(min_length=1, max_length=200)]] = Field(
+        default={}, description="Anything else worth a row of the comparison, in words."
+    )
 
 
 class _CameraPart(Part):
     title: str = Field(min_length=1, max_length=80, description="Name in figures and tables.")
     note: str | None = Field(default=None, max_length=2000, description="What a reader should know about it.")
     stated: StatedPart | None = None
+    attributes: AttributesPart = AttributesPart()
 
 
 class FocusedPlenopticPart(_CameraPart):
@@ -214,6 +319,27 @@ class FocusedPlenopticPart(_CameraPart):
     focus: FocusPart
     depth: PlenopticDepthPart
     calibration: PlenopticCalibrationPart
+
+
+class UnfocusedPlenopticPart(_CameraPart):
+    """An unfocused plenoptic camera (plenoptic I)."""
+
+    kind: Literal["unfocused-plenoptic"]
+    main_lens: LensPart
+    sensor: SensorPart
+    microlenses: UnfocusedMicrolensesPart
+    focus: UnfocusedFocusPart
+    depth: UnfocusedDepthPart
+    calibration: PlenopticCalibrationPart
+
+
+class ConventionalPart(_CameraPart):
+    """A conventional camera of fixed focus, or with a mechanism that takes a focus stack; it measures no depth."""
+
+    kind: Literal["conventional"]
+    lens: LensPart
+    sensor: SensorPart
+    focus: ConventionalFocusPart
 
 
 class StereoPart(_CameraPart):
@@ -231,4 +357,11 @@ class StereoPart(_CameraPart):
     calibration: StereoCalibrationPart
 
 
-CameraPart = Annotated[FocusedPlenopticPart | StereoPart, Field(discriminator="kind")]
+CameraPart = Annotated[
+    FocusedPlenopticPart | UnfocusedPlenopticPart | StereoPart | ConventionalPart, Field(discriminator="kind")
+]
+
+
+def measures_depth(part: CameraPart) -> bool:
+    """Whether a camera measures depth by triangulation."""
+    return not isinstance(part, ConventionalPart)

@@ -8,6 +8,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
 from tradestudy.study.schema.quantities import (
     PositiveFraction,
     PositiveLength,
@@ -93,6 +94,9 @@ class _ClaimPart(Part):
     source: Text
     tolerance_reason: Text = Field(description="Why this expectation and tolerance follow from the source's wording.")
     expect: ExpectPart
+    reading: CameraName | None = Field(
+        default=None, description="The reading that the claim itself takes; default: the study as declared."
+    )
     under: tuple[CameraName, ...] = Field(default=(), description="Readings of the assumptions it is also tried under.")
 
 
@@ -137,8 +141,44 @@ class RelativeUncertaintyDistanceClaim(_ClaimPart):
     way: Way = "both"
 
 
+class DepthOfFieldClaim(_ClaimPart, BlurPart):
+    """How deep a camera's depth of field is, all its sharp stretches together."""
+
+    of: Literal["depth_of_field"]
+    camera: CameraName
+
+
+class DepthOfFieldRatioClaim(_ClaimPart):
+    """How many times deeper one camera's depth of field is than another's, at equal blur or at equal resolution."""
+
+    of: Literal["depth_of_field_ratio"]
+    camera: CameraName
+    against: CameraName
+    blur: PositivePixels | None = Field(default=None, description="On the sensor of each, as in depth_of_field.sharp.")
+    diffraction: Diffraction | None = Field(default=None, description="Beside blur; default: none.")
+    resolution: PositiveLength | None = Field(
+        default=None, description="Size of detail on the object that both must resolve, geometrically, instead of blur."
+    )
+    over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="Only what lies in this range counts; default: everything."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.blur is None) == (self.resolution is None):
+            raise MistakeAt((), "give exactly one of blur and resolution")
+        if self.diffraction is not None and self.blur is None:
+            raise MistakeAt(("diffraction",), "belongs to blur; resolution is compared geometrically")
+        return self
+
+
 ClaimPart = Annotated[
-    LimitDistanceClaim | UncertaintyRatioClaim | ShareBetterClaim | RelativeUncertaintyDistanceClaim,
+    LimitDistanceClaim
+    | UncertaintyRatioClaim
+    | ShareBetterClaim
+    | RelativeUncertaintyDistanceClaim
+    | DepthOfFieldClaim
+    | DepthOfFieldRatioClaim,
     Field(discriminator="of"),
 ]
 

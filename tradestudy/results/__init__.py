@@ -1,0 +1,79 @@
+"""The one table of what results hold: every variable with its dimensions, unit, symbol and source.
+
+Nothing enters `results.nc` that is not declared here, and nothing is declared without a unit ("1" is a plain number).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.depth import DEPTH
+from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
+from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
+from tradestudy.results.registers import ASSUMPTIONS, CAMERAS, CONTRADICTIONS, CRITERIA
+from tradestudy.results.variable import PAPER, Variable
+
+__all__ = ["FORMAT_VERSION", "GROUPS", "PAPER", "Variable", "dataset"]
+
+FORMAT_VERSION: Final = 1
+
+GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
+    "cameras": CAMERAS,
+    "depth": DEPTH,
+    "depth_of_field": DEPTH_OF_FIELD,
+    "criteria": CRITERIA,
+    "decision": DECISION,
+    "claims": CLAIMS,
+    "requirements": REQUIREMENTS,
+    "assumptions": ASSUMPTIONS,
+    "contradictions": CONTRADICTIONS,
+}
+
+
+def dataset(
+    group: str,
+    values: Mapping[str, Any],
+    coordinates: Mapping[str, Sequence[Any] | np.ndarray[Any, Any]],
+    *,
+    leading: tuple[str, ...] = (),
+    attributes: Mapping[str, Any] | None = None,
+) -> xr.Dataset:
+    """Build one group of the results from arrays in the declared order of dimensions.
+
+    Parameters
+    ----------
+    group
+        Name of the group in `GROUPS`.
+    values
+        One array for each variable; a variable that the study does not ask for is left out.
+    coordinates
+        Labels along each dimension that has them.
+    leading
+        Dimensions of the study's sweep, before the declared ones.
+    attributes
+        Of the group.
+    """
+    declared = GROUPS[group]
+    variables = {}
+    for name, value in values.items():
+        spec = declared[name]
+        attrs = {"units": spec.units, "long_name": spec.long_name}
+        attrs |= {key: text for key in ("symbol", "reference", "error") if (text := getattr(spec, key))}
+        array = np.asarray(value)
+        swept = leading if array.ndim == len(leading) + len(spec.dims) else ()
+        variables[name] = (swept + spec.dims, array.astype(object) if array.dtype.kind == "U" else array, attrs)
+    coords = {
+        name: (np.asarray(labels, dtype=object) if _text(labels) else labels) for name, labels in coordinates.items()
+    }
+    result = xr.Dataset(variables, coords=coords, attrs=dict(attributes or {}))
+    if "distance" in result.coords:
+        result["distance"].attrs = {"units": "m", "long_name": "object distance", "symbol": "a"}
+    return result
+
+
+def _text(labels: Sequence[Any] | np.ndarray[Any, Any]) -> bool:
+    return len(labels) > 0 and isinstance(labels[0], str)

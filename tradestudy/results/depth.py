@@ -1,0 +1,124 @@
+"""/depth: every camera that measures depth, over distance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import PAPER, SEE_ERROR, Variable
+
+DEPTH_ROUNDING: Final = "closed form; rounding only, see the condition number of eq. 8"
+_EIGHT = f"{PAPER}, eqs. 4 and 8"
+
+DEPTH: Final[Mapping[str, Variable]] = {
+    "depth_discrimination": Variable(
+        dims=("camera", "distance", "side"),
+        units="m",
+        long_name="change of true depth that moves the estimator's disparity by the declared step",
+        symbol="Δa",
+        reference=_EIGHT,
+        error=DEPTH_ROUNDING,
+    ),
+    "depth_uncertainty": Variable(
+        dims=("camera", "distance"),
+        units="m",
+        long_name="half the central 68.27 % interval of one measured depth, noise and calibration",
+        symbol="u(a)",
+        reference="JCGM 101:2008, 7.7",
+        error=SEE_ERROR,
+    ),
+    "depth_uncertainty_error": Variable(
+        dims=("camera", "distance"),
+        units="m",
+        long_name="estimated numerical error of depth_uncertainty against the exact camera model",
+        error="an estimate of an error; NaN where the interval is not bounded",
+    ),
+    "depth_uncertainty_way": Variable(
+        dims=("camera", "distance", "way"),
+        units="m",
+        long_name="depth uncertainty from noise only, calibration only, and both",
+        symbol="u(a)",
+        error=SEE_ERROR,
+    ),
+    "depth_uncertainty_part": Variable(
+        dims=("camera", "distance", "part"),
+        units="m",
+        long_name="depth uncertainty from one part alone; NaN where a camera has no such part",
+        symbol="u_i(a)",
+        error=SEE_ERROR,
+    ),
+    "depth_quantile": Variable(
+        dims=("camera", "distance", "way", "quantile"),
+        units="m",
+        long_name="quantile of one measured depth; infinite beyond the pole",
+        symbol="a_p",
+        error=SEE_ERROR,
+    ),
+    "failed_fraction": Variable(
+        dims=("camera", "distance", "way"),
+        units="1",
+        long_name="share of measurements that end beyond infinity",
+        symbol="P(a = ∞)",
+        error="closed form in disparity, below 1e-6",
+    ),
+    "equivalent_baseline": Variable(
+        dims=("camera", "distance"),
+        units="m",
+        long_name="baseline of the stereo rig of this focal length and disparity error that measures as well",
+        symbol="B_eq",
+        error=DEPTH_ROUNDING,
+    ),
+    "disparity_px": Variable(
+        dims=("camera", "distance"),
+        units="px",
+        long_name="disparity over the estimator's baseline",
+        symbol="Δσ",
+        reference=_EIGHT,
+        error=DEPTH_ROUNDING,
+    ),
+    "virtual_depth": Variable(
+        dims=("camera", "distance"),
+        units="1",
+        long_name="virtual depth, positive Keplerian, negative Galilean; NaN for a stereo rig",
+        symbol="v = a_L/b_L",
+        error=DEPTH_ROUNDING,
+    ),
+    "usable": Variable(
+        dims=("camera", "distance"),
+        units="1",
+        long_name="whether every declared limit holds",
+        error="a comparison; ends are in usable_near and usable_far",
+    ),
+    "limit_value": Variable(
+        dims=("camera", "distance", "limit"),
+        units="mixed",
+        long_name="value that is held against a limit, in the unit of limit_units; NaN where it does not apply",
+        error=DEPTH_ROUNDING,
+    ),
+    "limit_met": Variable(
+        dims=("camera", "distance", "limit"),
+        units="1",
+        long_name="1 where the limit holds, 0 where it does not, −1 where it does not apply",
+        error="a comparison",
+    ),
+    "limit_bound": Variable(
+        dims=("camera", "limit"),
+        units="mixed",
+        long_name="the bound of a limit; NaN where it does not apply",
+        error="declared",
+    ),
+    "usable_near": Variable(
+        dims=("camera", "interval"),
+        units="m",
+        long_name="near end of a usable interval",
+        error="bracketed to the last digits",
+    ),
+    "usable_far": Variable(
+        dims=("camera", "interval"),
+        units="m",
+        long_name="far end of a usable interval",
+        error="bracketed to the last digits",
+    ),
+    "near_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the near end"),
+    "far_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the far end"),
+}

@@ -1,0 +1,108 @@
+"""/depth_of_field: what every camera keeps sharp, and how finely it resolves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import PAPER, ROUNDING, Variable
+
+_THIN_LENS = "exact thin lens; see tradestudy.optics.depth_of_field"
+_RESOLUTION = "larger of lateral sample and geometric blur on the object; see tradestudy.optics.lateral_resolution"
+
+
+def _length(dims: tuple[str, ...], long_name: str, symbol: str = "", reference: str = _THIN_LENS) -> Variable:
+    return Variable(dims=dims, units="m", long_name=long_name, symbol=symbol, reference=reference, error=ROUNDING)
+
+
+DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
+    "blur_px": Variable(
+        dims=("sharp",),
+        units="px",
+        long_name="blur that counts as sharp, in pixels or, of an unfocused plenoptic camera, microlenses",
+        symbol="c",
+        error="declared",
+    ),
+    "diffraction": Variable(
+        dims=("sharp",),
+        units="",
+        long_name="how wide the diffraction spot counts beside defocus: none, fwhm, airy-diameter",
+    ),
+    "slice_name": Variable(
+        dims=("camera", "sharp", "slice"),
+        units="",
+        long_name="image of a stack, type of microlens, or lens; empty for none",
+    ),
+    "slice_near": _length(("camera", "sharp", "slice"), "near limit of a slice; NaN where nothing is sharp"),
+    "slice_far": _length(("camera", "sharp", "slice"), "far limit of a slice; NaN where nothing is sharp"),
+    "sharp_near": _length(("camera", "sharp", "stretch"), "near end of a stretch that some slice keeps sharp"),
+    "sharp_far": _length(("camera", "sharp", "stretch"), "far end of a stretch that some slice keeps sharp"),
+    "gap_near": _length(("camera", "sharp", "gap"), "near end of a gap between slices"),
+    "gap_far": _length(("camera", "sharp", "gap"), "far end of a gap between slices"),
+    "overlap_near": _length(("camera", "sharp", "overlap"), "near end of a stretch that two slices or more keep sharp"),
+    "overlap_far": _length(("camera", "sharp", "overlap"), "far end of a stretch that two slices or more keep sharp"),
+    "extent": _length(("camera", "sharp"), "length of all sharp stretches together; infinite where a far limit is"),
+    "scene_share": Variable(
+        dims=("camera", "sharp"), units="1", long_name="share of the scene that is sharp", error=ROUNDING
+    ),
+    "images": Variable(
+        dims=("camera", "sharp"),
+        units="1",
+        long_name="images taken of the scene; 0 where no number is enough",
+        error="a count",
+    ),
+    "reason": Variable(
+        dims=("camera", "sharp"), units="", long_name="why nothing, or one of the slices, is sharp; empty where all are"
+    ),
+    "lateral_resolution": _length(
+        ("camera", "distance"), "size of detail on the object that is resolved, geometrically", "r", _RESOLUTION
+    ),
+    "diffraction_width": _length(
+        ("camera", "distance"),
+        "width at half maximum of the diffraction spot, projected to the object",
+        "1.03 λ N_w/m",
+        "Airy pattern of the limiting pupil: lens, microlens, or part of the pupil of one view",
+    ),
+    "scene_resolution": _length(
+        ("camera",), "coarsest geometric resolution on the object within the scene", "r", _RESOLUTION
+    ),
+    "scene_diffraction": _length(
+        ("camera",), "widest diffraction spot at half maximum on the object within the scene", "", _RESOLUTION
+    ),
+    "microlenses_seeing": Variable(
+        dims=("camera", "distance"),
+        units="1",
+        long_name="mean number of microlenses that see a point; NaN for cameras that are not focused plenoptic ones",
+        symbol="π r²/cell",
+        reference=f"{PAPER}, section 2.2; area of the pupil's shadow over that of a cell",
+        error=ROUNDING,
+    ),
+    "total_covering_plane": _length(
+        ("camera",),
+        "distance of absolute virtual depth 2; NaN for cameras that are not focused plenoptic ones, or have none",
+        reference="every point is seen by two microlenses from there on with matched f-numbers",
+    ),
+    "resolved_near": _length(
+        ("camera", "resolved"),
+        "near end of a stretch that is resolved at the study's equal resolution",
+        "",
+        _RESOLUTION,
+    ),
+    "resolved_far": _length(
+        ("camera", "resolved"), "far end of a stretch that is resolved at the study's equal resolution", "", _RESOLUTION
+    ),
+    "resolved_extent": _length(
+        ("camera",), "length of all stretches resolved at the study's equal resolution", "", _RESOLUTION
+    ),
+    "resolved_scene_share": Variable(
+        dims=("camera",),
+        units="1",
+        long_name="share of the scene resolved at the study's equal resolution",
+        error=ROUNDING,
+    ),
+    "resolved_reason": Variable(
+        dims=("camera",),
+        units="",
+        long_name="why nothing is resolved at the study's equal resolution; empty where it is",
+    ),
+}

@@ -1,0 +1,89 @@
+"""/decision, /claims, /requirements: what a study asks, answered."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import SEE_ERROR, Variable
+
+DECISION: Final[Mapping[str, Variable]] = {
+    "best_camera": Variable(
+        dims=("distance", "way"),
+        units="",
+        long_name="usable camera of lowest depth uncertainty; empty where none is usable",
+    ),
+    "winner": Variable(
+        dims=("reading", "place", "way"),
+        units="",
+        long_name="of the headline pair, the usable camera of lower depth uncertainty; empty where neither is usable",
+    ),
+    "more_certain": Variable(
+        dims=("reading", "place", "way"),
+        units="",
+        long_name="of the headline pair, the one of lower depth uncertainty, usable or not",
+    ),
+    "uncertainty_ratio": Variable(
+        dims=("reading", "place", "way"),
+        units="1",
+        long_name="depth uncertainty of the first camera of the headline pair over that of the second",
+        error=SEE_ERROR,
+    ),
+    "flips": Variable(
+        dims=("reading", "place", "way"),
+        units="1",
+        long_name="whether the more certain camera differs from the study's reading",
+    ),
+    "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
+    "crossover_distance": Variable(
+        dims=("reading", "way", "crossing"),
+        units="m",
+        long_name="distance where the two uncertainties of the headline pair are equal; NaN where there is none",
+        error="bracketed to the last digits; its range over readings is the error that matters",
+    ),
+    "crossover_nearer": Variable(
+        dims=("reading", "way", "crossing"), units="", long_name="camera that is more certain nearer than the crossing"
+    ),
+    "solved_value": Variable(
+        dims=("question",),
+        units="mixed",
+        long_name="value of the varied input that makes two cameras equally certain, in solved_units",
+        error="root to 1e-10 relative",
+    ),
+    "solved_units": Variable(dims=("question",), units="", long_name="SI unit of the solved value"),
+    "solved_says": Variable(dims=("question",), units="", long_name="the inverse question"),
+    "solved_answer": Variable(dims=("question",), units="", long_name="the answer in words"),
+}
+
+CLAIMS: Final[Mapping[str, Variable]] = {
+    "value": Variable(
+        dims=("claim", "reading"),
+        units="mixed",
+        long_name="value found under a reading; NaN where not tried",
+        error=SEE_ERROR,
+    ),
+    "met": Variable(dims=("claim", "reading"), units="1", long_name="1 met, 0 not met, −1 not tried"),
+    "value_text": Variable(dims=("claim", "reading"), units="", long_name="value found, with its unit"),
+    "says": Variable(dims=("claim",), units="", long_name="the claim in the words of its source"),
+    "source": Variable(dims=("claim",), units="", long_name="where it is made"),
+    "expected": Variable(dims=("claim",), units="", long_name="expected value or bound"),
+    "quantity": Variable(dims=("claim",), units="", long_name="what is computed to answer it"),
+    "tolerance_reason": Variable(
+        dims=("claim",), units="", long_name="why the expectation and its tolerance follow from the wording"
+    ),
+    "verdict": Variable(dims=("claim",), units="", long_name="met, not met, or cannot be decided from the paper"),
+    "reason": Variable(dims=("claim",), units="", long_name="the verdict's reason"),
+}
+
+REQUIREMENTS: Final[Mapping[str, Variable]] = {
+    "says": Variable(dims=("requirement",), units="", long_name="the requirement"),
+    "met": Variable(dims=("requirement",), units="1", long_name="whether it is met"),
+    "camera": Variable(dims=("requirement",), units="", long_name="camera that comes nearest to it"),
+    "margin_percent": Variable(
+        dims=("requirement",),
+        units="percent",
+        long_name="bound over worst value, less one; negative when missed",
+        error=SEE_ERROR,
+    ),
+    "reason": Variable(dims=("requirement",), units="", long_name="the worst value and where it lies"),
+}

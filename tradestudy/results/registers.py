@@ -1,0 +1,50 @@
+"""/cameras, /assumptions, /contradictions, /criteria: lists kept with every study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import Variable
+
+CAMERAS: Final[Mapping[str, Variable]] = {
+    "title": Variable(dims=("camera",), units="", long_name="name in figures and tables"),
+    "kind": Variable(dims=("camera",), units="", long_name="kind of camera"),
+    "family": Variable(dims=("camera",), units="", long_name="plenoptic, stereo or conventional"),
+    "note": Variable(dims=("camera",), units="", long_name="what a reader should know about it"),
+    "property_value": Variable(dims=("property",), units="", long_name="a derived value, with its unit"),
+    "property_camera": Variable(dims=("property",), units="", long_name="camera that the value belongs to"),
+    "property_name": Variable(dims=("property",), units="", long_name="what the value is"),
+}
+
+ASSUMPTIONS: Final[Mapping[str, Variable]] = {
+    "value": Variable(dims=("path",), units="", long_name="the value as written"),
+    "basis": Variable(dims=("path",), units="", long_name="paper, datasheet, measured, assumed or derived"),
+    "note": Variable(dims=("path",), units="", long_name="note"),
+    "cameras": Variable(dims=("path",), units="", long_name="cameras that the value belongs to; empty for the study"),
+}
+
+CONTRADICTIONS: Final[Mapping[str, Variable]] = {
+    "camera": Variable(dims=("contradiction",), units="", long_name="camera"),
+    "what": Variable(dims=("contradiction",), units="", long_name="quantity stated twice"),
+    "stated": Variable(dims=("contradiction",), units="", long_name="value stated"),
+    "implied": Variable(dims=("contradiction",), units="", long_name="value that the other inputs imply"),
+    "used": Variable(dims=("contradiction",), units="", long_name="reading that the study uses"),
+}
+
+CRITERIA: Final[Mapping[str, Variable]] = {
+    "value": Variable(dims=("camera", "criterion"), units="", long_name="the attribute, with its unit"),
+    "basis": Variable(
+        dims=("camera", "criterion"),
+        units="",
+        long_name="derived from the other inputs, or what the declaration rests on",
+    ),
+    "number": Variable(
+        dims=("camera", "criterion"),
+        units="mixed",
+        long_name="the attribute in the unit of number_units; NaN where it is not a number",
+        error="closed form of declared values; rounding only",
+    ),
+    "number_units": Variable(dims=("criterion",), units="", long_name="SI unit of the numbers of a criterion"),
+    "says": Variable(dims=("criterion",), units="", long_name="what the criterion is"),
+}

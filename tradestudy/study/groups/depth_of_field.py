@@ -1,0 +1,146 @@
+"""/depth_of_field: what every camera keeps sharp by every criterion, and how finely it resolves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.focus import BlurCriterion, SharpRange
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.microlens_coverage import mean_seen_count
+from tradestudy.optics.microlens_projection import object_distance_of_virtual_depth
+from tradestudy.results import dataset
+from tradestudy.study.assemble import COVERING_VIRTUAL_DEPTH, blur_criterion_of
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
+
+# Resolution within the scene has its extreme at an end or where blur takes over from the sample; 401 points find it.
+_SCENE_POINTS: Final = 401
+
+
+def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -> xr.Dataset:
+    """/depth_of_field over (camera, criterion, distance)."""
+    case, wavelength = definition.case, definition.file.scene.wavelength
+    cameras = case.all_cameras
+    sharp = {name: blur_criterion_of(part, wavelength) for name, part in asked.sharp.items()}
+    ranges = [[camera.focus.sharp_range(criterion) for criterion in sharp.values()] for camera in cameras.values()]
+    values = {
+        "blur_px": [criterion.blur_px for criterion in sharp.values()],
+        "diffraction": [criterion.measure for criterion in sharp.values()],
+        **_slices(ranges),
+        **_stretches(ranges),
+        **_of_scene(cameras, list(sharp.values()), ranges, asked.scene),
+        **_resolutions(cameras, case.distance, wavelength, asked.scene),
+        **_coverage(cameras, case.distance),
+    }
+    attributes: dict[str, Any] = {"scene_near": asked.scene[0], "scene_far": asked.scene[1]}
+    if asked.equal_resolution is not None:
+        resolved = [camera.focus.sharp_range_at_resolution(asked.equal_resolution) for camera in cameras.values()]
+        values |= {
+            "resolved_near": _padded([found.union.covered[:, 0] for found in resolved]),
+            "resolved_far": _padded([found.union.covered[:, 1] for found in resolved]),
+            "resolved_extent": [found.extent for found in resolved],
+            "resolved_scene_share": [found.share_of(*asked.scene) for found in resolved],
+            "resolved_reason": ["" if found.extent > 0.0 else found.reason for found in resolved],
+        }
+        attributes["equal_resolution"] = asked.equal_resolution
+    coordinates: dict[str, Any] = {"camera": list(cameras), "sharp": list(sharp), "distance": case.distance}
+    return dataset("depth_of_field", values, coordinates, attributes=attributes)
+
+
+def _padded(rows: Sequence[FloatArray]) -> FloatArray:
+    """Ragged rows as one array, filled with NaN; at least one column."""
+    width = max([1, *(len(row) for row in rows)])
+    return np.stack([np.concatenate([row, np.full(width - len(row), np.nan)]) for row in rows])
+
+
+def _ragged(ranges: list[list[SharpRange]], rows: list[FloatArray]) -> FloatArray:
+    """Rows of every camera and criterion, padded, with those two dimensions put back."""
+    return _padded(rows).reshape(len(ranges), len(ranges[0]), -1)
+
+
+def _slices(ranges: list[list[SharpRange]]) -> Mapping[str, Any]:
+    flat = [found for row in ranges for found in row]
+    width = max(1, *(len(found.names) for found in flat))
+    names = [[*found.names, *[""] * (width - len(found.names))] for found in flat]
+    return {
+        "slice_name": np.array(names).reshape(len(ranges), -1, width),
+        "slice_near": _ragged(ranges, [found.slices.near for found in flat]),
+        "slice_far": _ragged(ranges, [found.slices.far for found in flat]),
+    }
+
+
+def _stretches(ranges: list[list[SharpRange]]) -> Mapping[str, Any]:
+    unions = [found.union for row in ranges for found in row]
+    return {
+        f"{name}_{side}": _ragged(ranges, [getattr(one, attribute)[:, column] for one in unions])
+        for name, attribute in (("sharp", "covered"), ("gap", "gaps"), ("overlap", "overlaps"))
+        for column, side in enumerate(("near", "far"))
+    }
+
+
+def _of_scene(
+    cameras: Mapping[str, Camera],
+    criteria: list[BlurCriterion],
+    ranges: list[list[SharpRange]],
+    scene: tuple[float, float],
+) -> Mapping[str, Any]:
+    return {
+        "extent": [[found.extent for found in row] for row in ranges],
+        "scene_share": [[found.share_of(*scene) for found in row] for row in ranges],
+        "reason": [[found.reason for found in row] for row in ranges],
+        "images": [[camera.focus.images(criterion, *scene) for criterion in criteria] for camera in cameras.values()],
+    }
+
+
+def _resolutions(
+    cameras: Mapping[str, Camera], distance: FloatArray, wavelength: float, scene: tuple[float, float]
+) -> Mapping[str, Any]:
+    within = np.linspace(*scene, _SCENE_POINTS)
+    return {
+        "lateral_resolution": [camera.focus.lateral_resolution(distance) for camera in cameras.values()],
+        "diffraction_width": [
+            camera.focus.diffraction_width(distance, wavelength, "fwhm") for camera in cameras.values()
+        ],
+        "scene_resolution": [float(np.max(camera.focus.lateral_resolution(within))) for camera in cameras.values()],
+        "scene_diffraction": [
+            float(np.max(camera.focus.diffraction_width(within, wavelength, "fwhm"))) for camera in cameras.values()
+        ],
+    }
+
+
+def _coverage(cameras: Mapping[str, Camera], distance: FloatArray) -> Mapping[str, Any]:
+    return {
+        "microlenses_seeing": [_microlenses_seeing(camera, distance) for camera in cameras.values()],
+        "total_covering_plane": [_total_covering_plane(camera) for camera in cameras.values()],
+    }
+
+
+def _microlenses_seeing(camera: Camera, distance: FloatArray) -> FloatArray:
+    if not isinstance(camera, FocusedPlenoptic):
+        return np.full_like(distance, math.nan)
+    radius = camera.radius_over_pitch(distance)
+    count = mean_seen_count(np.nan_to_num(radius), layout=camera.microlenses.layout)
+    return np.asarray(np.where(np.isnan(radius), np.nan, count))
+
+
+def _total_covering_plane(camera: Camera) -> float:
+    """Where |v| = 2 on the side of the array that the first type focuses on; NaN where that is nowhere."""
+    if not isinstance(camera, FocusedPlenoptic):
+        return math.nan
+    array = camera.microlenses
+    side = 1.0 if array.gap >= array.focal_lengths[0] else -1.0
+    return float(
+        object_distance_of_virtual_depth(
+            side * COVERING_VIRTUAL_DEPTH,
+            mla_distance=camera.mla_distance,
+            microlens_gap=array.gap,
+            focal_length=camera.main_lens.focal_length,
+        )
+    )
