@@ -109,7 +109,7 @@ def test_stereo_covariance_equals_the_dense_inverse():
 
 
 def test_array_distance_and_focal_length_err_together():
-    """∂a/∂z = −((a − f)/f)² and ∂a/∂f = (a/f)²: of opposite sign, so errors of z and f that go together cancel in depth."""
+    """∂a/∂z = −((a − f)/f)², ∂a/∂f = (a/f)²: of opposite sign, so joint errors of z and f cancel in depth."""
     _, problem = plenoptic_problem(np.random.default_rng(2), deviations=(1e-3, 1e-4), lateral_noise=1e3)
     fit = fit_target(problem).laplace
     assert fit.correlation[0, 1] > 0.85
