@@ -28,6 +28,12 @@ class Camera:
 
 
 def cameras(tree: xr.DataTree) -> tuple[Camera, ...]:
+    """The cameras that measure depth, as every figure names and draws them."""
+    measured = {str(key) for key in tree["depth"]["camera"].values}
+    return tuple(camera for camera in all_cameras(tree) if camera.key in measured)
+
+
+def all_cameras(tree: xr.DataTree) -> tuple[Camera, ...]:
     """All cameras of a study; their order gives the colours."""
     group = tree["cameras"].to_dataset()
     return tuple(

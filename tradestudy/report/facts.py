@@ -88,6 +88,12 @@ def titles(tree: xr.DataTree) -> dict[str, str]:
     return {str(k): str(t) for k, t in zip(group["camera"].values, group["title"].values, strict=True)}
 
 
+def depth_titles(tree: xr.DataTree) -> dict[str, str]:
+    """Get the titles of the cameras that measure depth."""
+    measured = {str(key) for key in dataset(tree, "depth")["camera"].values}
+    return {key: title for key, title in titles(tree).items() if key in measured}
+
+
 def families(tree: xr.DataTree) -> dict[str, str]:
     """Get the families of the cameras by their keys."""
     group = dataset(tree, "cameras")

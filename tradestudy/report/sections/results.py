@@ -45,7 +45,7 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
 
     depth = nominal(tree)
     rows: list[tuple[Text, ...]] = []
-    for key, title in facts.titles(tree).items():
+    for key, title in facts.depth_titles(tree).items():
         camera = depth.sel(camera=key)
         intervals = [
             (distance(float(near)), in_words(str(near_limit)), distance(float(far)), in_words(str(far_limit)))
@@ -98,7 +98,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
     for place in facts.places(tree):
         there = depth.sel(distance=place, method="nearest")
         rows.append((f"At {distance(float(place))}",))
-        for key, title in facts.titles(tree).items():
+        for key, title in facts.depth_titles(tree).items():
             camera = there.sel(camera=key)
             sigma = {way: float(camera["depth_uncertainty_way"].sel(way=way)) for way in WAYS}
             nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
@@ -166,7 +166,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
             ),
             rows=tuple(
                 (title, *(write(float(data.sel(camera=key).sel(distance=p, method="nearest"))) for p in places))
-                for key, title in facts.titles(tree).items()
+                for key, title in facts.depth_titles(tree).items()
             ),
         )
 
