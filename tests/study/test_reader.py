@@ -239,7 +239,7 @@ class TestValuesFromOutside:
         assert study.cameras["eye"] == Mono(kind="mono", lens=Lens.model_construct(focal_length=0.012), size=(1, 2))
         assert document.tree["cameras"]["two.eyes"]["lenses"][1] == {"focal_length": "4e-3 m"}
         assert (study.distances, study.title) == ([3.0], "a=b")
-        assert document.locate("eye.size") == ("--set", 4, 10)
+        assert document.locate("eye.lens.focal_length") == ("--set", 1, 23)
         assert list(document.annotations) == [("cameras", "two.eyes", "baseline")]
 
     def test_set_changes_the_named_camera_alone(self, write: Write) -> None:

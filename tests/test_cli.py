@@ -1,0 +1,279 @@
+"""The command line: what it prints, where, and how it exits."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from tradestudy import api, cli
+from tradestudy.errors import NotConvergedError, ResultsError, UnaffordableError
+
+HERE = Path(__file__).parent
+RIGHT = HERE / "study" / "wrong" / "right.yaml"
+WRONG = HERE / "study" / "wrong" / "wrong_dimension.yaml"
+HEADLINE = HERE.parent / "studies" / "plenoptic_vs_stereo.yaml"
+
+
+def invoke(*words: object) -> Result:
+    return CliRunner().invoke(cli.app, [str(word) for word in words])
+
+
+def process(*words: object, folder: Path | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "tradestudy", *(str(word) for word in words)]
+    return subprocess.run(command, capture_output=True, text=True, cwd=folder, timeout=60, check=False)
+
+
+@pytest.fixture(autouse=True)
+def _elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
+@pytest.fixture
+def ran(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """The arguments of a run that computes nothing; put ``unmet`` or ``ends`` in to say how it ends."""
+    seen: dict[str, Any] = {"unmet": [], "ends": None}
+
+    def run(study: api.Study, directory: Path, *, progress: Callable[[str, float], None], **options: object) -> object:
+        seen.update(study=study, directory=directory, options=options)
+        for share in (0.0, 0.5, 1.0):
+            progress("depth", share)
+        progress("report", 0.0)
+        if seen["ends"] is not None:
+            raise seen["ends"]
+        return SimpleNamespace(unmet_requirements=seen["unmet"])
+
+    monkeypatch.setattr(api, "run", run)
+    return seen
+
+
+class TestCheck:
+    def test_says_what_a_study_holds(self) -> None:
+        result = invoke("check", RIGHT)
+        assert (result.exit_code, result.stderr) == (0, "")
+        assert result.stdout.startswith("wrong: 3 cameras, 2 distances")
+
+    def test_tells_all_mistakes_and_nothing_else(self) -> None:
+        done = process("check", WRONG.name, folder=WRONG.parent)
+        told = (WRONG.parent / "messages.txt").read_text(encoding="utf-8")
+        expected = told.partition("== wrong_dimension.yaml\n")[2].partition("\n\n")[0].rstrip()
+        assert (done.returncode, done.stdout, done.stderr) == (2, "", expected + "\n")
+
+    def test_set_reaches_the_study(self) -> None:
+        result = invoke("check", RIGHT, "--set", "rig.baselin=3 mm", "--set", "scene.distances=[0.2 m, 3 m]")
+        assert result.exit_code == 2
+        assert result.stderr == "--set:1:1: cameras.rig.baselin: unknown key; nearest: 'baseline'\n"
+        assert "0.2 to 3 m" in invoke("check", RIGHT, "--set", "scene.distances=[0.2 m, 3 m]").stdout
+
+    def test_loads_nothing_heavy(self) -> None:
+        script = (
+            "import sys; sys.argv = ['tradestudy', 'check', sys.argv[1]]\n"
+            "from tradestudy import cli\n"
+            "try: cli.main()\n"
+            "except SystemExit as end: assert end.code == 0\n"
+            "heavy = 'xarray', 'pandas', 'matplotlib', 'scipy.stats', 'emcee', 'jinja2', 'typst'\n"
+            "print(*[name for name in heavy if name in sys.modules])"
+        )
+        done = subprocess.run([sys.executable, "-c", script, str(RIGHT)], capture_output=True, text=True, check=True)
+        assert done.stdout.splitlines()[1:] == [""]
+
+
+class TestRun:
+    def test_passes_on_what_was_asked(self, ran: dict[str, Any], tmp_path: Path) -> None:
+        result = invoke("run", RIGHT, "--out", tmp_path / "here", "--fresh", "--no-pdf", "--set", "rig.baseline=90 mm")
+        assert result.exit_code == 0
+        assert ran["directory"] == tmp_path / "here"
+        assert ran["options"] == {"fresh": True, "pdf": False}
+        assert ran["study"].file.cameras["rig"].baseline == 0.09
+        assert result.stdout == f"{tmp_path / 'here' / 'report.html'}\n"
+
+    def test_by_default_goes_where_the_study_is_named(self, ran: dict[str, Any]) -> None:
+        assert invoke("run", RIGHT).exit_code == 0
+        assert ran["directory"] == Path("reports") / "wrong"
+        assert ran["options"] == {"fresh": False, "pdf": True}
+
+    def test_one_line_for_each_step_where_nobody_watches(self, ran: dict[str, Any]) -> None:
+        assert invoke("run", RIGHT).stderr == "depth …\nreport …\n"
+
+    def test_quiet_says_nothing(self, ran: dict[str, Any]) -> None:
+        assert invoke("run", RIGHT, "--quiet").output == ""
+
+    def test_strict_counts_only_when_asked(self, ran: dict[str, Any]) -> None:
+        ran["unmet"] = ["close-range: near (5 %)"]
+        assert invoke("run", RIGHT).exit_code == 0
+        result = invoke("run", RIGHT, "--strict", "--quiet")
+        assert (result.exit_code, result.output) == (3, "requirements not met: close-range: near (5 %)\n")
+
+    def test_a_wrong_study_costs_nothing_already_there(self, ran: dict[str, Any], tmp_path: Path) -> None:
+        old = tmp_path / "out" / "report.html"
+        old.parent.mkdir()
+        old.write_text("old")
+        assert invoke("run", WRONG, "--out", old.parent).exit_code == 2
+        assert old.read_text() == "old"
+        assert "directory" not in ran
+
+    @pytest.mark.parametrize(
+        ("end", "status", "words"),
+        [
+            (KeyboardInterrupt(), 130, "interrupted; what is finished is kept\n"),
+            (UnaffordableError("nodes", value="1e12", limit="1e9"), 2, "nodes: 1e12 (allowed: 1e9)\n"),
+            (NotConvergedError("the fit", remedy="start nearer"), 1, "the fit; start nearer\n"),
+            (ResultsError("truncated"), 1, "truncated\n"),
+        ],
+    )
+    def test_every_ending_has_its_status(
+        self, ran: dict[str, Any], end: BaseException, status: int, words: str
+    ) -> None:
+        ran["ends"] = end
+        result = invoke("run", RIGHT)
+        assert result.exit_code == status
+        assert result.stderr == "depth …\nreport …\n" + words
+
+    @pytest.mark.parametrize(
+        "end", [RuntimeError("first line\nsecond line"), OSError(28, "No space left"), MemoryError()]
+    )
+    def test_the_unexpected_is_one_line_and_a_log(self, ran: dict[str, Any], end: Exception, tmp_path: Path) -> None:
+        ran["ends"] = end
+        result = invoke("run", RIGHT, "--quiet")
+        assert result.exit_code == 1
+        line = re.fullmatch(r"unexpected (\w+)(.*); details are in (\S+)\n", result.stderr)
+        assert line is not None
+        assert line[1] == type(end).__name__
+        log = Path(line[3]).read_text(encoding="utf-8")
+        assert Path(line[3]).parent == tmp_path
+        assert "Traceback" in log
+        assert type(end).__name__ in log
+
+    def test_the_unexpected_where_no_log_can_be_written(
+        self, ran: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setattr(tempfile, "tempdir", "/nowhere/at/all")
+        ran["ends"] = RuntimeError("lost")
+        assert invoke("run", RIGHT, "--quiet").stderr == (
+            "unexpected RuntimeError: lost; no log could be written (No such file or directory), --debug shows more\n"
+        )
+
+    def test_debug_shows_the_traceback(self, ran: dict[str, Any]) -> None:
+        ran["ends"] = RuntimeError("shown")
+        assert "Traceback" in invoke("run", RIGHT, "--debug").stderr
+        assert "Traceback" in invoke("check", WRONG, "--debug").stderr
+
+    def test_control_c_ends_a_real_run_at_once_and_leaves_no_report(self, tmp_path: Path) -> None:
+        command = [sys.executable, "-m", "tradestudy", "run", str(HEADLINE), "--out", str(tmp_path / "out")]
+        with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as running:
+            assert running.stderr is not None
+            assert running.stderr.readline().endswith("…\n")
+            running.send_signal(signal.SIGINT)
+            rest = running.stderr.read()
+        assert running.returncode == 130
+        assert rest.splitlines()[-1] == "interrupted; what is finished is kept"
+        assert "Traceback" not in rest
+        assert not (tmp_path / "out" / "report.html").exists()
+
+
+class TestProgress:
+    def test_short_work_shows_no_bar(self) -> None:
+        bar = cli._ProgressBar()
+        bar("depth", 0.5)
+        assert bar.progress is None
+
+    def test_long_work_shows_a_bar_with_the_time_left(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        screen = io.StringIO()
+        screen.isatty = lambda: True  # type: ignore[method-assign]  # a terminal to write on
+        monkeypatch.setattr(sys, "stderr", screen)
+        monkeypatch.setattr(cli._ProgressBar, "WORTH_A_LOOK", 0.0)
+        monkeypatch.setenv("TERM", "xterm")
+        monkeypatch.setenv("COLUMNS", "80")
+        with cli._shown_progress(quiet=False) as progress:
+            progress("depth", 0.25)
+            assert isinstance(progress, cli._ProgressBar)
+            assert progress.progress is not None
+            progress.progress.refresh()
+        assert "depth" in screen.getvalue()
+        assert "25%" in screen.getvalue()
+        assert re.search(r"-?-:--", screen.getvalue())  # nothing to go by yet
+
+    def test_the_terminal_is_left_as_it_was_after_an_error(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        screen = io.StringIO()
+        screen.isatty = lambda: True  # type: ignore[method-assign]  # a terminal to write on
+        monkeypatch.setattr(sys, "stderr", screen)
+        monkeypatch.setattr(cli._ProgressBar, "WORTH_A_LOOK", 0.0)
+
+        def fail() -> None:
+            with cli._shown_progress(quiet=False) as progress:
+                progress("depth", 0.25)
+                raise RuntimeError
+
+        with pytest.raises(RuntimeError):
+            fail()
+        shown, hidden = (screen.getvalue().count(code) for code in ("\x1b[?25h", "\x1b[?25l"))
+        assert shown == hidden
+
+
+class TestNew:
+    def test_writes_a_study_that_checks(self, tmp_path: Path) -> None:
+        result = invoke("new", "my-study")
+        assert result.exit_code == 0
+        assert result.stdout.splitlines()[0] == "my-study.yaml"
+        assert invoke("check", tmp_path / "my-study.yaml").stdout.startswith("my-study: ")
+
+    def test_never_writes_over_a_file(self, tmp_path: Path) -> None:
+        mine = tmp_path / "mine.yaml"
+        mine.write_text("precious")
+        result = invoke("new", "mine.yaml")
+        assert result.exit_code == 2
+        assert "exists already" in result.stderr
+        assert mine.read_text() == "precious"
+
+    @pytest.mark.parametrize("name", ["../out", "a/b", "", ".", "..", "/tmp/x", "-", "a\nb", "x" * 300])
+    def test_never_leaves_the_folder(self, name: str, tmp_path: Path) -> None:
+        assert invoke("new", "--", name).exit_code == 2
+        assert list(tmp_path.iterdir()) == []
+
+
+def test_schema_is_json_that_names_the_parts_of_a_study() -> None:
+    schema = json.loads(invoke("schema").stdout)
+    assert {"cameras", "scene", "claims"} <= schema["properties"].keys()
+
+
+def test_a_reader_that_goes_away_hears_no_complaint() -> None:
+    done = subprocess.Popen(
+        [sys.executable, "-m", "tradestudy", "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert done.stdout is not None
+    assert done.stderr is not None
+    done.stdout.close()
+    with done.stderr:
+        assert done.stderr.read() == b""
+    assert done.wait() == 1
+
+
+def test_report_without_results_says_so(tmp_path: Path) -> None:
+    result = invoke("report", tmp_path)
+    assert result.exit_code == 1
+    assert result.stderr.count("\n") == 1
+    assert str(tmp_path) in result.stderr
+
+
+@pytest.mark.parametrize("words", [["chekc"], ["check"], ["run", "a", "b"], ["run", "a", "--pdff"], []])
+def test_wrong_words_exit_with_2(words: list[str]) -> None:
+    assert invoke(*words).exit_code == 2
+
+
+def test_help_lists_the_commands() -> None:
+    text = process("--help").stdout
+    assert all(
+        re.search(rf"^  {name} +[A-Z]", text, re.MULTILINE) for name in ("run", "check", "new", "report", "schema")
+    )
