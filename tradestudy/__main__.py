@@ -1,5 +1,10 @@
 """``python -m tradestudy``."""
 
-from tradestudy.cli import main
+import sys
 
-main()
+try:
+    from tradestudy.cli import main
+
+    main()
+except KeyboardInterrupt:  # while Python still loads the program
+    sys.exit(130)
