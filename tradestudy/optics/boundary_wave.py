@@ -23,15 +23,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.propagation.direct import ComplexArray
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
-from tradestudy.optics.propagation.lens import LensWave
-from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.rays import Rays
+
+if TYPE_CHECKING:  # the package of methods imports this one
+    from tradestudy.optics.propagation.direct import ComplexArray
+    from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+    from tradestudy.optics.propagation.lens import LensWave
+    from tradestudy.optics.propagation.paths import Array
+    from tradestudy.optics.propagation.rays import Rays
 
 _PAIRS_AT_ONCE = 12_000  # a dozen arrays of this size stay in the second-level cache
 _POLE_STEPS = 12
@@ -183,16 +186,25 @@ def _edge_point(wave: LensWave, angle: ComplexArray, x: Array, y: Array, z: Arra
     turn_z = -(p_x * turn_x + p_y * turn_y) / p_z
     a, b = x - u, y - v
     s = np.sqrt(a * a + b * b + z * z)
-    slope = (a * sin - b * cos) * radius / s - (turn_x * a + turn_y * b + turn_z * z)
+    to_x, to_y, to_z = a / s, b / s, z / s
+    ds = radius * (to_x * sin - to_y * cos)
+    # d = p − ŝ vanishes at the poles: from it, 1 − p·ŝ = d·d/2 keeps its digits, and so does its derivative.
+    d_x, d_y, d_z = p_x - to_x, p_y - to_y, p_z - to_z
+    turn = (
+        d_x * (turn_x - (radius * sin - to_x * ds) / s)
+        + d_y * (turn_y + (radius * cos + to_y * ds) / s)
+        + d_z * (turn_z + to_z * ds / s)
+    )
+    half = (d_x * d_x + d_y * d_y + d_z * d_z) / 2
     return _EdgePoint(
         u=u,
         v=v,
         p_z=p_z,
         s=s,
         path=wavefront.value + s,
-        across=p_z * (a * cos + b * sin) - z * (p_x * cos + p_y * sin),
-        denominator=s - (p_x * a + p_y * b + p_z * z),
-        slope=slope - radius * (p_x * sin - p_y * cos),
+        across=s * ((p_x * cos + p_y * sin) * d_z - (d_x * cos + d_y * sin) * p_z),
+        denominator=s * half,
+        slope=s * turn + ds * half,
     )
 
 
@@ -236,7 +248,7 @@ def _pole_terms(
         # Above: 1/(1 − decay). Below: 1/(decay − 1).
         total += 2j * math.pi * _residue(wave, kernel, at, z) / (sign * (1 - decay))
     correction[near] = np.where(converged, total, 0.0)
-    failed[near] = ~converged
+    failed[near] = ~converged | (depth[near] < _LEAST_DEPTH)
     return correction, failed
 
 
@@ -250,6 +262,7 @@ def _find_poles(
         size = np.abs(step)
         angle = angle - step * np.minimum(1.0, 0.3 / np.maximum(size, 0.3))
         at = _edge_point(wave, angle, x, y, z)
-        if np.max(size) < 1e-4:  # the convergence is quadratic: the next step would be 1e-8
+        # The convergence is quadratic relative to the distance between the two poles.
+        if np.max(size / np.maximum(np.abs(angle.imag), _LEAST_DEPTH)) < 1e-4:
             break
-    return angle, at, np.asarray((size < 1e-3) & (angle.imag >= 0))
+    return angle, at, np.asarray((size < 1e-3) & (angle.imag > 0))

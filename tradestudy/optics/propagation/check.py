@@ -17,7 +17,6 @@ from tradestudy.optics.propagation.targets import Targets
 # up to a third, see tests/benchmarks/aperture_audit.py.
 _SAFETY = 4.0
 _CORNER_SHARE = 0.02  # of the targets, for which the worst corner stands: aliasing grows towards the corners by powers
-_ROUNDING = 3e-12  # of the field that all nodes could give together; it is what the direct sum itself is good for
 _UNIFORM_SHARE = 0.3  # of the draws; the others prefer bright targets, whose errors count most in the intensity
 
 
@@ -107,13 +106,19 @@ def choose_check_targets(targets: Targets, field: ComplexArray, *, count: int, s
 
 
 def stated_error(
-    field: ComplexArray, check: CheckErrors, *, largest: float, low_rank: float = 0.0, nufft: float = 0.0
+    field: ComplexArray,
+    check: CheckErrors,
+    *,
+    largest: float,
+    rounding: float,
+    low_rank: float = 0.0,
+    nufft: float = 0.0,
 ) -> NumericalError:
     """Relative errors over all targets: four times the ones estimated at the check targets, and rounding.
 
-    `low_rank` and `nufft` are relative to `largest`, the field that all nodes could give in phase.
+    `rounding`, `low_rank` and `nufft` are relative to `largest`, the field that all nodes could give in phase.
     """
-    rounding = _ROUNDING * largest
+    rounding *= largest
     intensity = squared_magnitude(field)
     typical, bright = math.sqrt(float(np.mean(intensity))), math.sqrt(float(np.mean(intensity**2)))
     if typical == 0.0:

@@ -39,6 +39,7 @@ from tradestudy.optics.propagation.upsampling import (
 _DIRECT_PAIRS = 60_000  # below this many node–target pairs the plain sum is the faster one
 _THREAD_WORTH = 1_000_000  # terms × (nodes + targets) from which a second thread pays
 _MAX_RANK = 30  # a larger factor means that the targets are better split in two
+_FEW_TARGETS = 100  # a factor of many terms costs as much as that many targets summed directly
 _SAMPLE_NODES = 120  # rows on which the low-rank factor is found; ≥ 4 per unit of rank
 _DEGREES = (3, 5, 8, 12, 17, 24)  # Chebyshev points per axis that are tried in turn
 
@@ -95,8 +96,6 @@ def fast_sum(
     ------
     OutOfRangeError
         The kernel needs directions that `samples` does not have.
-    NotConvergedError
-        The slow part needs more terms than splitting can reduce.
     """
     check_cosine(samples, kernel)
     problem = _Problem(samples=samples, kernel=kernel, low_rank=low_rank_tolerance, nufft=max(nufft_tolerance, 1e-14))
@@ -131,6 +130,8 @@ def _grid_tiles(problem: _Problem, grid: TargetGrid) -> FastField:
     try:
         return _grid(problem, grid)
     except _Split:
+        if grid.x_count * grid.y_count <= _FEW_TARGETS:
+            return _direct(problem, *grid.coordinates())
         along_x = grid.x_count * grid.x_pitch >= grid.y_count * grid.y_pitch
         count = grid.x_count if along_x else grid.y_count
         cut = count // 2
@@ -157,6 +158,8 @@ def _point_tiles(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray)
     try:
         return _points(problem, x, y, z)
     except _Split:
+        if x.size <= _FEW_TARGETS:
+            return _direct(problem, x, y, z)
         axes = (x, y, z)
         order = np.argsort(axes[int(np.argmax([np.ptp(c) for c in axes]))], kind="stable")
         halves = np.array_split(order, 2)

@@ -32,7 +32,7 @@ from tradestudy.optics.propagation.sampling import (
 )
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.upsampling import ChebyshevGrid, chebyshev_grid
-from tradestudy.optics.propagation.wave_optics import Accuracy, largest_field, propagate_wave
+from tradestudy.optics.propagation.wave_optics import Accuracy, largest_field, propagate_wave, rounding_error
 
 _LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4
@@ -99,7 +99,7 @@ def hybrid_field(
         seconds += time.perf_counter() - started
         reference = reference or _reference(wave, kernel, targets, field, accuracy, limits)
         check = _check(wave, kernel, field, reference, edge, accuracy)
-        error = stated_error(field, check, largest=reference.largest)
+        error = stated_error(field, check, largest=reference.largest, rounding=reference.rounding)
         if error.intensity <= accuracy.tolerance or edge_nodes is not None:
             break
         if check.nodes < 0.3 * check.total or rounds == _MAX_ROUNDS:
@@ -152,6 +152,7 @@ class _Reference:
     at: CheckTargets
     field: ComplexArray
     largest: float
+    rounding: float
     seconds: float
 
 
@@ -170,8 +171,13 @@ def _reference(
     at = choose_check_targets(targets, field, count=accuracy.check_targets, seed=accuracy.seed)
     samples = sample_wave(wave, finer)
     exact = direct_sum(samples, kernel, at.x, at.y, at.z)
-    largest = largest_field(samples, kernel, targets)
-    return _Reference(at=at, field=exact, largest=largest, seconds=time.perf_counter() - started)
+    return _Reference(
+        at=at,
+        field=exact,
+        largest=largest_field(samples, kernel, targets),
+        rounding=rounding_error(samples, kernel, targets),
+        seconds=time.perf_counter() - started,
+    )
 
 
 def _check(
@@ -273,10 +279,10 @@ def _singular(
     """
     zones = wave.lens.radius**2 * np.sqrt(np.abs(rays.determinant[0])) / wave.wavelength
     reach = math.exp(pole_reach(edge, tolerance)) * wave.lens.radius
-    matters = rays.found[0] & (np.hypot(rays.u[0], rays.v[0]) <= reach)
+    matters = ~rays.found[0] | (np.hypot(rays.u[0], rays.v[0]) <= reach)
     singular = matters & (zones < _LEAST_ZONES)
     lost = np.flatnonzero(~rays.found[0])
-    singular[lost] = within_rim(wave, x[lost], y[lost], z[lost])
+    singular[lost] |= within_rim(wave, x[lost], y[lost], z[lost])
     return np.asarray(singular)
 
 

@@ -206,6 +206,7 @@ def _refined(
             fast.field,
             check,
             largest=largest_field(samples, kernel, targets),
+            rounding=rounding_error(samples, kernel, targets),
             low_rank=fast.low_rank_error,
             nufft=0.3 * share if fast.rank else 0.0,
         )
@@ -265,6 +266,13 @@ def _check(
         seconds=time.perf_counter() - started,
         targets=at.index.size,
     )
+
+
+def rounding_error(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
+    """Rounding of the phases over the aperture, relative to the field that all nodes could give together."""
+    nearest = float(targets.coordinates()[2].min())
+    turns = kernel.wavenumber * samples.nodes.half_extent**2 / nearest
+    return float(np.finfo(np.float64).eps * (10.0 + 2.0 * turns))
 
 
 def largest_field(samples: ApertureSamples, kernel: Kernel, targets: Targets) -> float:
