@@ -32,8 +32,8 @@ class Legs:
     Raises
     ------
     OutOfRangeError
-        If waves on the first leg are to be followed by rays on the second: a wave field has no rays where it
-        interferes.
+        If only one leg is geometric: a wave field has no rays where it interferes, and the sharp shadow that rays
+        leave on the array is no field that a microlens could diffract.
     """
 
     to_array: LegMethod
@@ -43,12 +43,12 @@ class Legs:
         for method in (self.to_array, self.to_detector):
             if method not in ("geometric", "fresnel", "kirchhoff"):
                 raise OutOfRangeError("method of a leg", value=repr(method), limit="geometric | fresnel | kirchhoff")
-        if self.to_detector == "geometric" != self.to_array:
+        if (self.to_array == "geometric") != (self.to_detector == "geometric"):
             raise OutOfRangeError(
-                "rays behind a wave field",
-                value=f"{self.to_array} to the array, geometric to the detector",
-                limit="geometric to the detector only behind geometric to the array",
-                remedy="use fresnel or kirchhoff on the second leg",
+                "rays on one leg and waves on the other",
+                value=f"{self.to_array} to the array, {self.to_detector} to the detector",
+                limit="geometric on both legs or on none",
+                remedy="use fresnel or kirchhoff on both legs, or geometric on both",
             )
 
 

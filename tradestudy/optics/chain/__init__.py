@@ -1,0 +1,35 @@
+"""Light through main lens and microlens array onto the pixels, by rays and by waves, with an error bar."""
+
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.image import chain_image, spectral_image
+from tradestudy.optics.chain.scene import (
+    FRESNEL,
+    GEOMETRIC,
+    KIRCHHOFF,
+    KIRCHHOFF_FRESNEL,
+    Legs,
+    LightPath,
+    Microlenses,
+    PixelGrid,
+    hexagonal_centres,
+    square_centres,
+)
+from tradestudy.optics.chain.sources import DiscSource
+
+__all__ = [
+    "FRESNEL",
+    "GEOMETRIC",
+    "KIRCHHOFF",
+    "KIRCHHOFF_FRESNEL",
+    "ChainAccuracy",
+    "ChainImage",
+    "DiscSource",
+    "Legs",
+    "LightPath",
+    "Microlenses",
+    "PixelGrid",
+    "chain_image",
+    "hexagonal_centres",
+    "spectral_image",
+    "square_centres",
+]

@@ -1,0 +1,144 @@
+"""Light of a point, a disc or a spectrum through main lens and microlenses onto the pixels, by the laws asked for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.geometric_image import geometric_image
+from tradestudy.optics.chain.point_image import wave_point_image
+from tradestudy.optics.chain.scene import Legs, LightPath
+from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.chain.spot_image import wave_spot_image
+from tradestudy.optics.propagation.lens import PointSource
+
+
+def chain_image(
+    path: LightPath,
+    source: PointSource | DiscSource,
+    *,
+    wavelength: float,
+    legs: Legs,
+    accuracy: ChainAccuracy,
+    rng: np.random.Generator,
+) -> ChainImage:
+    """Light on every pixel: source → main lens → array → all microlenses → detector, coherent over microlenses.
+
+    U(σ) = Σ_k ∬ dx ∬ du of the wave behind the main lens, the kernel to the array, the phase and aperture of
+    microlens k and the kernel to the detector; |U|² is integrated over each pixel and divided by the power in
+    the pupil.
+
+    Parameters
+    ----------
+    path
+        Lenses, distances, pixels.
+    source
+        Point, incoherent disc (intensities of its points are averaged) or coherent disc (one phase over it).
+    wavelength
+        λ [m], > 0.
+    legs
+        Law of each leg: `GEOMETRIC`, `FRESNEL`, `KIRCHHOFF_FRESNEL`, `KIRCHHOFF`, or another mixture of waves.
+    accuracy
+        What to aim at and how much memory may be used.
+    rng
+        Draws the targets that are checked against direct quadrature.
+
+    Returns
+    -------
+    ChainImage
+        Share of the pupil's power on each pixel, with its numerical error.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the wavelength is not positive, or a coherent source is to be traced by rays.
+    UnaffordableError
+        If nodes or samples need more memory than allowed.
+    NotConvergedError
+        If the fast path disagrees grossly with direct quadrature.
+
+    Notes
+    -----
+    "Diffraction model of a plenoptic camera for in-situ space exploration", eqs. 14, 16, 22 and 25, with these
+    corrections: the leg to the array needs absolute array coordinates (eqs. 23–26 print local ones); the constant
+    phases of eqs. 25 and 26 should read a_M + z + b_L; they drop out of every intensity.
+    """
+    if not (wavelength > 0 and math.isfinite(wavelength)):
+        raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
+    coherent = isinstance(source, DiscSource) and source.coherent
+    if legs.to_array == "geometric":
+        if coherent:
+            raise OutOfRangeError(
+                "rays of a coherent disc",
+                value="coherent, geometric",
+                limit="waves",
+                remedy="choose fresnel or kirchhoff, or an incoherent source",
+            )
+        return geometric_image(path, source, density=accuracy.source_sampling)
+    first, second = legs.to_array == "fresnel", legs.to_detector == "fresnel"
+    if isinstance(source, DiscSource) and not coherent:
+        return wave_spot_image(
+            path, source, wavelength=wavelength, paraxial=(first, second), accuracy=accuracy, rng=rng
+        )
+    wave = PupilWave(
+        path=path,
+        source=source.centre if isinstance(source, DiscSource) else source,
+        wavelength=wavelength,
+        paraxial=first,
+        coherent_radius=source.diameter / 2 if isinstance(source, DiscSource) else 0.0,
+    )
+    return wave_point_image(wave, paraxial_detector_leg=second, accuracy=accuracy, rng=rng)
+
+
+def spectral_image(
+    path: LightPath,
+    source: PointSource | DiscSource,
+    *,
+    wavelengths: FloatArray,
+    weights: FloatArray,
+    legs: Legs,
+    accuracy: ChainAccuracy,
+    rng: np.random.Generator,
+) -> ChainImage:
+    """Weighted mean of the images at several wavelengths, which add as intensities.
+
+    Parameters
+    ----------
+    path, source, legs, accuracy, rng
+        As in `chain_image`.
+    wavelengths
+        [m], shape (n,).
+    weights
+        Power in the pupil at each, ≥ 0, not all zero; only their ratios matter.
+
+    Raises
+    ------
+    OutOfRangeError
+        If shapes differ or the weights are not as above; else as `chain_image`.
+    """
+    if wavelengths.ndim != 1 or wavelengths.shape != weights.shape or wavelengths.size == 0:
+        raise OutOfRangeError(
+            "spectrum", value=f"shapes {wavelengths.shape}, {weights.shape}", limit="two arrays of shape (n,), n ≥ 1"
+        )
+    if not (np.all(weights >= 0) and np.isfinite(weights).all() and weights.sum() > 0):
+        raise OutOfRangeError("spectral weights", value=str(weights), limit="≥ 0, finite, not all zero")
+    parts = [chain_image(path, source, wavelength=float(w), legs=legs, accuracy=accuracy, rng=rng) for w in wavelengths]
+    share = weights / weights.sum()
+    pixels = np.tensordot(share, [part.pixels for part in parts], axes=1)
+    size = float(np.linalg.norm(pixels))
+    errors = [
+        float(s * part.numerical_error * np.linalg.norm(part.pixels)) for s, part in zip(share, parts, strict=True)
+    ]
+    return ChainImage(
+        pixels=pixels,
+        numerical_error=sum(errors) / size,
+        error_terms={f"{w * 1e9:.6g} nm": e / size for w, e in zip(wavelengths, errors, strict=True)},
+        direct_check={name: max(part.direct_check[name] for part in parts) for name in parts[0].direct_check},
+        microlens_share=float(share @ [part.microlens_share for part in parts]),
+        effort={name: sum(part.effort[name] for part in parts) for name in parts[0].effort},
+    )
