@@ -28,8 +28,10 @@ class Camera:
 
 
 def cameras(tree: xr.DataTree) -> tuple[Camera, ...]:
-    """The cameras that measure depth, as every figure names and draws them."""
-    measured = {str(key) for key in tree["depth"]["camera"].values}
+    """The cameras that measure depth, as every figure names and draws them; all where results hold no depth."""
+    if "depth" not in tree.children:
+        return all_cameras(tree)
+    measured = {str(key) for key in tree["depth"].to_dataset()["camera"].values}
     return tuple(camera for camera in all_cameras(tree) if camera.key in measured)
 
 
