@@ -207,6 +207,7 @@ def _registers(keys: list[str]) -> dict[str, xr.Dataset]:
                 "met": [False, True],
                 "camera": [keys[0], keys[2]],
                 "margin_percent": [-135.0, 12.0],
+                "margin_sigma": [-40.0, np.nan],
                 "reason": ["not usable at 0.1 m", "worst 3.5 % at 1 m"],
             },
             {"requirement": ["close", "mid"]},

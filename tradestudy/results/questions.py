@@ -85,5 +85,11 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         long_name="bound over worst value, less one; negative when missed",
         error=SEE_ERROR,
     ),
+    "margin_sigma": Variable(
+        dims=("requirement",),
+        units="1",
+        long_name="bound less worst value, over the estimated error of that value; NaN where it has none",
+        error="as good as that estimate",
+    ),
     "reason": Variable(dims=("requirement",), units="", long_name="the worst value and where it lies"),
 }

@@ -10,7 +10,7 @@ import numpy as np
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.decision import is_usable
 from tradestudy.study.definition import Case
-from tradestudy.study.depth import depth_uncertainty
+from tradestudy.study.depth import depth_uncertainty, evaluate_depth
 from tradestudy.study.focus_claims import (
     depth_of_field_ratio,
     depth_of_field_ratio_words,
@@ -166,11 +166,16 @@ def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class RequirementAnswer:
-    """Whether a requirement is met, by which camera and by what margin."""
+    """Whether a requirement is met, by which camera and by what margin.
+
+    The margin is the bound over the worst value, less one; and the distance of the two over the value's estimated
+    error, NaN where that has no estimate.
+    """
 
     met: bool
     camera: str
     margin_percent: float
+    margin_sigma: float
     reason: str
 
 
@@ -182,21 +187,23 @@ def answer_requirement(requirement: RequirementPart, case: Case) -> RequirementA
 
 
 def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
-    bound = requirement.depth_uncertainty
+    bound, camera = requirement.depth_uncertainty, case.cameras[name]
     points = _span(bound.over)
+    scale = points if bound.is_relative else np.ones_like(points)
+    dimension = FRACTION if bound.is_relative else LENGTH
+    values = depth_uncertainty(camera, points) / scale
+    worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
+    value = float(values[worst])
+    error = float(evaluate_depth(camera, points[worst : worst + 1]).uncertainty_error[0] / scale[worst])
     usable = is_usable(case, name, points)
-    uncertainty = depth_uncertainty(case.cameras[name], points)
-    relative = bound.is_relative
-    value = uncertainty / points if relative else uncertainty
-    worst = int(np.argmax(np.where(np.isnan(value), np.inf, value)))
-    dimension = FRACTION if relative else LENGTH
-    margin = (bound.limit / value[worst] - 1.0) * 100.0 if math.isfinite(value[worst]) else -100.0
-    reason = f"worst {pretty(float(value[worst]), dimension)} at {pretty(float(points[worst]), LENGTH)}"
+    reason = f"worst {pretty(value, dimension)} at {pretty(float(points[worst]), LENGTH)}"
     if not usable.all():
-        gap = pretty(float(points[np.argmin(usable)]), LENGTH)
-        return RequirementAnswer(
-            met=False, camera=name, margin_percent=min(margin, -100.0), reason=f"not usable at {gap}; {reason}"
-        )
+        reason = f"not usable at {pretty(float(points[np.argmin(usable)]), LENGTH)}; {reason}"
     return RequirementAnswer(
-        met=bool(value[worst] < bound.limit), camera=name, margin_percent=float(margin), reason=reason
+        met=bool(usable.all() and value < bound.limit),
+        camera=name,
+        # A camera that cannot be used misses by all of the bound.
+        margin_percent=(bound.limit / value - 1.0) * 100.0 if usable.all() else -100.0,
+        margin_sigma=(bound.limit - value) / error if error > 0.0 and math.isfinite(value) else math.nan,
+        reason=reason,
     )

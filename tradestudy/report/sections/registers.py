@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
@@ -170,12 +171,13 @@ def requirements(tree: xr.DataTree) -> Iterator[Block]:
     yield Table(
         name="requirement-table",
         caption="Requirements of the study, each with the camera that comes nearest; a positive margin is room to "
-        "spare.",
+        "spare, in % of the worst value and in estimated errors σ of it.",
         columns=(
             Column(title="Requirement", weight=3),
             Column(title="Met"),
             Column(title="Camera", weight=2),
             Column(title="Margin", unit="%", align="right"),
+            Column(title="Margin", unit="σ", align="right"),
             Column(title="Why", weight=3),
         ),
         rows=tuple(
@@ -184,6 +186,7 @@ def requirements(tree: xr.DataTree) -> Iterator[Block]:
                 say("**{met}**", met="yes" if bool(r["met"]) else "no"),
                 titles.get(str(r["camera"]), str(r["camera"])),
                 significant(float(r["margin_percent"]), 2),
+                significant(float(r["margin_sigma"]), 2) if math.isfinite(float(r["margin_sigma"])) else "—",
                 str(r["reason"]),
             )
             for r in rows

@@ -70,6 +70,7 @@ def requirements_group(definition: StudyDefinition) -> xr.Dataset:
             "met": [answer.met for answer in answers],
             "camera": [answer.camera for answer in answers],
             "margin_percent": [answer.margin_percent for answer in answers],
+            "margin_sigma": [answer.margin_sigma for answer in answers],
             "reason": [answer.reason for answer in answers],
         },
         {"requirement": list(requirements)},
