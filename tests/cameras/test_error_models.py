@@ -214,8 +214,8 @@ def test_temperature_and_pressure_move_a_camera_as_published():
     grown = 1.0 / stereo_reading(rig, one, 0.0, warm, AIR).inverse_depth[0, 0]
     # Baseline and principal distance both grow by αΔT, so disparity by twice that, and depth is read nearer.
     assert grown - 1.0 == pytest.approx(-2 * 23e-6, rel=1e-3)
-    assert stereo_reading(rig, one, 0.0, vacuum, AIR).inverse_depth[0, 0] == pytest.approx(1.0, rel=1e-14)
-    assert plenoptic_reading(r5(), one, 0.0, warm).inverse_depth[0, 0] == pytest.approx(1.0, rel=1e-12)
+    assert stereo_reading(rig, one, 0.0, vacuum, AIR).inverse_depth[0] == pytest.approx(1.0, rel=1e-14)
+    assert plenoptic_reading(r5(), one, 0.0, warm).inverse_depth[0] == pytest.approx(1.0, rel=1e-12)
 
 
 def test_air_has_its_tabulated_index():

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from tradestudy.study.mistakes import MistakeAt, nearest_name
 from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.calibration import CalibrationStudyPart, calibration_mistakes
 from tradestudy.study.schema.cameras import CameraPart, measures_depth
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
 from tradestudy.study.schema.questions import (
@@ -42,6 +43,7 @@ class StudyFile(Part):
     depth_of_field: DepthOfFieldPart | None = None
     criteria: CriteriaPart | None = None
     decision: DecisionPart | None = None
+    calibration: CalibrationStudyPart | None = None
     readings: dict[Name, ReadingPart] = {}
     solve: dict[Name, SolvePart] = {}
     claims: dict[Name, ClaimPart] = {}
@@ -53,6 +55,8 @@ class StudyFile(Part):
         mistakes = [*self._wrong_cameras(), *self._unknown_readings()]
         if self.criteria is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("criteria",), "needs depth_of_field, whose scene it is worked out for"))
+        if self.calibration is not None:
+            mistakes += calibration_mistakes(self.calibration, self.cameras)
         if mistakes:
             raise mistakes[0] if len(mistakes) == 1 else MistakeAt.several(mistakes)
         return self

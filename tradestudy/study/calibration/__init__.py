@@ -1,0 +1,1 @@
+"""Calibration errors of a study: sources and exact models, posteriors, propagation, sensitivity, decisions."""
