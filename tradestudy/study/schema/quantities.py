@@ -114,6 +114,14 @@ NonNegativeTemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_
 Pressure = Annotated[float, *quantity(units.PRESSURE, at_least=0.0)]
 ThermalExpansion = Annotated[float, *quantity(units.EXPANSION)]
 
+# A quantity whose dimension depends on what is asked; a plain number may stand without quotes.
+QuantityText = Annotated[
+    str,
+    BeforeValidator(
+        lambda value: str(value) if type(value) in (int, float) else value, json_schema_input_type=str | float
+    ),
+]
+
 # Whole numbers are strict: 3.0, "3" and true are mistakes where a count belongs.
 Count = Annotated[int, Field(strict=True, ge=0)]
 PositiveCount = Annotated[int, Field(strict=True, ge=1)]
