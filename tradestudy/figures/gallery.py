@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.figures import depth_curves, readings, sweeps, uncertainty_parts
+from tradestudy.figures import depth_curves, focus_gallery, readings, sweeps, uncertainty_parts
 from tradestudy.figures.depth_data import (
     Camera,
     cameras,
@@ -34,6 +34,8 @@ def drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
 
 
 def _all(tree: xr.DataTree) -> Iterator[Drawing]:
+    if "depth_of_field" in tree.children:
+        yield from focus_gallery.drawings(tree)
     if "depth" in tree.children:
         yield _whole_range(tree)
         yield from _paper_figures(tree)

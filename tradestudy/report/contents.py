@@ -9,9 +9,10 @@ from tradestudy.report import facts
 from tradestudy.report.document import Block, Contents, Document, PageBreak
 from tradestudy.report.sections.answer import answer
 from tradestudy.report.sections.cameras import cameras
+from tradestudy.report.sections.depth_of_field import depth_of_field, sharp_answer
 from tradestudy.report.sections.method import method
 from tradestudy.report.sections.provenance import provenance
-from tradestudy.report.sections.registers import assumptions, claims, contradictions, requirements
+from tradestudy.report.sections.registers import assumptions, claims, contradictions, criteria, requirements
 from tradestudy.report.sections.results import results
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def compose(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
 
 
 def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    yield from sharp_answer(tree, drawings)
     yield from answer(tree, drawings)
     yield PageBreak()
     yield Contents()
@@ -47,6 +49,8 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from assumptions(tree)
     yield from method(tree)
     yield from results(tree, drawings)
+    yield from depth_of_field(tree, drawings)
+    yield from criteria(tree)
     yield from claims(tree)
     yield from requirements(tree)
     yield from contradictions(tree)

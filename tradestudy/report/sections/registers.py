@@ -200,13 +200,25 @@ def criteria(tree: xr.DataTree) -> Iterator[Block]:
         return
     data, titles = facts.dataset(tree, "criteria"), facts.titles(tree)
     shown = [key for key in titles if key in data["camera"].values]
+
+    def cell(key: str, name: Any) -> Text:
+        one = data.sel(camera=key, criterion=name)
+        basis = str(one["basis"].item()) if "basis" in one else ""
+        text = str(one["value"].item())
+        return say("{text} *({basis})*", text=text, basis=basis) if basis not in ("", "derived") else text
+
     yield Heading(text="Trade criteria that are not curves", anchor="criteria", level=2)
     yield Table(
         name="criteria-table",
-        caption="Attributes of the cameras, declared or derived.",
-        columns=(Column(title="Criterion", weight=2), *(Column(title=titles[key], weight=2) for key in shown)),
+        caption="Attributes of the cameras: derived from the other inputs, or declared, with what that rests on.",
+        columns=(Column(title="Criterion", weight=3), *(Column(title=titles[key], weight=2) for key in shown)),
         rows=tuple(
-            (facts.in_words(str(name)), *(str(data["value"].sel(camera=key, criterion=name).item()) for key in shown))
-            for name in data["criterion"].values
+            (facts.in_words(str(name)), *(cell(key, name) for key in shown)) for name in data["criterion"].values
+        ),
+        notes=tuple(
+            say(
+                "**{name}**: {says}.", name=facts.in_words(str(name)), says=str(data["says"].sel(criterion=name).item())
+            )
+            for name in (data["criterion"].values if "says" in data else ())
         ),
     )

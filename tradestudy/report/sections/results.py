@@ -10,7 +10,6 @@ import numpy as np
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Picture, Table, Text, say
 from tradestudy.report.facts import distance, in_words, interval, length, share
-from tradestudy.report.sections.registers import criteria
 from tradestudy.units import significant
 
 if TYPE_CHECKING:
@@ -31,7 +30,6 @@ def results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bloc
         yield from _parts(drawings)
         yield from _decision(tree, drawings)
         yield from _sweeps(drawings)
-        yield from criteria(tree)
 
 
 def _pictures(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Picture]:

@@ -1,0 +1,213 @@
+"""Depth of field as bars over distance, and lateral resolution against distance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from tradestudy.figures.depth_data import Camera, FloatArray, all_cameras
+from tradestudy.figures.style import (
+    FAINT,
+    INK,
+    SOFT,
+    StudyFigure,
+    legend,
+    length_tick,
+    log_axis,
+    new_figure,
+    shortened,
+    styled,
+)
+from tradestudy.units import LENGTH, pretty
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MM = 1e3
+_ROW = 0.27  # inches
+_SCENE = "#F5E7B8"
+_SHADES = (1.0, 0.6)  # of neighbouring slices
+
+
+def headline(tree: xr.DataTree) -> str:
+    """The blur criterion of the answer: the first."""
+    return str(tree["depth_of_field"].to_dataset()["sharp"].values[0])
+
+
+def stretches(data: xr.Dataset, name: str, camera: Camera, **where: str) -> list[tuple[float, float]]:
+    """Stretches of distance [m] of one camera, (near, far), without the padding."""
+    here = {"camera": camera.key, **where}
+    near, far = (np.atleast_1d(data[f"{name}_{side}"].sel(here).values) for side in ("near", "far"))
+    return [(float(a), float(b)) for a, b in zip(near, far, strict=True) if np.isfinite(a) and not np.isnan(b)]
+
+
+def depth_of_field_bars(tree: xr.DataTree) -> StudyFigure:
+    """One row per camera: what the headline criterion keeps sharp, slice by slice, over what is resolved alike."""
+    with styled():
+        data, shown = tree["depth_of_field"].to_dataset(), all_cameras(tree)
+        distance = np.asarray(data["distance"].values, dtype=np.float64) * MM
+        figure = new_figure(0.95 + _ROW * len(shown))
+        axes = figure.subplots()
+        log_axis(axes, "x", dense=True)
+        axes.set_xlim(distance[0], distance[-1])
+        _scene_band(axes, data, "x")
+        equal = "resolved_near" in data
+        for row, camera in enumerate(shown):
+            _slices(axes, stretches(data, "slice", camera, sharp=headline(tree)), row, camera)
+            _far_end(axes, stretches(data, "sharp", camera, sharp=headline(tree)), row)
+            _gaps(axes, stretches(data, "gap", camera, sharp=headline(tree)), row)
+            if equal:
+                _thin(axes, stretches(data, "resolved", camera), row)
+        axes.set_yticks(range(len(shown)), [shortened(camera.title) for camera in shown])
+        axes.set_ylim(len(shown) - 0.4, -0.6)
+        axes.grid(visible=False, axis="y")
+        axes.tick_params(axis="y", length=0)
+        axes.set_xlabel("distance from the lens [mm]")
+        _resolution_beside(axes, data, shown)
+        handles: list[Any] = [Patch(color=_SCENE, linewidth=0), Patch(color=SOFT, linewidth=0)]
+        labels = ["the scene", "sharp (shades: images or types)"]
+        if equal:
+            handles.append(Line2D([], [], color=INK, linewidth=1.4))
+            labels.append(f"resolves {pretty(float(data.attrs['equal_resolution']), LENGTH)} or finer")
+        legend(figure, handles, labels, columns=3)
+    return figure
+
+
+def _scene_band(axes: Axes, data: xr.Dataset, which: str) -> None:
+    near, far = float(data.attrs["scene_near"]) * MM, float(data.attrs["scene_far"]) * MM
+    (axes.axvspan if which == "x" else axes.axhspan)(near, far, color=_SCENE, linewidth=0, zorder=0)
+
+
+def _clipped(axes: Axes, stretch: tuple[float, float]) -> tuple[float, float] | None:
+    """A stretch in millimetres, inside the panel; None where nothing of it is."""
+    first, last = axes.get_xlim()
+    near, far = max(stretch[0] * MM, first), min(stretch[1] * MM, last)
+    return (near, far) if near < far else None
+
+
+def _slices(axes: Axes, slices: list[tuple[float, float]], row: int, camera: Camera) -> None:
+    """The slices of one camera, neighbours in different shades."""
+    for number, stretch in enumerate(slices):
+        inside = _clipped(axes, stretch)
+        if inside is not None:
+            near, far = inside
+            shade = _SHADES[number % len(_SHADES)]
+            color = camera.style.color
+            axes.barh(row - 0.08, far - near, left=near, height=0.44, color=color, alpha=shade, linewidth=0)
+
+
+def _far_end(axes: Axes, sharp: list[tuple[float, float]], row: int) -> None:
+    """Name the far end of what is sharp where it lies beyond the panel."""
+    last = axes.get_xlim()[1]
+    for near, far in sharp:
+        if near * MM < last < far * MM:
+            axes.annotate(
+                "to ∞" if np.isinf(far) else f"to {pretty(far, LENGTH)}",
+                (last, row - 0.08),
+                xytext=(-3, 0),
+                textcoords="offset points",
+                ha="right",
+                va="center",
+                color="white",
+                fontsize=6.5,
+                fontweight="bold",
+            )
+
+
+def _gaps(axes: Axes, gaps: list[tuple[float, float]], row: int) -> None:
+    for gap in gaps:
+        inside = _clipped(axes, gap)
+        if inside is not None:
+            axes.plot(inside, [row - 0.08] * 2, color=INK, linewidth=0.6, linestyle=(0, (1, 1)))
+
+
+def _thin(axes: Axes, resolved: list[tuple[float, float]], row: int) -> None:
+    for stretch in resolved:
+        inside = _clipped(axes, stretch)
+        if inside is not None:
+            axes.plot(inside, [row + 0.27] * 2, color=INK, linewidth=1.4, solid_capstyle="butt")
+
+
+def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[Camera, ...]) -> None:
+    """What each camera resolves on the scene, at the right of its row."""
+    for row, camera in enumerate(shown):
+        share = float(data["scene_share"].isel(sharp=0).sel(camera=camera.key))
+        text = pretty(float(data["scene_resolution"].sel(camera=camera.key)), LENGTH) if share > 0 else "–"
+        axes.annotate(
+            text,
+            (1.0, row),
+            xycoords=("axes fraction", "data"),
+            xytext=(40, 0),
+            textcoords="offset points",
+            ha="right",
+            va="center",
+            fontsize=7,
+            color=INK if share >= 1.0 else SOFT,
+            annotation_clip=False,
+        )
+    axes.annotate(
+        "resolves\nthere",
+        (1.0, 1.0),
+        xycoords="axes fraction",
+        xytext=(40, 2),
+        textcoords="offset points",
+        ha="right",
+        va="bottom",
+        fontsize=6.5,
+        color=SOFT,
+        annotation_clip=False,
+    )
+
+
+def resolution_against_distance(tree: xr.DataTree) -> StudyFigure:
+    """Size of detail that each camera resolves, log–log, bold where it is sharp by the headline criterion."""
+    with styled():
+        data, shown = tree["depth_of_field"].to_dataset(), all_cameras(tree)
+        distance = np.asarray(data["distance"].values, dtype=np.float64)
+        figure = new_figure(3.9)
+        axes = figure.subplots()
+        log_axis(axes, "x", dense=True)
+        log_axis(axes, "y", dense=True, tick=length_tick)
+        axes.set_xlim(distance[0] * MM, distance[-1] * MM)
+        _scene_band(axes, data, "x")
+        for camera in shown:
+            size = np.asarray(data["lateral_resolution"].sel(camera=camera.key).values, dtype=np.float64) * MM
+            sharp = _inside(distance, stretches(data, "sharp", camera, sharp=headline(tree)))
+            style = camera.style
+            line = {"color": style.color, "linestyle": style.dash}
+            axes.plot(distance * MM, size, linewidth=0.8, alpha=0.55, **line)
+            axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=2.0, **line)
+        if "equal_resolution" in data.attrs:
+            axes.axhline(float(data.attrs["equal_resolution"]) * MM, color=INK, linewidth=0.9)
+        axes.set_ylim(*_size_limits(np.asarray(data["lateral_resolution"].values, dtype=np.float64) * MM))
+        axes.set_xlabel("distance from the lens [mm]")
+        axes.set_ylabel("detail resolved on the object")
+        handles: list[Any] = [Line2D([], [], color=c.style.color, linestyle=c.style.dash, linewidth=2.0) for c in shown]
+        handles += [Line2D([], [], color=SOFT, linewidth=0.8), Patch(color=_SCENE, linewidth=0)]
+        labels = [*(camera.title for camera in shown), "thin: not sharp", "the scene"]
+        if "equal_resolution" in data.attrs:
+            handles.append(Line2D([], [], color=INK, linewidth=0.9))
+            labels.append("equal resolution")
+        legend(figure, handles, labels, columns=4)
+        axes.grid(visible=True, color=FAINT)
+    return figure
+
+
+def _inside(distance: FloatArray, where: list[tuple[float, float]]) -> Any:
+    held = np.zeros(distance.shape, dtype=bool)
+    for near, far in where:
+        held |= (distance >= near) & (distance <= far)
+    return held
+
+
+def _size_limits(size: FloatArray) -> tuple[float, float]:
+    """Three decades up from the finest detail, or less."""
+    finite = size[np.isfinite(size) & (size > 0.0)]
+    if not finite.size:
+        return 1e-3, 1.0
+    low = float(finite.min()) / 1.4
+    return low, min(float(finite.max()) * 1.4, low * 1e3)

@@ -1,0 +1,345 @@
+"""What stays sharp: the answer for the first page, the numbers by every criterion, and the comparison of cameras."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tradestudy.report import facts
+from tradestudy.report.document import (
+    Block,
+    Bullets,
+    Callout,
+    Column,
+    Heading,
+    Paragraph,
+    Picture,
+    Spans,
+    Table,
+    Text,
+    say,
+)
+from tradestudy.report.facts import length, share
+from tradestudy.units import PIXELS, pretty, significant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tradestudy.figures.drawing import Drawing
+
+_SPOT = {"none": "defocus alone", "fwhm": "with diffraction at half maximum", "airy-diameter": "with the Airy diameter"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """What a mission engineer asks of one camera, by the first blur criterion."""
+
+    key: str
+    title: str
+    share: float
+    stretches: tuple[tuple[float, float], ...]
+    resolution: float
+    diffraction: float
+    images: int
+    moving_parts: str
+
+    @property
+    def keeps_all(self) -> bool:
+        return self.share >= 1.0 - 1e-9
+
+
+def sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Say which camera keeps the scene sharp, at what resolution, with how many exposures and moving parts."""
+    if not facts.has(tree, "depth_of_field", "scene_share"):
+        return
+    rows = sorted(_rows(tree), key=lambda row: (not row.keeps_all, -row.share, row.resolution))
+    yield Heading(text="What stays sharp", anchor="sharp-answer")
+    yield Callout(
+        title=say("Which camera keeps {scene} sharp", scene=_scene(tree)),
+        blocks=(Bullets(tuple(_findings(tree, rows))),),
+        tone="answer",
+    )
+    yield _answer_table(tree, rows)
+    yield from _pictures(drawings, "depth-of-field")
+
+
+def _pictures(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Picture]:
+    for name in names:
+        if name in drawings:
+            yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
+
+
+def _scene(tree: xr.DataTree) -> str:
+    data = facts.dataset(tree, "depth_of_field")
+    return f"{length(float(data.attrs['scene_near']))} to {length(float(data.attrs['scene_far']))}"
+
+
+def _rows(tree: xr.DataTree) -> Iterator[_Row]:
+    data = facts.dataset(tree, "depth_of_field").isel(sharp=0)
+    for key, title in facts.titles(tree).items():
+        one = data.sel(camera=key)
+        yield _Row(
+            key=key,
+            title=title,
+            share=float(one["scene_share"]),
+            stretches=_stretches(one, "sharp"),
+            resolution=float(one["scene_resolution"]),
+            diffraction=float(one["scene_diffraction"]),
+            images=int(one["images"]),
+            moving_parts=_criterion(tree, key, "moving parts"),
+        )
+
+
+def _stretches(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ...]:
+    near, far = (np.atleast_1d(one[f"{name}_{side}"].values) for side in ("near", "far"))
+    return tuple((float(a), float(b)) for a, b in zip(near, far, strict=True) if np.isfinite(a) and not np.isnan(b))
+
+
+def _criterion(tree: xr.DataTree, key: str, name: str) -> str:
+    """One trade criterion of one camera; a dash where the study does not ask for it."""
+    if not facts.has(tree, "criteria", "value"):
+        return "—"
+    data = facts.dataset(tree, "criteria")
+    known = name in data["criterion"].values and key in data["camera"].values
+    return str(data["value"].sel(camera=key, criterion=name).item()) if known else "—"
+
+
+def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
+    keep = [row for row in rows if row.keeps_all]
+    still = [row for row in keep if row.images == 1 and row.moving_parts in ("0", "—")]
+    if still:
+        yield say(
+            "**In one exposure and without a moving part: {best}**, resolving {size}{others}.",
+            best=still[0].title,
+            size=length(still[0].resolution),
+            others="".join(f"; {row.title} does so at {length(row.resolution)}" for row in still[1:]),
+        )
+    if keep and keep[0] not in still[:1]:
+        yield say(
+            "**Finest on all of it: {best}**, resolving {size} with {images} and {parts}.",
+            best=keep[0].title,
+            size=length(keep[0].resolution),
+            images=_counted(keep[0].images, "exposure"),
+            parts=f"{keep[0].moving_parts} moving part{'' if keep[0].moving_parts == '1' else 's'}",
+        )
+    if not keep:
+        yield say("**No camera keeps all of it sharp.**")
+    missing = [row for row in rows if not row.keeps_all]
+    if missing:
+        yield say(
+            "Not sharp throughout: {cameras}.",
+            cameras=", ".join(f"{row.title} ({share(row.share) if row.share > 0 else 'nothing'})" for row in missing),
+        )
+    yield from _diffraction_finding(tree)
+
+
+def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
+    """For how many cameras diffraction alone is wider than what counts as sharp, by each criterion that counts it."""
+    data = facts.dataset(tree, "depth_of_field")
+    words = []
+    for name in data["sharp"].values:
+        one = data.sel(sharp=name)
+        if str(one["diffraction"].item()) != "none":
+            blind = int(np.sum(np.asarray(one["extent"].values, dtype=np.float64) == 0.0))
+            words.append(f"{_criterion_words(one)}: {blind}")
+    if words:
+        yield say(
+            "Cameras of {all} for which diffraction alone is wider than the criterion, so that nothing is sharp by "
+            "it: {words}.",
+            all=str(data.sizes["camera"]),
+            words="; ".join(words),
+        )
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"
+
+
+def _criterion_words(one: xr.Dataset) -> str:
+    return f"{pretty(float(one['blur_px']), PIXELS)} {_SPOT[str(one['diffraction'].item())]}"
+
+
+def _ends(stretches: tuple[tuple[float, float], ...]) -> str:
+    return " and ".join(f"{length(near)} – {length(far)}" for near, far in stretches) or "nowhere"
+
+
+def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
+    first = facts.dataset(tree, "depth_of_field").isel(sharp=0)
+
+    def cells(row: _Row) -> tuple[Text, ...]:
+        sharp = share(row.share) if row.share > 0.0 else "nothing"
+        return (
+            row.title,
+            say("**{sharp}**", sharp="all") if row.keeps_all else sharp,
+            _ends(row.stretches),
+            length(row.resolution) if row.share > 0.0 else "—",
+            length(row.diffraction) if row.share > 0.0 else "—",
+            str(row.images) if row.images else "—",
+            row.moving_parts,
+        )
+
+    return Table(
+        name="sharp-table",
+        caption=say(
+            "The scene, {scene}, by {criterion}; cameras that keep all of it sharp come first, the finest at the top.",
+            scene=_scene(tree),
+            criterion=_criterion_words(first),
+        ),
+        columns=(
+            Column(title="Camera", weight=8),
+            Column(title="Scene sharp", align="right", weight=4),
+            Column(title="Sharp from – to", align="right", weight=8),
+            Column(title="Resolves there", align="right", weight=5),
+            Column(title="Diffraction spot", align="right", weight=5),
+            Column(title="Exposures", align="right"),
+            Column(title="Moving parts", align="right", weight=4),
+        ),
+        rows=tuple(cells(row) for row in rows),
+        notes=(
+            "Resolves: the coarsest detail within the scene, the larger of lateral sample and defocus on the object. "
+            "Diffraction spot: its width at half maximum on the object. Distances count from the principal plane.",
+        ),
+    )
+
+
+def depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Write depth of field by every criterion, at equal resolution, and the lateral resolution."""
+    if not facts.has(tree, "depth_of_field", "scene_share"):
+        return
+    yield Heading(text="Depth of field", anchor="depth-of-field-results")
+    yield Paragraph(
+        say(
+            "A point is sharp where its geometric blur *g* and the diffraction spot *d* stay below the criterion "
+            "together, *g*² + *d*² ≤ *c*². For one lens the limits are those of the exact thin lens. A microlens of "
+            "diameter *D* blurs a point at virtual depth *v* to *D*|1/*v* − 1/*v*~0~|, so that its depth of field is "
+            "symmetric in 1/*v*; the limits are mapped through the main lens. A view of an unfocused plenoptic camera "
+            "is a lens as wide as its part of the pupil, with one sample per microlens, and *c* counts microlenses. "
+            "Each depth of field is in closed form, exact up to rounding."
+        )
+    )
+    yield _criteria_of_sharpness(tree)
+    yield from _slices(tree)
+    yield from _equal_resolution(tree)
+    yield from _pictures(drawings, "lateral-resolution")
+    yield from _coverage(tree)
+
+
+def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
+    data, titles = facts.dataset(tree, "depth_of_field"), facts.titles(tree)
+    rows: list[tuple[Text, ...]] = []
+    for name in data["sharp"].values:
+        one = data.sel(sharp=name)
+        rows.append((f"{name}: {_criterion_words(one)}",))
+        for key, title in titles.items():
+            camera = one.sel(camera=key)
+            found = _stretches(camera, "sharp")
+            gaps = _stretches(camera, "gap")
+            rows.append(
+                (
+                    title,
+                    _ends(found),
+                    length(float(camera["extent"])) if found else "—",
+                    share(float(camera["scene_share"])) if found else "—",
+                    str(int(camera["images"])) if int(camera["images"]) else "—",
+                    "; ".join(f"gap {_ends((gap,))}" for gap in gaps) or str(camera["reason"].item()).split(";")[0],
+                )
+            )
+    return Table(
+        name="depth-of-field-table",
+        caption="Depth of field by every criterion of the study.",
+        columns=(
+            Column(title="Camera", weight=3),
+            Column(title="Sharp", weight=3),
+            Column(title="Depth of field", align="right"),
+            Column(title="of the scene", align="right"),
+            Column(title="Exposures", align="right"),
+            Column(title="Gaps, or why nothing is sharp", weight=4),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _slices(tree: xr.DataTree) -> Iterator[Block]:
+    """Slice by slice, for the cameras that have several."""
+    data, titles = facts.dataset(tree, "depth_of_field").isel(sharp=0), facts.titles(tree)
+    rows: list[tuple[Text, ...]] = []
+    for key, title in titles.items():
+        one = data.sel(camera=key)
+        names = [str(name) for name in one["slice_name"].values if str(name)]
+        if len(names) > 1:
+            limits = zip(one["slice_near"].values, one["slice_far"].values, strict=True)
+            parts = [
+                f"{name} {_ends(((float(near), float(far)),))}" if np.isfinite(near) else f"{name} nowhere"
+                for name, (near, far) in zip(names, limits, strict=False)
+            ]
+            overlaps = _ends(_stretches(one, "overlap")) if _stretches(one, "overlap") else "none"
+            rows.append((title, "; ".join(parts), overlaps))
+    if rows:
+        yield Table(
+            name="slice-table",
+            caption="Images of a stack and types of microlenses one by one, by the first criterion.",
+            columns=(
+                Column(title="Camera", weight=2),
+                Column(title="Slices", weight=5),
+                Column(title="Overlaps", weight=3),
+            ),
+            rows=tuple(rows),
+        )
+
+
+def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
+    data, titles = facts.dataset(tree, "depth_of_field"), facts.titles(tree)
+    if "resolved_near" not in data:
+        return
+    size = length(float(data.attrs["equal_resolution"]))
+    yield Table(
+        name="equal-resolution-table",
+        caption=f"The comparison at equal lateral resolution: where {size} on the object is resolved, geometrically. A "
+        "camera that samples coarsely gains nothing here from a deep focus.",
+        columns=(
+            Column(title="Camera", weight=3),
+            Column(title="Resolved", weight=3),
+            Column(title="Depth of field", align="right"),
+            Column(title="of the scene", align="right"),
+            Column(title="Why nowhere", weight=4),
+        ),
+        rows=tuple(
+            (
+                title,
+                _ends(_stretches(data.sel(camera=key), "resolved")),
+                length(float(data["resolved_extent"].sel(camera=key))),
+                share(float(data["resolved_scene_share"].sel(camera=key))),
+                str(data["resolved_reason"].sel(camera=key).item()),
+            )
+            for key, title in titles.items()
+        ),
+    )
+
+
+def _coverage(tree: xr.DataTree) -> Iterator[Block]:
+    """How many microlenses see a point of the scene, for the cameras where that is a question."""
+    data, titles = facts.dataset(tree, "depth_of_field"), facts.titles(tree)
+    ends = (float(data.attrs["scene_near"]), float(data.attrs["scene_far"]))
+    rows = []
+    for key, title in titles.items():
+        seeing = data["microlenses_seeing"].sel(camera=key)
+        if np.isfinite(seeing.values).any():
+            counts = (float(seeing.sel(distance=end, method="nearest")) for end in ends)
+            plane = float(data["total_covering_plane"].sel(camera=key))
+            cells = (significant(count) if np.isfinite(count) else "—" for count in counts)
+            rows.append((title, length(plane) if np.isfinite(plane) else "—", *cells))
+    if rows:
+        yield Table(
+            name="coverage-table",
+            caption="Mean number of microlenses that see a point at the ends of the scene; from the total covering "
+            "plane on, where the absolute virtual depth is 2, each point is seen by two or more.",
+            columns=(
+                Column(title="Camera", weight=2),
+                Column(title="Total covering plane", align="right", weight=1),
+                *(Column(title=f"at {length(end)}", align="right", weight=1) for end in ends),
+            ),
+            rows=tuple(rows),
+        )
