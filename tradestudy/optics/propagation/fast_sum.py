@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import finufft
 import numpy as np
-import scipy.linalg
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.direct import (
@@ -398,8 +397,16 @@ def _interpolative(matrix: ComplexArray, tolerance: float) -> tuple[Array, Compl
         directions.append(direction)
     basis = np.stack(directions)
     weights = np.einsum("ri,ij->rj", basis.conj(), matrix)
-    mixing = scipy.linalg.solve_triangular(np.triu(weights[:, columns]), weights)
-    return np.asarray(columns), np.asarray(mixing)
+    return np.asarray(columns), _back_substituted(weights[:, columns], weights)
+
+
+def _back_substituted(triangle: ComplexArray, right: ComplexArray) -> ComplexArray:
+    """Solution X of R X = B for an upper triangle R of a few rows."""
+    solution = right.copy()
+    for i in range(len(triangle) - 1, -1, -1):
+        solution[i] -= np.einsum("j,jk->k", triangle[i, i + 1 :], solution[i + 1 :])
+        solution[i] /= triangle[i, i]
+    return solution
 
 
 def _relative(difference: ComplexArray, to: ComplexArray) -> float:

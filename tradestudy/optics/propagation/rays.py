@@ -136,7 +136,10 @@ def _through_focus(sphere: SphericalPath, x: Array, y: Array, z: Array) -> tuple
     with np.errstate(divide="ignore", invalid="ignore"):  # in the focal plane no ray reaches any other point
         share = z / (z + sphere.distance)
         u, v = x - (x - sphere.x) * share, y - (y - sphere.y) * share
-    return np.where(np.isfinite(share), u, np.nan), np.where(np.isfinite(share), v, np.nan)
+    # In the focus itself all rays meet: any of them stands for the caustic.
+    miss = np.hypot(np.hypot(x - sphere.x, y - sphere.y), z + sphere.distance)
+    absent = np.where(miss < 1e-12 * z, 0.0, np.nan)
+    return np.where(np.isfinite(share), u, absent), np.where(np.isfinite(share), v, absent)
 
 
 def _starts(radius: float, all_branches: bool) -> tuple[FloatArray, FloatArray]:

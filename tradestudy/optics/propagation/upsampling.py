@@ -14,6 +14,7 @@ from tradestudy.optics.propagation.direct import ComplexArray
 from tradestudy.optics.propagation.sampling import bessel_margin
 from tradestudy.optics.propagation.targets import TargetGrid
 
+_UNTHREADED = 250_000  # multiplications in one product that BLAS does on one thread
 _LEAST_OVERSAMPLING = 1.7  # of the coarse samples; nearer to 1 the window gets wide
 
 
@@ -60,9 +61,17 @@ def upsampling(*, fine_count: int, oversampling: float, tolerance: float) -> Ups
 
 
 def apply_along_rows(matrix: FloatArray, values: ComplexArray) -> ComplexArray:
-    """Real matrix times complex array, without turning the matrix complex."""
+    """Real matrix times complex array, without turning the matrix complex.
+
+    In blocks below the size from which BLAS starts threads: for products this small they cost more than they save,
+    and very much more where cores are shared.
+    """
     plain = np.ascontiguousarray(values).view(np.float64)
-    return np.asarray((matrix @ plain).view(np.complex128))
+    product = np.empty((matrix.shape[0], plain.shape[1]))
+    rows = max(1, _UNTHREADED // plain.size)
+    for start in range(0, matrix.shape[0], rows):
+        np.matmul(matrix[start : start + rows], plain, out=product[start : start + rows])
+    return np.asarray(product.view(np.complex128))
 
 
 def chebyshev_points(values: FloatArray, count: int) -> FloatArray:

@@ -1,0 +1,163 @@
+"""Times one aperture by hand: ``python tests/benchmarks/aperture.py [--repeat N] [--json FILE]``.
+
+Main lens: f = 12.5 mm, f/3.8, object at 150 mm, 550 nm, 256 × 256 targets of 0.25 µm in the image plane, tolerance 1e-6
+of the intensity; error against direct quadrature on ample nodes at 400 targets. Microlens: rays and boundary wave against
+Kirchhoff on defocused images, at like stated errors. Seconds are the result's own, set-up included and the check apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from tradestudy.optics.propagation import (
+    LENS_PHASES,
+    Accuracy,
+    ApertureField,
+    CircularLens,
+    KirchhoffKernel,
+    LensPhase,
+    Method,
+    Obliquity,
+    PointSource,
+    TargetGrid,
+    TargetPoints,
+    aperture_field,
+    direct_sum,
+    lens_wave,
+    nodes_for,
+    sample_wave,
+)
+
+WAVELENGTH = 550e-9
+# The fastest public package met on the main-lens case, on the machine of its measurement.
+PUBLIC_PACKAGE = {"seconds": 0.243, "error": 6e-5}
+
+
+def main() -> None:
+    """Measure, print, and write if asked."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--repeat", type=int, default=15)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    report = {
+        "machine": platform.processor() or platform.machine(),
+        "python": platform.python_version(),
+        "versions": {name: version(name) for name in ("numpy", "scipy", "finufft")},
+        "public_package": PUBLIC_PACKAGE,
+        "main_lens": [main_lens(p, x, options.repeat) for p in LENS_PHASES for x in (0.0, 2e-3)],
+        "microlens": [
+            microlens(phase, obliquity, distance, pixels, options.repeat)
+            for phase, obliquity in (("perfect", "textbook"), ("stigmatic", "paper"), ("parabolic", "paper"))
+            for distance in (0.568e-3, 0.7e-3, 1.2e-3)
+            for pixels in (24, 64, 256)
+        ],
+    }
+    print(json.dumps(report, indent=1))
+    if options.json:
+        options.json.write_text(json.dumps(report, indent=1) + "\n")
+
+
+def main_lens(phase: LensPhase, x: float, repeat: int) -> dict[str, object]:
+    """Kirchhoff in the image plane."""
+    source = PointSource(x=x, distance=0.15)
+    lens = CircularLens(
+        radius=12.5e-3 / 7.6,
+        focal_length=12.5e-3,
+        lens_phase=phase,
+        focus_distance=0.15 if phase == "stigmatic" else None,
+    )
+    image_x, image_y, b = lens.image_of(source)
+    targets = TargetGrid.centred(centre=(image_x, image_y), pitch=0.25e-6, count=256, distance=b)
+    seconds, result = timed(source, lens, targets, "kirchhoff", "paper", 1e-6, repeat)
+    best = float(np.min(seconds))
+    return {
+        "lens_phase": phase,
+        "source_x_mm": 1e3 * x,
+        "milliseconds_best": 1e3 * best,
+        "milliseconds_median": 1e3 * float(np.median(seconds)),
+        "check_milliseconds": 1e3 * result.effort.check_seconds,
+        "times_faster_than_public_package": PUBLIC_PACKAGE["seconds"] / best,
+        "nodes": result.effort.nodes,
+        "rank": result.effort.rank,
+        "stated_error": result.error.intensity,
+        "true_error": true_error(source, lens, targets, result),
+    }
+
+
+def true_error(source: PointSource, lens: CircularLens, targets: TargetGrid, result: ApertureField) -> float:
+    """Relative L2 error of the intensity, at the 200 brightest targets and 200 others drawn at random."""
+    wave = lens_wave(source=source, lens=lens, wavelength=WAVELENGTH)
+    kernel = KirchhoffKernel(wavelength=WAVELENGTH, obliquity="paper")
+    order = np.argsort(-result.intensity.ravel())
+    some = np.concatenate([order[:200], np.random.default_rng(0).choice(order[200:], 200, replace=False)])
+    x, y, z = (c[some] for c in targets.coordinates())
+    points = TargetPoints(x=x, y=y, distance=z)
+    counts = nodes_for(wave, kernel, points, Accuracy(tolerance=1e-10)).scaled(1.5)
+    exact = np.abs(direct_sum(sample_wave(wave, counts), kernel, x, y, z)) ** 2
+    return float(np.linalg.norm(result.intensity.ravel()[some] - exact) / np.linalg.norm(exact))
+
+
+def microlens(phase: LensPhase, obliquity: Obliquity, distance: float, pixels: int, repeat: int) -> dict[str, object]:
+    """Boundary wave and Kirchhoff on one defocused microlens image of 32 µm."""
+    source = PointSource(x=0.3e-3, distance=13.64e-3)
+    lens = CircularLens(
+        radius=0.432e-3 / 7.6,
+        focal_length=0.432e-3,
+        lens_phase=phase,
+        focus_distance=13.64e-3 if phase == "stigmatic" else None,
+    )
+    x, y, b = lens.image_of(source)
+    width = 2.6 * lens.radius * abs(distance / b - 1)
+    targets = TargetGrid.centred(
+        centre=(x * distance / b, y * distance / b), pitch=width / pixels, count=pixels, distance=distance
+    )
+    tolerance = 0.1 if phase == "parabolic" else 0.02
+    edge_seconds, edge = timed(source, lens, targets, "boundary_wave", obliquity, tolerance, repeat)
+    area_seconds, area = timed(source, lens, targets, "kirchhoff", obliquity, tolerance, repeat)
+    return {
+        "lens_phase": phase,
+        "obliquity": obliquity,
+        "detector_mm": 1e3 * distance,
+        "pixels": pixels,
+        "boundary_wave_ms": 1e3 * float(np.min(edge_seconds)),
+        "kirchhoff_ms": 1e3 * float(np.min(area_seconds)),
+        "times_faster": float(np.min(area_seconds) / np.min(edge_seconds)),
+        "boundary_wave_stated": edge.error.intensity,
+        "kirchhoff_stated": area.error.intensity,
+        "handed_over": edge.handed_over,
+    }
+
+
+def timed(
+    source: PointSource,
+    lens: CircularLens,
+    targets: TargetGrid,
+    method: Method,
+    obliquity: Obliquity,
+    tolerance: float,
+    repeat: int,
+) -> tuple[list[float], ApertureField]:
+    """Seconds of every repetition, and the last result."""
+    seconds = []
+    for _ in range(repeat):
+        result = aperture_field(
+            source=source,
+            lens=lens,
+            targets=targets,
+            wavelength=WAVELENGTH,
+            method=method,
+            obliquity=obliquity,
+            accuracy=Accuracy(tolerance=tolerance),
+        )
+        seconds.append(result.effort.seconds)
+    return seconds, result
+
+
+if __name__ == "__main__":
+    main()
