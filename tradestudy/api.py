@@ -267,9 +267,10 @@ def compare(directories: Sequence[str | Path]) -> Comparison:
 
 def schema() -> dict[str, Any]:
     """JSON Schema of study files."""
+    from tradestudy.study.schema.editor import editor_schema
     from tradestudy.study.schema.root import StudyFile
 
-    return StudyFile.model_json_schema()
+    return editor_schema(StudyFile)
 
 
 def starter(name: str) -> str:

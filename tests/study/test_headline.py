@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tradestudy.api import Result, Study
+from tests.study.conftest import STUDIES
+from tradestudy.api import Result, Study, load
+from tradestudy.errors import StudyError
 
 
 def value(result: Result, claim: str, reading: str = "as declared") -> float:
@@ -145,3 +147,17 @@ def test_a_sweep_adds_its_dimensions_and_holds_each_point(headline: Study) -> No
     at = depth.sel({"stereo-short.baseline": 0.04, "raytrix-r5.depth.estimator": "adjacent-pair"})
     np.testing.assert_array_equal(at["depth_uncertainty"], alone["depth_uncertainty"])
     np.testing.assert_array_equal(at["limit_met"], alone["limit_met"])
+
+
+def test_a_wrong_name_is_reported_beside_every_other_mistake() -> None:
+    overrides = (
+        "decision.between=[raytrix-r6, stereo-short]",
+        "stereo-short.baseline=20",
+        "claims.C1.under=[diagonale]",
+    )
+    with pytest.raises(StudyError) as caught:
+        load(STUDIES / "plenoptic_vs_stereo.yaml", overrides)
+    told = str(caught.value)
+    assert "decision.between.0: no camera is called 'raytrix-r6'; nearest: 'raytrix-r5'" in told
+    assert "'20' has no unit" in told
+    assert "claims.C1.under.0: no reading is called 'diagonale'; nearest: 'diagonal'" in told

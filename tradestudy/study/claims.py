@@ -132,8 +132,8 @@ def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | Non
     """Whether a value meets an expectation; None where there is no value."""
     if math.isnan(value):
         return None
-    if expect.value is not None:
-        expected = parse(expect.value, dimension)
+    if expect.about is not None:
+        expected = parse(expect.about, dimension)
         return abs(value - expected) <= (expect.within or 0.0) * abs(expected)
     if expect.above is not None:
         return value > parse(expect.above, dimension)
@@ -142,8 +142,8 @@ def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | Non
 
 def expectation(expect: ExpectPart) -> str:
     """An expectation in words."""
-    if expect.value is not None:
-        return f"{expect.value} ± {pretty(expect.within or 0.0, FRACTION)}"
+    if expect.about is not None:
+        return f"{expect.about} ± {pretty(expect.within or 0.0, FRACTION)}"
     return f"above {expect.above}" if expect.above is not None else f"below {expect.below}"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
@@ -14,12 +14,11 @@ from tradestudy.study.schema.quantities import (
     PositiveLength,
     PositiveNumber,
     PositivePixels,
+    QuantityText,
 )
 
 Way = Literal["noise", "calibration", "both"]
 Text = Annotated[str, Field(min_length=1, max_length=2000)]
-# A quantity whose dimension depends on what is asked; a plain number may stand without quotes.
-QuantityText = Annotated[str, BeforeValidator(lambda value: str(value) if type(value) in (int, float) else value)]
 CameraName = Annotated[str, Field(min_length=1, max_length=80)]
 Scalar = str | int | float | bool | None
 
@@ -75,17 +74,17 @@ class SolvePart(Part):
 class ExpectPart(Part):
     """The expected value of a claim: about a value, or a bound."""
 
-    value: QuantityText | None = None
-    within: PositiveFraction | None = Field(default=None, description="Relative tolerance of value.")
+    about: QuantityText | None = Field(default=None, description="The expected value.")
+    within: PositiveFraction | None = Field(default=None, description="Relative tolerance of it.")
     above: QuantityText | None = None
     below: QuantityText | None = None
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        if sum(part is not None for part in (self.value, self.above, self.below)) != 1:
-            raise MistakeAt((), "give exactly one of value, above and below")
-        if (self.value is None) != (self.within is None):
-            raise MistakeAt((), "value and within belong together")
+        if sum(part is not None for part in (self.about, self.above, self.below)) != 1:
+            raise MistakeAt((), "give exactly one of about, above and below")
+        if (self.about is None) != (self.within is None):
+            raise MistakeAt((), "about and within belong together")
         return self
 
 

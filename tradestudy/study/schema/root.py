@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from tradestudy.study.mistakes import MistakeAt, nearest_name
 from tradestudy.study.schema.base import Part
@@ -27,6 +28,7 @@ from tradestudy.study.schema.scene import ScenePart
 FORMAT = 1
 NAME_PATTERN = r"^[\w][\w.+-]*$"
 LONGEST_NAME = 80
+Location = tuple[str | int, ...]
 Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=LONGEST_NAME)]
 
 
@@ -50,65 +52,76 @@ class StudyFile(Part):
     requirements: dict[Name, RequirementPart] = {}
     sweep: dict[str, SweepValues | SweepRangePart] = {}
 
+    @field_validator("format", mode="before")
+    @classmethod
+    def _is_a_number(cls, value: object) -> object:
+        if isinstance(value, bool):  # Python takes true for 1
+            raise MistakeAt((), "'true' stands here; the number 1 is expected")
+        return value
+
+    @classmethod
+    def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:
+        """Cameras and readings that are spoken of and do not exist."""
+        found: list[MistakeAt] = []
+        for kind, named in (("camera", _named_cameras(tree)), ("reading", _named_readings(tree))):
+            known = [str(name) for name in _mapping(tree.get(f"{kind}s"))]
+            found += [
+                MistakeAt(path, f"no {kind} is called {name!r}{nearest_name(name, known)}")
+                for path, name in named
+                if isinstance(name, str) and name not in known
+            ]
+        return found
+
     @model_validator(mode="after")
-    def _names_exist(self) -> Self:
-        mistakes = [*self._wrong_cameras(), *self._unknown_readings()]
+    def _asks_what_can_be_answered(self) -> Self:
+        mistakes = [
+            MistakeAt(path, f"{name!r} is a {self.cameras[name].kind} camera and measures no depth")
+            for path, name in self._asked_for_depth()
+            if name in self.cameras and not measures_depth(self.cameras[name])
+        ]
         if self.criteria is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("criteria",), "needs depth_of_field, whose scene it is worked out for"))
         if self.calibration is not None:
             mistakes += calibration_mistakes(self.calibration, self.cameras)
         if mistakes:
-            raise mistakes[0] if len(mistakes) == 1 else MistakeAt.several(mistakes)
+            raise MistakeAt.several(mistakes)
         return self
 
-    def _wrong_cameras(self) -> list[MistakeAt]:
-        """Names of cameras that do not exist, or that are asked for depth and measure none."""
-        for_depth = self._asked_for_depth()
-        named = [*for_depth, *self._asked_for_focus()]
-        return [
-            MistakeAt(path, f"no camera is called {name!r}{nearest_name(name, self.cameras)}")
-            for path, name in named
-            if name not in self.cameras
-        ] + [
-            MistakeAt(path, f"{name!r} is a {self.cameras[name].kind} camera and measures no depth")
-            for path, name in for_depth
-            if name in self.cameras and not measures_depth(self.cameras[name])
-        ]
+    def _asked_for_depth(self) -> list[tuple[Location, str]]:
+        asked: list[tuple[Location, str]] = []
+        for path, name in _named_cameras(self.model_dump()):
+            claim = self.claims.get(str(path[1])) if path[0] == "claims" else None
+            if claim is None or claim.of not in ("depth_of_field", "depth_of_field_ratio"):
+                asked.append((path, name))
+        return asked
 
-    def _asked_for_depth(self) -> list[tuple[tuple[str | int, ...], str]]:
-        named: list[tuple[tuple[str | int, ...], str]] = []
-        if self.decision:
-            named += [(("decision", "between", i), name) for i, name in enumerate(self.decision.between)]
-        for key, solve in self.solve.items():
-            named += [(("solve", key, "equal", i), name) for i, name in enumerate(solve.equal)]
-        for key, claim in self.claims.items():
-            if claim.of not in ("depth_of_field", "depth_of_field_ratio"):
-                named.append((("claims", key, "camera"), claim.camera))
-            if claim.of in ("uncertainty_ratio", "share_better"):
-                named.append((("claims", key, "against"), claim.against))
-        return named + [
-            (("requirements", key, "camera"), requirement.camera)
-            for key, requirement in self.requirements.items()
-            if requirement.camera != "any"
-        ]
 
-    def _asked_for_focus(self) -> list[tuple[tuple[str | int, ...], str]]:
-        named: list[tuple[tuple[str | int, ...], str]] = []
-        for key, claim in self.claims.items():
-            if claim.of in ("depth_of_field", "depth_of_field_ratio"):
-                named.append((("claims", key, "camera"), claim.camera))
-            if claim.of == "depth_of_field_ratio":
-                named.append((("claims", key, "against"), claim.against))
-        return named
+def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
+    """Every place of a study that speaks of a camera by name, with the name as written."""
+    named: list[tuple[Location, Any]] = []
+    pair = _mapping(tree.get("decision")).get("between")
+    named += [(("decision", "between", i), name) for i, name in enumerate(_list(pair))]
+    for key, question in _mapping(tree.get("solve")).items():
+        named += [(("solve", key, "equal", i), name) for i, name in enumerate(_list(_mapping(question).get("equal")))]
+    for key, claim in _mapping(tree.get("claims")).items():
+        named += [(("claims", key, word), _mapping(claim).get(word)) for word in ("camera", "against")]
+    for key, requirement in _mapping(tree.get("requirements")).items():
+        named.append((("requirements", key, "camera"), _mapping(requirement).get("camera")))
+    return [(path, name) for path, name in named if name is not None and (path[0] != "requirements" or name != "any")]
 
-    def _unknown_readings(self) -> list[MistakeAt]:
-        named: list[tuple[tuple[str | int, ...], str]] = []
-        for key, claim in self.claims.items():
-            named += [(("claims", key, "under", i), name) for i, name in enumerate(claim.under)]
-            if claim.reading is not None:
-                named.append((("claims", key, "reading"), claim.reading))
-        return [
-            MistakeAt(path, f"no reading is called {name!r}{nearest_name(name, self.readings)}")
-            for path, name in named
-            if name not in self.readings
-        ]
+
+def _named_readings(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
+    named: list[tuple[Location, Any]] = []
+    for key, claim in _mapping(tree.get("claims")).items():
+        named += [(("claims", key, "under", i), name) for i, name in enumerate(_list(_mapping(claim).get("under")))]
+        if (reading := _mapping(claim).get("reading")) is not None:
+            named.append((("claims", key, "reading"), reading))
+    return named
+
+
+def _mapping(value: Any) -> Mapping[Any, Any]:
+    return value if isinstance(value, Mapping) else {}
+
+
+def _list(value: Any) -> list[Any]:
+    return list(value) if isinstance(value, list | tuple) else []

@@ -14,6 +14,7 @@ from tradestudy.errors import Problem, StudyError
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, child
 from tradestudy.study.mistakes import MistakeAt, nearest_name
 from tradestudy.study.schema.alignment import Alignment, align, key_meaning, key_names
+from tradestudy.study.schema.base import Part
 from tradestudy.study.source import MOST_MISTAKES
 from tradestudy.units import UnitError, nearest
 
@@ -77,6 +78,10 @@ def validate(document: Document, model: type[ModelT]) -> ModelT:
             problems.append(document.root.place.problem((), more))
     else:
         problems = []
+    if issubclass(model, Part):
+        problems += [
+            document.locate(name.tail).problem(name.tail, name.what) for name in model.mistakes_of_names(document.tree)
+        ]
     if problems or document.problems:
         told = {_spot(problem) for problem in document.problems}
         news = [problem for problem in problems if _spot(problem) not in told]
