@@ -192,7 +192,7 @@ def resolution_against_distance(tree: xr.DataTree) -> StudyFigure:
         if "equal_resolution" in data.attrs:
             handles.append(Line2D([], [], color=INK, linewidth=0.9))
             labels.append("equal resolution")
-        legend(figure, handles, labels, columns=4)
+        legend(figure, handles, labels, columns=3)
         axes.grid(visible=True, color=FAINT)
     return figure
 

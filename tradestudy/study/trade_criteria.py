@@ -20,7 +20,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.occlusion import foreshortening_ratio, hidden_strip_width
 from tradestudy.optics.thin_lens import image_distance
 from tradestudy.study.schema.cameras import AttributesPart, CameraPart
-from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, pretty
+from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, pretty, significant
 
 DERIVED: Final = "derived"
 _NOT_SAID: Final = "not said"
@@ -117,7 +117,7 @@ def _images_per_scene(camera: Camera, part: CameraPart, relief: Relief) -> Attri
     share = camera.focus.sharp_range(relief.sharp).share_of(relief.near, relief.far)
     text = str(count) + (" by each lens" if _lenses(camera) == 2 and count == 1 else "")
     if share < 1.0 and not isinstance(camera.focus, EveryObjectFocus):
-        text += f", {pretty(share, FRACTION, 2)} of the scene sharp" if share > 0.0 else ", none of the scene sharp"
+        text += f", {pretty(share, FRACTION, 2)} sharp" if share > 0.0 else ", nothing sharp"
     return Attribute(text=text, number=float(count))
 
 
@@ -141,10 +141,9 @@ def _data_volume(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:
     if pixels == 0:
         return Attribute(text="—")
     bits = part.attributes.bits_per_pixel
-    text = f"{pixels / 1e6:.3g} Mpx raw"
     if bits is None:
-        return Attribute(text=f"{text}; bits per pixel {_NOT_SAID}")
-    return Attribute(text=f"{pixels * bits / 8e6:.3g} MB ({text})", number=pixels * bits)
+        return Attribute(text=f"{pixels / 1e6:.3g} Mpx; bits per pixel {_NOT_SAID}")
+    return Attribute(text=f"{pixels * bits / 8e6:.3g} MB", number=pixels * bits)
 
 
 def _depth_map_samples(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
@@ -155,7 +154,8 @@ def _depth_map_samples(camera: Camera, part: CameraPart, relief: Relief) -> Attr
     resolved = float(camera.focus.lateral_resolution(width)[0])
     field = camera.sensor.width * camera.sensor.height * (relief.middle / b) ** 2
     count = field / resolved**2
-    return Attribute(text=f"{count / 1e6:.3g} M" if count >= 1e5 else f"{count / 1e3:.3g} k", number=count)
+    size, unit = next(pair for pair in ((1e6, " M"), (1e3, " k"), (1.0, "")) if count >= pair[0] or pair[0] == 1.0)
+    return Attribute(text=significant(count / size) + unit, number=count)
 
 
 def _aperture(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
@@ -177,9 +177,7 @@ def _size(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:
         return Attribute(text=" × ".join(pretty(side, LENGTH) for side in envelope), basis="")
     width = max(camera.sensor.diagonal, lens_of_camera(camera).pupil_diameter)
     across = width + (camera.baseline if isinstance(camera, StereoRig) else 0.0)
-    return Attribute(
-        text=f"at least {pretty(_depth_behind_lens(camera, relief), LENGTH)} deep, {pretty(across, LENGTH)} wide"
-    )
+    return Attribute(text=f"{pretty(_depth_behind_lens(camera, relief), LENGTH)} × {pretty(across, LENGTH)}")
 
 
 def _depth_behind_lens(camera: Camera, relief: Relief) -> float:
@@ -230,7 +228,7 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="images per scene",
-        says="exposures taken for the scene, by the first blur criterion",
+        says="exposures taken for the scene by the first blur criterion, and what is sharp if not all of it",
         units="1",
         of=_images_per_scene,
     ),
@@ -256,7 +254,7 @@ CRITERIA: Final = (
     ),
     Criterion(
         name="size",
-        says="declared, or from the principal plane to the sensor and across",
+        says="declared, or at least: from the principal plane to the sensor × across lens, sensor and baseline",
         units="m",
         of=_size,
         path="attributes.envelope",

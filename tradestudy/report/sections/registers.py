@@ -7,6 +7,8 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.units import significant
@@ -14,6 +16,7 @@ from tradestudy.units import significant
 if TYPE_CHECKING:
     import xarray as xr
 
+_MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES = ("assumed", "derived", "datasheet", "measured", "paper")
 
 
@@ -201,24 +204,32 @@ def criteria(tree: xr.DataTree) -> Iterator[Block]:
     data, titles = facts.dataset(tree, "criteria"), facts.titles(tree)
     shown = [key for key in titles if key in data["camera"].values]
 
+    known = data["basis"].values if "basis" in data else np.empty(0)
+    bases = [str(basis) for basis in np.unique(known.astype(str)) if str(basis) not in ("", "derived")]
+    says = data["says"].values if "says" in data else np.empty(0)
+
     def cell(key: str, name: Any) -> Text:
         one = data.sel(camera=key, criterion=name)
-        basis = str(one["basis"].item()) if "basis" in one else ""
         text = str(one["value"].item())
-        return say("{text} *({basis})*", text=text, basis=basis) if basis not in ("", "derived") else text
+        basis = str(one["basis"].item()) if "basis" in one else ""
+        return say("{text}^{mark}^", text=text, mark=_MARKS[bases.index(basis)]) if basis in bases else text
 
     yield Heading(text="Trade criteria that are not curves", anchor="criteria", level=2)
     yield Table(
         name="criteria-table",
-        caption="Attributes of the cameras: derived from the other inputs, or declared, with what that rests on.",
+        caption="Attributes of the cameras; those without a mark are derived from the other inputs.",
         columns=(Column(title="Criterion", weight=3), *(Column(title=titles[key], weight=2) for key in shown)),
         rows=tuple(
             (facts.in_words(str(name)), *(cell(key, name) for key in shown)) for name in data["criterion"].values
         ),
-        notes=tuple(
-            say(
-                "**{name}**: {says}.", name=facts.in_words(str(name)), says=str(data["says"].sel(criterion=name).item())
-            )
-            for name in (data["criterion"].values if "says" in data else ())
+        notes=(
+            *(
+                say("**{name}**: {says}.", name=facts.in_words(str(name)), says=str(text))
+                for name, text in zip(data["criterion"].values, says, strict=False)
+            ),
+            *(
+                say("^{mark}^ declared: {basis}.", mark=mark, basis=basis)
+                for mark, basis in zip(_MARKS, bases, strict=False)
+            ),
         ),
     )
