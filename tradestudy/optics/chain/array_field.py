@@ -23,8 +23,8 @@ from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 _SPLINE_ORDER: Literal[5] = 5
-_END = 4  # grid points beyond each side, where the spline's end effect dies
-_LEAST_FRESNEL_NUMBER = 4.0  # of the blur on the array, from which on its spherical wave is taken out
+_END = 12  # grid points beyond each side, where the spline's end effect dies
+_LEAST_FRESNEL_NUMBER = 1.0  # of the blur on the array, from which on its spherical wave is taken out
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,7 +191,7 @@ def _sphere(wave: PupilWave) -> SphericalPath | None:
     x, y, depth = wave.path.image_at_array(wave.source)
     b = wave.path.array_distance - depth
     blur = wave.path.main_lens.radius * abs(depth / b)
-    if wave.coherent_radius > 0 or blur**2 < _LEAST_FRESNEL_NUMBER * wave.wavelength * abs(depth):
+    if wave.coherent_radius > 0 or blur**2 <= _LEAST_FRESNEL_NUMBER * wave.wavelength * abs(depth):
         return None
     chief_x, chief_y = wave.path.chief_point(wave.source)
     return SphericalPath(x=x - chief_x, y=y - chief_y, distance=depth)

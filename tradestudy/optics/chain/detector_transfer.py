@@ -20,7 +20,10 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.direct import ComplexArray
 
-_TAPER = 0.15  # outer part of the band over which light fades out, so that its edge does not ring
+_FADING = 4.0  # Fresnel lengths beyond what is kept over which light fades out, so that the band's edge does not ring
+
+
+_STEEPEST = 0.98  # sine up to which the period follows the light; beyond, `Transfer.response` refuses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +40,8 @@ class Transfer:
         Distance of detector samples [m].
     count
         Samples a side of one period.
-    half_band
-        Largest spatial frequency kept [1/m]; below 1/λ.
+    full_band, half_band
+        Spatial frequency up to which all light is kept, and at which it has faded out [1/m].
     """
 
     wavelength: float
@@ -46,6 +49,7 @@ class Transfer:
     paraxial: bool
     spacing: float
     count: int
+    full_band: float
     half_band: float
 
     @property
@@ -89,8 +93,8 @@ class Transfer:
     @cached_property
     def _window(self) -> FloatArray:
         """One inside the band, falling smoothly to zero over its outer part."""
-        f = np.hypot(self.frequencies[None, :], self.frequencies[:, None]) / self.half_band
-        ramp = np.clip((1 - f) / _TAPER, 0.0, 1.0)
+        f = np.hypot(self.frequencies[None, :], self.frequencies[:, None])
+        ramp = np.clip((self.half_band - f) / (self.half_band - self.full_band), 0.0, 1.0)
         return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
 
 
@@ -103,9 +107,32 @@ def _phasor(phase: FloatArray, amplitude: FloatArray) -> ComplexArray:
     return result
 
 
+def fading_length(wavelength: float, distance: float, reach: float, *, paraxial: bool) -> float:
+    """Distance over which light fades out that lands beyond a reach from where it started [m].
+
+    In Fresnel lengths of the slanted path: √(λ b)/cos^{3/2}, without the cosine in Fresnel's law.
+    """
+    slant = 1.0 if paraxial else 1 + (reach / distance) ** 2
+    return _FADING * math.sqrt(wavelength * distance) * math.pow(slant, 0.75)
+
+
 def sine_towards(offset: float, distance: float, *, paraxial: bool) -> float:
     """λ f of light that lands this far from where it started."""
     return offset / distance if paraxial else offset / math.hypot(offset, distance)
+
+
+def half_band(wavelength: float, distance: float, kept_reach: float, *, paraxial: bool) -> float:
+    """Frequency at which light has faded out that lands beyond what is kept [1/m]; samples must resolve it."""
+    faded = kept_reach + fading_length(wavelength, distance, kept_reach, paraxial=paraxial)
+    return sine_towards(faded, distance, paraxial=paraxial) / wavelength
+
+
+def _landing(sine: float, distance: float, *, paraxial: bool) -> float:
+    """Inverse of `sine_towards`."""
+    if paraxial:
+        return distance * sine
+    sine = min(sine, _STEEPEST)
+    return distance * sine / math.sqrt(1 - sine**2)
 
 
 def choose_transfer(
@@ -117,6 +144,7 @@ def choose_transfer(
     target_reach: float,
     kept_reach: float,
     spacing: float,
+    tilt: float = 0.0,
 ) -> Transfer:
     """Choose band and period for nodes and targets within squares about one axis.
 
@@ -129,18 +157,33 @@ def choose_transfer(
     kept_reach
         Light that lands up to this far from where it started is kept [m].
     spacing
-        Largest distance of detector samples [m]; it is the caller's to divide the pixel.
+        Distance of detector samples [m]; it is the caller's to divide the pixel.
+    tilt
+        Largest sine of a carrier; targets then lie about where the carrier lands.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the samples are too coarse for the band.
     """
-    kept = kept_reach + 2 * math.sqrt(wavelength * distance)  # two Fresnel lengths of fading out
-    half_band = sine_towards(kept, distance, paraxial=paraxial) / wavelength
-    period = node_reach + target_reach + kept
+    band = half_band(wavelength, distance, kept_reach, paraxial=paraxial)
+    if 2 * band * spacing > 1:
+        raise OutOfRangeError(
+            "distance of detector samples",
+            value=f"{spacing:g} m",
+            limit=f"≤ {1 / (2 * band):g} m",
+            remedy="take more samples along a pixel",
+        )
+    farthest = _landing(tilt + band * wavelength, distance, paraxial=paraxial)
+    period = node_reach + target_reach + farthest - _landing(tilt, distance, paraxial=paraxial)
     return Transfer(
         wavelength=wavelength,
         distance=distance,
         paraxial=paraxial,
         spacing=spacing,
         count=int(scipy.fft.next_fast_len(math.ceil(period / spacing), real=False)),
-        half_band=half_band,
+        full_band=sine_towards(kept_reach, distance, paraxial=paraxial) / wavelength,
+        half_band=band,
     )
 
 

@@ -19,7 +19,7 @@ from tradestudy.optics.chain.array_field import (
     field_table,
     leg_kernel,
 )
-from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, propagate
+from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, fading_length, half_band, propagate
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field, microlens_plane
 from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.rays import RayReach, ray_reach
@@ -148,16 +148,8 @@ def plan_waves(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> Wave
     margin = accuracy.diffraction_reach * 1.2 * fresnel_length * math.pow(accuracy.tolerance, -1 / 6)
     kept = float(reach.travel.max()) + margin
     pixels = path.pixels
-    rough = choose_transfer(
-        wavelength=wave.wavelength,
-        distance=path.detector_distance,
-        paraxial=paraxial,
-        node_reach=1.0,
-        target_reach=1.0,
-        kept_reach=kept,
-        spacing=1.0,
-    )
-    per_pixel = max(3, math.ceil(accuracy.pixel_sampling * 2 * rough.half_band * pixels.pitch))
+    band = half_band(wave.wavelength, path.detector_distance, kept, paraxial=paraxial)
+    per_pixel = max(3, math.ceil(accuracy.pixel_sampling * 2 * band * pixels.pitch))
     spacing = pixels.pitch / per_pixel
     nodes, targets = _half_side(path)
     return WavePlan(
@@ -189,7 +181,7 @@ def _plane(wave: PupilWave, plan: WavePlan, paraxial: bool, density: float, accu
     path = wave.path
     corners = np.array([[x, y] for x in path.pixels.edges_x[[0, -1]] for y in path.pixels.edges_y[[0, -1]]])
     farthest = float(np.linalg.norm(plan.reach.image[:, None] - corners, axis=-1).max())
-    fading = 2 * math.sqrt(wave.wavelength * path.detector_distance)
+    fading = fading_length(wave.wavelength, path.detector_distance, plan.kept, paraxial=paraxial)
     plane = microlens_plane(
         path,
         plan.reach,

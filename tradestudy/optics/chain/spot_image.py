@@ -17,7 +17,7 @@ from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
-from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, propagate
+from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, half_band, propagate
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane
 from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.point_image import compute_point, field_spacing
@@ -155,8 +155,8 @@ def _prepare(
     spread = max(float(one.spread.max()) for one in reaches)
     half_patch = spread + margin
     kept = lenses.cell_reach + half_patch
-    band = (kept + 2 * math.sqrt(wavelength * path.detector_distance)) / path.detector_distance / wavelength
-    per_pixel = max(3, math.ceil(accuracy.pixel_sampling * band * 1.2 * path.pixels.pitch))
+    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial[1])
+    per_pixel = max(3, math.ceil(accuracy.pixel_sampling * 2 * band * path.pixels.pitch))
     spacing = path.pixels.pitch / per_pixel
     plane = microlens_plane(
         path,
@@ -174,6 +174,7 @@ def _prepare(
         target_reach=half_patch + spacing,
         kept_reach=kept,
         spacing=spacing,
+        tilt=max(float(np.linalg.norm(one.slope, axis=1).max()) for one in reaches),
     )
     depth = abs(path.image_at_array(source.centre)[2])
     beyond = growth * math.sqrt(wavelength * max(depth, path.detector_distance))
