@@ -1,8 +1,9 @@
 """Times one aperture by hand: ``python tests/benchmarks/aperture.py [--repeat N] [--json FILE]``.
 
 Main lens: f = 12.5 mm, f/3.8, object at 150 mm, 550 nm, 256 × 256 targets of 0.25 µm in the image plane, tolerance 1e-6
-of the intensity; error against direct quadrature on ample nodes at 400 targets. Microlens: rays and boundary wave against
-Kirchhoff on defocused images, at like stated errors. Seconds are the result's own, set-up included and the check apart.
+of the intensity; error against direct quadrature on ample nodes at 400 targets. Microlens: rays and boundary wave
+against Kirchhoff on defocused images, at like stated errors. Seconds are the result's own, set-up included and
+the check apart.
 """
 
 from __future__ import annotations

@@ -89,6 +89,7 @@ def test_exact_for_a_spherical_wave_even_on_the_shadow_of_the_edge():
     [
         ("perfect", "textbook", 1e-2),
         ("perfect", "paper", 2e-2),
+        ("perfect", "rayleigh-sommerfeld-1", 2e-2),
         ("stigmatic", "paper", 5e-2),
         ("parabolic", "paper", 0.1),
     ],

@@ -85,7 +85,8 @@ def edge_field(
     count
         Nodes on the edge.
     tolerance
-        Poles whose effect stays below this share of the light of geometrical optics are left uncorrected.
+        Poles whose effect stays below this share of the light of geometrical optics are left uncorrected; from 1e-5 on
+        the sines are single precision.
 
     Returns
     -------
@@ -101,7 +102,7 @@ def edge_field(
         angle = start + 2 * math.pi * np.arange(count) / count
         index = np.flatnonzero(chosen)
         for part in np.array_split(index, max(1, math.ceil(index.size * count / _PAIRS_AT_ONCE))):
-            field[part] = _trapezoid(wave, kernel, angle, x[part], y[part], z[part])
+            field[part] = _trapezoid(wave, kernel, angle, x[part], y[part], z[part], tolerance)
     start_of = np.where(shifted, math.pi / count, 0.0)
     correction, failed = _pole_terms(wave, kernel, rays, x, y, z, count, start_of, tolerance)
     return EdgeField(field=field + correction, failed=failed)
@@ -113,7 +114,7 @@ def pole_reach(count: int, tolerance: float) -> float:
 
 
 def _trapezoid(
-    wave: LensWave, kernel: KirchhoffKernel, angle: FloatArray, x: Array, y: Array, z: Array
+    wave: LensWave, kernel: KirchhoffKernel, angle: FloatArray, x: Array, y: Array, z: Array, tolerance: float
 ) -> ComplexArray:
     """Sum over the nodes of the edge, every target against every node."""
     if x.size == 0:
@@ -123,29 +124,49 @@ def _trapezoid(
     u, v = radius * cos, radius * sin
     p_x, p_y = wave.paths.slope(u, v)
     p_z = wave.axial_cosine(u, v)
+    outward = p_x * cos + p_y * sin
     strength = wave.field(u, v) * (0.5 * radius / angle.size)  # (1/4π) · R · 2π/n
-    x, y, z = x[:, None], y[:, None], z[:, None]
-    a, b = x - u, y - v
-    s = np.sqrt(a * a + b * b + z * z)
-    along = p_x * a
-    along += p_y * b
-    along += p_z * z
-    # (p × S)·t with S the vector to the target and t = (−sin, cos, 0) the direction of the edge.
-    weight = a * (p_z * cos)
-    weight += b * (p_z * sin)
-    weight -= z * (p_x * cos + p_y * sin)
+    # p·S, (p × S)·t and −2 P·q, with S = P − q and t = (−sin, cos, 0), are linear in (x, y, z, 1): one product.
+    nothing, one = np.zeros_like(u), np.ones_like(u)
+    linear = [
+        [p_x, p_y, p_z, -radius * outward],
+        [p_z * cos, p_z * sin, -outward, -radius * p_z],
+        [-2 * u, -2 * v, nothing, radius**2 * one],
+    ]
+    targets = np.stack([x, y, z, np.ones_like(x)], axis=1)
+    along, weight, s = (targets @ np.asarray(rows) for rows in linear)
+    centre = np.sqrt(x * x + y * y + z * z)[:, None]
+    s += centre * centre
+    np.sqrt(s, out=s)
     along -= s
     along *= s
     weight /= along
-    weight *= -_obliquity_ratio(kernel, p_z, s, z)
-    centre = np.sqrt(x * x + y * y + z * z)
+    weight = -weight * _obliquity_ratio(kernel, p_z, s, z[:, None])  # complex with the near term
     s -= centre
-    s *= k
-    terms = np.empty(s.shape, dtype=np.complex128)
-    np.multiply(np.cos(s), weight, out=terms.real)
-    np.multiply(np.sin(s), weight, out=terms.imag)
+    terms = _turned(weight, s, k, tolerance)
     total = np.einsum("ij,j->i", terms, strength)  # without threads for a small product
     return np.asarray(total * np.exp(1j * k * centre[:, 0]))
+
+
+def _turned(weight: Array, path: FloatArray, k: float, tolerance: float) -> ComplexArray:
+    """weight · exp(i k path); where 1e-7 is enough, by sines in single precision after the full turns are off."""
+    if tolerance < 1e-5:
+        phase = k * path
+        cos, sin = np.cos(phase), np.sin(phase)
+    else:
+        turns = path * (k / (2 * math.pi))
+        turns -= np.rint(turns)
+        single = turns.astype(np.float32)
+        single *= np.float32(2 * math.pi)
+        cos, sin = np.cos(single), np.sin(single)
+    terms = np.empty(path.shape, dtype=np.complex128)
+    if np.iscomplexobj(weight):
+        terms.real, terms.imag = cos, sin
+        terms *= weight
+        return terms
+    np.multiply(cos, weight, out=terms.real)
+    np.multiply(sin, weight, out=terms.imag)
+    return terms
 
 
 def _obliquity_ratio(kernel: KirchhoffKernel, p_z: Array, s: Array, z: Array) -> Array | float:

@@ -66,9 +66,8 @@ def aperture_field(
     Returns
     -------
     ApertureField
-        Field [1/m² for a unit point of the paper's eqs. 10–12; 1/m for the textbook's free spherical wave] and
-        intensity in the shape of the targets, the stated error, the effort. The field leaves out the
-        lens's constant phase n Δ.
+        Field [1/m² for a unit point of eqs. 10–12] and intensity in the shape of the targets, the stated error, the
+        effort. The field leaves out the lens's constant phase n Δ.
 
     Raises
     ------

@@ -129,9 +129,8 @@ def direct_sum(samples: ApertureSamples, kernel: Kernel, x: FloatArray, y: Float
         for j in range(0, u.size, columns):
             part = slice(j, j + columns)
             cosine = None if samples.axial_cosine is None else samples.axial_cosine[part]
-            field[at] += (
-                _block(kernel, u[part], v[part], cosine, x[at, None], y[at, None], z[at, None]) @ (strength[part])
-            )
+            block = _block(kernel, u[part], v[part], cosine, x[at, None], y[at, None], z[at, None])
+            field[at] += np.einsum("ij,j->i", block, strength[part])  # no threads for a small product
     return field * np.exp(1j * kernel.wavenumber * kernel.path(x, y, z))
 
 

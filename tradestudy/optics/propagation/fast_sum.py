@@ -25,22 +25,19 @@ from tradestudy.optics.propagation.direct import (
     direct_sum,
     unit_phasor,
 )
+from tradestudy.optics.propagation.low_rank import SlowFactor, SumProblem, TooWide, slow_factor
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.propagation.targets import TargetGrid, Targets
 from tradestudy.optics.propagation.upsampling import (
     Upsampling,
     apply_along_rows,
-    chebyshev_points,
     lagrange,
     upsampling,
 )
 
 _DIRECT_PAIRS = 60_000  # below this many node–target pairs the plain sum is the faster one
 _THREAD_WORTH = 1_000_000  # terms × (nodes + targets) from which a second thread pays
-_MAX_RANK = 30  # a larger factor means that the targets are better split in two
 _FEW_TARGETS = 100  # a factor of many terms costs as much as that many targets summed directly
-_SAMPLE_NODES = 120  # rows on which the low-rank factor is found; ≥ 4 per unit of rank
-_DEGREES = (3, 5, 8, 12, 17, 24)  # Chebyshev points per axis that are tried in turn
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,38 +94,17 @@ def fast_sum(
         The kernel needs directions that `samples` does not have.
     """
     check_cosine(samples, kernel)
-    problem = _Problem(samples=samples, kernel=kernel, low_rank=low_rank_tolerance, nufft=max(nufft_tolerance, 1e-14))
+    problem = SumProblem(samples=samples, kernel=kernel, low_rank=low_rank_tolerance, nufft=max(nufft_tolerance, 1e-14))
     if isinstance(targets, TargetGrid):
         return _grid_tiles(problem, targets)
     return _point_tiles(problem, *targets.coordinates())
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Problem:
-    samples: ApertureSamples
-    kernel: Kernel
-    low_rank: float
-    nufft: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class _SlowFactor:
-    """exp(i k rest) amplitude ≈ Σ_t node(q, t) · target(P, t) · common(P)."""
-
-    node: ComplexArray  # (n, rank)
-    coefficients: ComplexArray  # (rank, nx, ny, nz) on Chebyshev points
-    error: float
-
-
-class _Split(Exception):  # noqa: N818  (a signal inside this file, not an error)
-    """The targets are too far apart for a small factor."""
-
-
-def _grid_tiles(problem: _Problem, grid: TargetGrid) -> FastField:
+def _grid_tiles(problem: SumProblem, grid: TargetGrid) -> FastField:
     """Sum a grid, halved along its longer side until each part has a small factor."""
     try:
         return _grid(problem, grid)
-    except _Split:
+    except TooWide:
         if grid.x_count * grid.y_count <= _FEW_TARGETS:
             return _direct(problem, *grid.coordinates())
         along_x = grid.x_count * grid.x_pitch >= grid.y_count * grid.y_pitch
@@ -152,11 +128,11 @@ def _subgrid(grid: TargetGrid, along_x: bool, start: int, stop: int) -> TargetGr
     )
 
 
-def _point_tiles(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
+def _point_tiles(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
     """Sum points, halved at the median of their widest coordinate until each part has a small factor."""
     try:
         return _points(problem, x, y, z)
-    except _Split:
+    except TooWide:
         if x.size <= _FEW_TARGETS:
             return _direct(problem, x, y, z)
         axes = (x, y, z)
@@ -178,12 +154,12 @@ def _merged(field: ComplexArray, parts: list[FastField]) -> FastField:
     )
 
 
-def _direct(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
+def _direct(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
     field = direct_sum(problem.samples, problem.kernel, x, y, z)
     return FastField(field=field, rank=0, tiles=1, low_rank_error=0.0)
 
 
-def _grid(problem: _Problem, grid: TargetGrid) -> FastField:
+def _grid(problem: SumProblem, grid: TargetGrid) -> FastField:
     """One grid: NUFFT of type 1, nodes to regular targets, on no finer a pitch than the field needs."""
     if grid.x_count * grid.y_count * problem.samples.nodes.count <= _DIRECT_PAIRS:
         return _direct(problem, *grid.coordinates())
@@ -208,7 +184,7 @@ def _grid(problem: _Problem, grid: TargetGrid) -> FastField:
     return FastField(field=(total * unit_phasor(phase)).ravel(), rank=rank, tiles=1, low_rank_error=error)
 
 
-def _axis_plans(problem: _Problem, grid: TargetGrid) -> tuple[Upsampling | None, Upsampling | None]:
+def _axis_plans(problem: SumProblem, grid: TargetGrid) -> tuple[Upsampling | None, Upsampling | None]:
     """Where the field, freed of the path from the centre, is oversampled along x and y."""
     u, v, _ = problem.samples.local()
     centre = problem.samples.nodes.centre
@@ -235,13 +211,13 @@ def _rim(u: FloatArray, v: FloatArray) -> Array:
     return np.unique(np.argmax(np.outer(np.cos(angle), u) + np.outer(np.sin(angle), v), axis=1))
 
 
-def _grid_without_common_phase(problem: _Problem, grid: TargetGrid) -> tuple[ComplexArray, int, float]:
+def _grid_without_common_phase(problem: SumProblem, grid: TargetGrid) -> tuple[ComplexArray, int, float]:
     """Field on a grid less the phase of the path from the centre of the aperture; rank; error of the factor."""
     centre = problem.samples.nodes.centre
     x, y = grid.x_axis - centre[0], grid.y_axis - centre[1]
     z = np.asarray([grid.distance])
     base = (float(x[x.size // 2]), float(y[y.size // 2]), grid.distance)  # finufft's mode 0
-    factor = _slow_factor(problem, base, (x, y, z))
+    factor = slow_factor(problem, base, (x, y, z))
     strength, (along_x, along_y) = _node_side(problem, base, factor)
     k = problem.kernel.wavenumber
     sums = finufft.nufft2d1(
@@ -259,14 +235,14 @@ def _grid_without_common_phase(problem: _Problem, grid: TargetGrid) -> tuple[Com
     return np.asarray(total), strength.shape[0], factor.error
 
 
-def _points(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
+def _points(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:
     """Scattered points: NUFFT of type 3, nodes to nonuniform targets."""
     if x.size * problem.samples.nodes.count <= _DIRECT_PAIRS:
         return _direct(problem, x, y, z)
     centre = problem.samples.nodes.centre
     x, y = x - centre[0], y - centre[1]
     base = (_middle(x), _middle(y), _middle(z))
-    factor = _slow_factor(problem, base, (x, y, z))
+    factor = slow_factor(problem, base, (x, y, z))
     strength, (along_x, along_y) = _node_side(problem, base, factor)
     k = problem.kernel.wavenumber
     sums = finufft.nufft2d3(
@@ -292,7 +268,7 @@ def _points(problem: _Problem, x: FloatArray, y: FloatArray, z: FloatArray) -> F
 
 
 def _node_side(
-    problem: _Problem, base: tuple[float, float, float], factor: _SlowFactor
+    problem: SumProblem, base: tuple[float, float, float], factor: SlowFactor
 ) -> tuple[ComplexArray, tuple[FloatArray, FloatArray]]:
     """Strengths of the nodes, one row per term, and their direction cosines less those of the centre."""
     u, v, strength = problem.samples.local()
@@ -308,118 +284,3 @@ def _node_side(
 def _threads(strength: ComplexArray, targets: int) -> int:
     """One thread for small transforms, where starting more costs more than they save; 0 lets finufft decide."""
     return 1 if strength.shape[0] * (strength.shape[1] + targets) < _THREAD_WORTH else 0
-
-
-def _slow_factor(
-    problem: _Problem, base: tuple[float, float, float], box: tuple[FloatArray, FloatArray, FloatArray]
-) -> _SlowFactor:
-    """Interpolative low-rank factor of the slow part over the nodes and the box of the targets."""
-    count = problem.samples.nodes.count
-    rng = np.random.default_rng(0)  # fixed: the same request gives the same digits
-    shuffled = rng.permutation(count)
-    fit, held = shuffled[:_SAMPLE_NODES], shuffled[-_SAMPLE_NODES // 2 :]
-    probes = tuple(c.min() + np.ptp(c) * rng.random(32) for c in box)
-    wanted = _slow(problem, base, fit, probes)
-    _refuse_wide(problem, base, fit, box)
-    for degree in _DEGREES:
-        counts = tuple(degree if np.ptp(c) > 0 else 1 for c in box)
-        axes = [chebyshev_points(c, n) for c, n in zip(box, counts, strict=True)]
-        mesh = tuple(m.ravel() for m in np.meshgrid(*axes, indexing="ij"))
-        onto = _tensor_lagrange(probes, box, counts)
-        sampled = _slow(problem, base, fit, mesh)
-        error = _relative(sampled @ onto - wanted, wanted)
-        if error <= problem.low_rank:
-            break
-    else:
-        raise _Split
-    columns, mixing = _interpolative(sampled, problem.low_rank)
-    if columns.size > _MAX_RANK:
-        raise _Split
-    chosen = tuple(m[columns] for m in mesh)
-    apart = _slow(problem, base, held, chosen) @ mixing @ onto - _slow(problem, base, held, probes)
-    return _SlowFactor(
-        node=_slow(problem, base, np.arange(count), chosen),
-        coefficients=mixing.reshape(columns.size, *counts),
-        error=_relative(apart, wanted),
-    )
-
-
-def _slow(
-    problem: _Problem,
-    base: tuple[float, float, float],
-    rows: Array,
-    targets: tuple[FloatArray, ...],
-) -> ComplexArray:
-    """exp(i k (rest(q, P) − rest(centre, P))) · amplitude(q, P) between some nodes and some targets."""
-    u, v, _ = problem.samples.local()
-    u, v = u[rows, None], v[rows, None]
-    x, y, z = targets
-    cosine = None if problem.samples.axial_cosine is None else problem.samples.axial_cosine[rows, None]
-    kernel = problem.kernel
-    centre = np.zeros((1, 1))
-    away = (x - base[0], y - base[1], z - base[2])
-    rest = kernel.path_beyond_linear(u, v, base, *away) - kernel.path_beyond_linear(centre, centre, base, *away)
-    return np.asarray(unit_phasor(kernel.wavenumber * rest) * kernel.amplitude(u, v, cosine, x, y, z))
-
-
-def _refuse_wide(problem: _Problem, base: tuple[float, float, float], rows: Array, box: tuple[FloatArray, ...]) -> None:
-    """Split at once where the slow phase at the corners of the box is plainly too large for a small factor."""
-    u, v, _ = problem.samples.local()
-    corners = np.meshgrid(*(np.asarray([c.min(), c.max()]) for c in box), indexing="ij")
-    away = tuple(c.ravel() - b for c, b in zip(corners, base, strict=True))
-    rest = problem.kernel.path_beyond_linear(u[rows, None], v[rows, None], base, *away)
-    if problem.kernel.wavenumber * np.ptp(rest, axis=0).max() > 2.5 * _DEGREES[-1]:
-        raise _Split
-
-
-def _interpolative(matrix: ComplexArray, tolerance: float) -> tuple[Array, ComplexArray]:
-    """Columns of a matrix, and the mixing that rebuilds all columns from them to a tolerance.
-
-    Gram–Schmidt with column pivots, each direction orthogonalised twice. A threaded LAPACK factorisation of so small a
-    matrix takes a millisecond alone and hundreds where cores are shared.
-    """
-    rest = matrix.copy()
-    size = np.einsum("ij,ij->j", rest.conj(), rest).real
-    stop = tolerance**2 * size.max()
-    columns: list[int] = []
-    directions: list[ComplexArray] = []
-    while len(columns) <= _MAX_RANK and len(columns) < min(matrix.shape):
-        pivot = int(np.argmax(size))
-        if size[pivot] <= stop:
-            break
-        direction = rest[:, pivot].copy()
-        for earlier in directions:
-            direction -= np.vdot(earlier, direction) * earlier
-        direction /= np.sqrt(np.vdot(direction, direction).real)
-        rest -= np.multiply.outer(direction, np.einsum("i,ij->j", direction.conj(), rest))
-        size = np.einsum("ij,ij->j", rest.conj(), rest).real
-        columns.append(pivot)
-        directions.append(direction)
-    basis = np.stack(directions)
-    weights = np.einsum("ri,ij->rj", basis.conj(), matrix)
-    return np.asarray(columns), _back_substituted(weights[:, columns], weights)
-
-
-def _back_substituted(triangle: ComplexArray, right: ComplexArray) -> ComplexArray:
-    """Solution X of R X = B for an upper triangle R of a few rows."""
-    solution = right.copy()
-    for i in range(len(triangle) - 1, -1, -1):
-        solution[i] -= np.einsum("j,jk->k", triangle[i, i + 1 :], solution[i + 1 :])
-        solution[i] /= triangle[i, i]
-    return solution
-
-
-def _relative(difference: ComplexArray, to: ComplexArray) -> float:
-    return float(np.abs(difference).max() / np.abs(to).max())
-
-
-def _tensor_lagrange(
-    points: tuple[FloatArray, ...], box: tuple[FloatArray, ...], counts: tuple[int, ...]
-) -> FloatArray:
-    """Interpolation from the tensor of Chebyshev points to scattered points, shape (tensor, points)."""
-    a, b, c = (lagrange(p, n, over) for p, n, over in zip(points, counts, box, strict=True))
-    return np.asarray(np.einsum("mi,mj,mk->ijkm", a, b, c).reshape(-1, points[0].size))
-
-
-def _middle(values: FloatArray) -> float:
-    return float(0.5 * (values.min() + values.max()))

@@ -36,6 +36,7 @@ from tradestudy.optics.propagation.wave_optics import Accuracy, largest_field, p
 
 _LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4
+_SHARE = 0.1  # of the tolerance, for nodes, poles and interpolation together; the rest is the method's own error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +95,7 @@ def hybrid_field(
     reference: _Reference | None = None
     for rounds in range(1, _MAX_ROUNDS + 1):
         started = time.perf_counter()
-        result = _evaluate(wave, kernel, targets, edge, 0.03 * accuracy.tolerance)
+        result = _evaluate(wave, kernel, targets, edge, _SHARE * accuracy.tolerance)
         field, share = _handed_over(result, wave, kernel, targets, accuracy, limits)
         seconds += time.perf_counter() - started
         reference = reference or _reference(wave, kernel, targets, field, accuracy, limits)
@@ -143,7 +144,7 @@ def _edge_nodes(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accur
         x=x,
         y=y,
         z=z,
-        tolerance=0.03 * accuracy.tolerance,
+        tolerance=_SHARE * accuracy.tolerance,
     )
 
 
@@ -193,7 +194,7 @@ def _check(
     at = reference.at
     here = field[at.index]
     points = TargetPoints(x=at.x, y=at.y, distance=at.z)
-    finer = _evaluate(wave, kernel, points, 2 * edge, 0.03 * accuracy.tolerance)
+    finer = _evaluate(wave, kernel, points, 2 * edge, _SHARE * accuracy.tolerance)
     return CheckErrors(
         nodes=at.norm(np.where(finer.singular, 0.0, here - finer.field)),
         sums=0.0,

@@ -172,7 +172,7 @@ class LensWave:
         return lens_paths(self.source, self.lens, paraxial=self.paraxial)
 
     def amplitude(self, x: Array, y: Array) -> Array:
-        """Slowly varying complex amplitude [1/m² for a unit point of the paper's eq. 10, 1/m for textbook].
+        """Slowly varying complex amplitude [1/m²] of a unit point.
 
         Paper's law (eq. 10): a/(iλ r²); textbook: 1/(iλ r), the free spherical wave; full Rayleigh–Sommerfeld I:
         a/(iλ r²) (1 + i/(k r)); Fresnel (eq. 18): 1/(iλ a).
