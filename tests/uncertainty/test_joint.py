@@ -132,6 +132,18 @@ def test_copula_of_uniforms_has_the_closed_form_covariance():
     assert group.covariance[0, 1] == pytest.approx(np.arcsin(rho / 2.0) / (2.0 * np.pi), abs=1e-6)
 
 
+def test_copula_of_normals_has_the_covariance_of_the_joint_normal():
+    deviation, rho = np.array([2.0, 0.5]), -0.6
+    tied = GaussianCopula(
+        name="tied",
+        parameters=("a", "b"),
+        marginals=tuple(Normal(mean=1.0, standard_deviation=d) for d in deviation),
+        correlation=np.array([[1.0, rho], [rho, 1.0]]),
+        error_class=ErrorClass.RIG,
+    )
+    np.testing.assert_allclose(tied.covariance, [[4.0, rho], [rho, 0.25]], rtol=1e-12)
+
+
 def test_copula_without_variance_says_so():
     group = GaussianCopula(
         name="rig",

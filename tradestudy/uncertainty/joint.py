@@ -287,8 +287,8 @@ class GaussianCopula:
             for j in range(i):
                 rho = float(np.clip(self.correlation[i, j], -1.0, 1.0))
                 tied = rho * nodes[:, None] + np.sqrt(1.0 - rho * rho) * nodes[None, :]
-                x = first.quantile(ndtr(nodes)) - (first.mean or 0.0)
-                y = self.marginals[j].quantile(ndtr(tied)) - (self.marginals[j].mean or 0.0)
+                x = at_scores(first, nodes) - (first.mean or 0.0)
+                y = at_scores(self.marginals[j], tied) - (self.marginals[j].mean or 0.0)
                 covariance[i, j] = covariance[j, i] = float(weights @ (x * (y @ weights)))
         return covariance
 
