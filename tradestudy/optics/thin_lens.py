@@ -61,8 +61,13 @@ def object_distance(focus_shift: ArrayLike, focal_length: ArrayLike) -> FloatArr
 
 
 def image_distance(object_distance: ArrayLike, focal_length: ArrayLike) -> FloatArray:
-    """The lens equation: ``b = f + f² / (a − f)`` [m]; see `focus_shift` for arguments and limits."""
-    return np.asarray(np.asarray(focal_length, dtype=np.float64) + focus_shift(object_distance, focal_length))
+    """The lens equation: ``b = f a / (a − f)`` [m]; see `focus_shift` for arguments and limits.
+
+    Accurate to rounding also for an object close to the lens, where ``f + s`` would cancel.
+    """
+    a, f = np.asarray(object_distance, dtype=np.float64), np.asarray(focal_length, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):  # infinity over infinity is one, put in below
+        return np.asarray(np.where(np.isinf(a), f, f * (a / (a - f))))
 
 
 def blur_diameter(

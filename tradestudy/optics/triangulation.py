@@ -54,7 +54,7 @@ def plenoptic_focus_shift(
 
     It is an inverse depth up to the factor f²: 0 at infinity, negative beyond. Arguments as in `plenoptic_depth`.
     """
-    with np.errstate(divide="ignore"):  # zero disparity is a_L = ±infinity
+    with np.errstate(divide="ignore", over="ignore"):  # zero disparity, and the least above it, is a_L = ±infinity
         v = np.asarray(microlens_baseline, dtype=np.float64) / np.asarray(disparity, dtype=np.float64)
     f = np.asarray(focal_length, dtype=np.float64)
     return np.asarray(
@@ -170,7 +170,7 @@ def stereo_depth(
         Z [m]; +infinity where the rays are parallel or diverge, so that noisy depths keep their rank.
     """
     inverse = stereo_inverse_depth(disparity, baseline, focal_length, convergence_angle=convergence_angle)
-    with np.errstate(divide="ignore"):
+    with np.errstate(over="ignore"):  # beyond the largest number is infinitely far
         return np.asarray(np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf))
 
 

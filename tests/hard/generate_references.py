@@ -1,0 +1,195 @@
+"""Writes references.json of the hard cases: thirty digits and condition numbers, with mpmath.
+
+Nothing of the package computes here: each law is written again as textbooks have it, in 90 digits, where its
+cancellations do no harm. Inputs are taken as the doubles that they are, or as the decimals that they print as where the
+law says so. Run by hand: ``python -m tests.hard.generate_references``.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import mpmath as mp
+
+from tradestudy.verification.hard_cases import depth_of_field, equation_27, phases, stereo, thin_lens
+from tradestudy.verification.hard_cases.case import Family, Law, NumericCase
+
+FILE = Path(__file__).parents[2] / "tradestudy" / "verification" / "hard_cases" / "references.json"
+DIGITS = 90
+STEP = mp.mpf(10) ** -30
+STEPPED = mp.mpf(10) ** 25  # a difference quotient beyond this has stepped over a jump
+LARGEST = mp.mpf(2) ** 1024  # rounds to infinity as a double
+
+Exact = Callable[..., mp.mpf]
+FAMILIES = (
+    thin_lens.THIN_LENS,
+    stereo.STEREO,
+    phases.PHASES,
+    equation_27.EQUATION_27,
+    depth_of_field.DEPTH_OF_FIELD,
+)
+
+
+def divided(a: mp.mpf, b: mp.mpf) -> mp.mpf:
+    """a/b with the poles that the laws declare as infinity."""
+    return mp.inf if b == 0 else a / b
+
+
+def image(a: mp.mpf, f: mp.mpf) -> mp.mpf:
+    return f if mp.isinf(a) else divided(a * f, a - f)
+
+
+def shift(a: mp.mpf, f: mp.mpf) -> mp.mpf:
+    return mp.mpf(0) if mp.isinf(a) else divided(f * f, a - f)
+
+
+def micro_image(x: mp.mpf, a: mp.mpf, z: mp.mpf, f: mp.mpf, gap: mp.mpf) -> mp.mpf:
+    return divided(x * gap, z - image(a, f))
+
+
+def equation_8(disparity: mp.mpf, baseline: mp.mpf, z: mp.mpf, gap: mp.mpf, f: mp.mpf) -> mp.mpf:
+    """Beyond infinity is infinity: no point in front of the camera gives such a disparity."""
+    if disparity == 0:
+        return mp.inf
+    b = z - gap * baseline / disparity
+    return divided(f * b, b - f) if b > f else mp.inf
+
+
+def stereo_depth(disparity: mp.mpf, baseline: mp.mpf, f: mp.mpf, angle: mp.mpf | int = 0) -> mp.mpf:
+    inverse = 2 / baseline * mp.tan(mp.atan(disparity / (2 * f)) + angle / 2)
+    return 1 / inverse if inverse > 0 else mp.inf
+
+
+def midpoint(left: mp.mpf, right: mp.mpf, baseline: mp.mpf) -> mp.mpf:
+    """Both rays lie in one plane: the midpoint is where they cross."""
+    return baseline / (left - right) if left > right else mp.inf
+
+
+def disparity(distance: mp.mpf, baseline: mp.mpf, f: mp.mpf, angle: mp.mpf) -> mp.mpf:
+    half = mp.mpf(0) if mp.isinf(distance) else mp.atan(baseline / (2 * distance))
+    return 2 * f * mp.tan(half - angle / 2)
+
+
+def phase(z: mp.mpf, rho: mp.mpf, wavelength: mp.mpf) -> mp.mpf:
+    return 2 * mp.pi / wavelength * (mp.sqrt(z * z + rho * rho) - z)
+
+
+def dropped(rho: mp.mpf, a: mp.mpf, b: mp.mpf) -> mp.mpf:
+    return sum(mp.sqrt(d * d + rho * rho) - d - rho * rho / (2 * d) for d in (a, b))
+
+
+def axis(z: mp.mpf, radius: mp.mpf, wavelength: mp.mpf) -> mp.mpf:
+    path = mp.sqrt(z * z + radius * radius)
+    return abs(1 - z / path * mp.expjpi(2 * (path - z) / wavelength)) ** 2
+
+
+def fractional_part(f: mp.mpf, a: mp.mpf, wavelength: mp.mpf) -> mp.mpf:
+    quarters = 4 * (a + a * f / (a - f)) / wavelength
+    # 1.6 million quarter waves are a whole number only to the digits of this arithmetic.
+    nearest = mp.nint(quarters)
+    return mp.mpf(0) if abs(quarters - nearest) < mp.mpf(10) ** (20 - DIGITS) else quarters - mp.floor(quarters)
+
+
+def zero(f: mp.mpf, a: mp.mpf, wavelength: mp.mpf, more: int) -> mp.mpf:
+    b = a * f / (a - f)
+    numerator = 2 * fractional_part(f, a, wavelength) + more
+    return divided(f / 2, mp.root(numerator * wavelength / (1 / a**3 + 1 / b**3), 4))
+
+
+def near(focus: mp.mpf, f: mp.mpf, pupil: mp.mpf, blur: mp.mpf) -> mp.mpf:
+    """Image distances whose blur is A |b₀ − b|/b = c: b = b₀ A/(A − c) is the near limit."""
+    return _imaged_to(image(focus, f) * pupil / (pupil - blur), f)
+
+
+def far(focus: mp.mpf, f: mp.mpf, pupil: mp.mpf, blur: mp.mpf) -> mp.mpf:
+    b = image(focus, f) * pupil / (pupil + blur)
+    return _imaged_to(b, f) if b > f else mp.inf
+
+
+def _imaged_to(b: mp.mpf, f: mp.mpf) -> mp.mpf:
+    return f * b / (b - f)
+
+
+def blur(a: mp.mpf, focus: mp.mpf, f: mp.mpf, pupil: mp.mpf) -> mp.mpf:
+    return pupil * abs(image(a, f) - image(focus, f)) / image(a, f)
+
+
+LAWS: Mapping[str, Exact] = {
+    thin_lens.IMAGE_DISTANCE.name: image,
+    thin_lens.FOCUS_SHIFT.name: shift,
+    thin_lens.ROUND_TRIP.name: lambda a, f: a,
+    thin_lens.BLUR.name: blur,
+    thin_lens.RELAY_DISTANCE.name: lambda a, z, f: z - image(a, f),
+    thin_lens.RELAY_DISTANCE_TO_SCALE.name: lambda a, z, f: z - image(a, f),
+    thin_lens.MICRO_IMAGE.name: micro_image,
+    thin_lens.EQUATION_8.name: equation_8,
+    stereo.DEPTH.name: stereo_depth,
+    stereo.TURNED_DEPTH.name: stereo_depth,
+    stereo.TURNED_DISPARITY.name: disparity,
+    stereo.MIDPOINT.name: midpoint,
+    phases.PHASE.name: phase,
+    phases.SINGLE_PRECISION.name: phase,
+    phases.DROPPED_PATH.name: dropped,
+    phases.AXIS.name: axis,
+    equation_27.FRACTIONAL_PART.name: fractional_part,
+    equation_27.FIRST_ZERO.name: lambda f, a, wavelength: zero(f, a, wavelength, 0),
+    equation_27.SECOND_ZERO.name: lambda f, a, wavelength: zero(f, a, wavelength, 2),
+    depth_of_field.NEAR.name: near,
+    depth_of_field.FAR.name: far,
+    depth_of_field.EXTENT.name: lambda **inputs: far(**inputs) - near(**inputs),
+    depth_of_field.ALLOWANCE.name: lambda criterion, spot: mp.sqrt(criterion**2 - spot**2),
+}
+# Errors of differences that pass through zero are relative to what is subtracted.
+SCALES: Mapping[str, Exact] = {
+    thin_lens.RELAY_DISTANCE_TO_SCALE.name: lambda a, z, f: z - f,
+    depth_of_field.EXTENT.name: lambda focus, **_: focus,
+}
+DECIMAL = (equation_27.FRACTIONAL_PART, equation_27.FIRST_ZERO, equation_27.SECOND_ZERO)
+
+
+def row(case: NumericCase) -> dict[str, str]:
+    """The stored reference of a case."""
+    with mp.workdps(DIGITS):
+        exact, inputs = LAWS[case.law.name], numbers(case.law, case.inputs)
+        value = exact(**inputs)
+        if value > LARGEST:
+            value = mp.inf
+        scale = SCALES[case.law.name](**inputs) if case.law.name in SCALES else value
+        found = {"value": printed(value), "condition_number": mp.nstr(condition(exact, inputs, value, scale), 4)}
+        return found | ({"scale": printed(scale)} if case.law.name in SCALES else {})
+
+
+def numbers(law: Law, inputs: Mapping[str, float]) -> dict[str, mp.mpf]:
+    return {name: mp.mpf(repr(value) if law in DECIMAL else value) for name, value in inputs.items()}
+
+
+def printed(value: mp.mpf) -> str:
+    return "inf" if mp.isinf(value) else mp.nstr(value, 30)
+
+
+def condition(exact: Exact, inputs: Mapping[str, mp.mpf], value: mp.mpf, scale: mp.mpf) -> mp.mpf:
+    """Σ |x ∂y/∂x| over the scale, by central differences in many digits; infinite at a pole."""
+    if mp.isinf(value) or scale == 0:
+        return mp.inf
+    total = mp.mpf(0)
+    for name, x in inputs.items():
+        if mp.isinf(x) or x == 0:
+            continue
+        above, below = (exact(**{**inputs, name: x * (1 + sign * STEP)}) for sign in (1, -1))
+        total += abs((above - below) / (2 * STEP))
+    found = total / abs(scale)
+    return found if found < STEPPED else mp.inf  # a jump has no derivative
+
+
+def table(families: tuple[Family, ...] = FAMILIES) -> dict[str, dict[str, dict[str, str]]]:
+    """All references by family and case."""
+    return {
+        family.name: {case.name: row(case) for case in family.cases if isinstance(case, NumericCase)}
+        for family in families
+    }
+
+
+if __name__ == "__main__":
+    FILE.write_text(json.dumps(table(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -1,0 +1,248 @@
+"""What a hard case is, and how it is judged: the formula as it is usually written beside the one this package uses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from decimal import Decimal, localcontext
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+WELL_CONDITIONED: Final = 1e-12
+"""Relative error allowed where a case is well conditioned."""
+
+_ROUNDINGS: Final = 10.0  # roundings of the size of one epsilon that a condition number may magnify
+_DIGITS: Final = 60  # of the difference to the reference: far more than either side has
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stated:
+    """A value with the error that its own computation states for it, in the unit of the value."""
+
+    value: float
+    error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Law:
+    """One quantity by two formulas of the same arguments.
+
+    Parameters
+    ----------
+    name
+        The law in a few words, as the report prints it; its reference has the same name.
+    naive, ours
+        The formula as textbooks print it, and the function of this package; both take the inputs of a case by name.
+    magnified
+        Whether the condition number may magnify the error allowed. False where the ill-conditioned step is a
+        difference of inputs, which floating point forms without error.
+    epsilon
+        Machine epsilon of the inputs' precision.
+    """
+
+    name: str
+    naive: Callable[..., ArrayLike]
+    ours: Callable[..., ArrayLike | Stated]
+    magnified: bool = True
+    epsilon: float = 2.0**-52
+
+
+@dataclass(frozen=True, kw_only=True)
+class NumericCase:
+    """A law at a hard place, judged by its relative error against a reference of thirty digits."""
+
+    name: str
+    law: Law
+    inputs: Mapping[str, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class OutcomeCase:
+    """A place where the right answer is no number: a refusal in words, a count, a sign.
+
+    Parameters
+    ----------
+    name, law
+        What is hard, and what is asked.
+    naive, ours
+        What the usual way and this package answer, in words.
+    expected
+        Parts of the right answer, all of which must stand in it.
+    """
+
+    name: str
+    law: str
+    naive: Callable[[], str]
+    ours: Callable[[], str]
+    expected: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Family:
+    """Hard cases of one part of the program."""
+
+    name: str
+    title: str
+    cases: tuple[NumericCase | OutcomeCase, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """What multiple precision gives for a case.
+
+    Parameters
+    ----------
+    value
+        Thirty digits, or ``inf``.
+    scale
+        What errors are relative to, where that is not the value itself; it may pass through zero.
+    condition_number
+        Relative change of the value per relative change of each input, summed.
+    """
+
+    value: str
+    scale: str
+    condition_number: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What came of a case.
+
+    Parameters
+    ----------
+    family, case, law
+        Which case.
+    naive_answer, our_answer, reference
+        The answers, as text.
+    naive_error, our_error, bound
+        Relative errors and the one allowed; NaN for an outcome in words, infinite for an answer that is wrong by more
+        than any number says.
+    condition_number
+        NaN for an outcome in words.
+    met
+        Whether ours is right.
+    """
+
+    family: str
+    case: str
+    law: str
+    naive_answer: str
+    our_answer: str
+    reference: str
+    naive_error: float
+    our_error: float
+    bound: float
+    condition_number: float
+    met: bool
+
+
+def judge(family: Family, case: NumericCase | OutcomeCase, references: Mapping[str, Reference]) -> Verdict:
+    """Compute a case by both formulas and judge ours.
+
+    Parameters
+    ----------
+    family, case
+        The case.
+    references
+        Of the cases of the family that are numbers, by name.
+    """
+    if isinstance(case, OutcomeCase):
+        return _judge_outcome(family, case)
+    reference = references[case.name]
+    naive, ours = _naive(case), _ours(case)
+    our_error = math.inf if isinstance(ours, str) else relative_error(ours.value, reference)
+    bound = allowed_error(case, reference, ours)
+    return Verdict(
+        family=family.name,
+        case=case.name,
+        law=case.law.name,
+        naive_answer=_text(naive),
+        our_answer=ours if isinstance(ours, str) else _text(ours.value),
+        reference=_shortened(reference.value),
+        naive_error=math.inf if isinstance(naive, str) else relative_error(naive, reference),
+        our_error=our_error,
+        bound=bound,
+        condition_number=reference.condition_number,
+        met=our_error <= bound,
+    )
+
+
+def allowed_error(case: NumericCase, reference: Reference, ours: Stated | str) -> float:
+    """1e-12, or ten roundings magnified by the condition number, or what the computation states for itself."""
+    if isinstance(ours, Stated) and not math.isnan(ours.error):
+        scale = abs(float(reference.scale))
+        return ours.error / scale if scale > 0.0 else math.inf
+    rounding = _ROUNDINGS * case.law.epsilon
+    magnified = rounding * max(reference.condition_number, 1.0) if case.law.magnified else rounding
+    return max(WELL_CONDITIONED, magnified) if math.isfinite(magnified) else WELL_CONDITIONED
+
+
+def relative_error(value: float, reference: Reference) -> float:
+    """|value − reference| over the scale, exact to many digits; an infinity is right or infinitely wrong."""
+    if reference.value in ("inf", "-inf") or not math.isfinite(value):
+        return 0.0 if value == float(reference.value) else math.inf
+    with localcontext() as context:
+        context.prec = _DIGITS
+        difference = abs(Decimal(value) - Decimal(reference.value))
+        scale = abs(Decimal(reference.scale))
+        if scale == 0:
+            return 0.0 if difference == 0 else math.inf
+        return float(difference / scale)
+
+
+def _naive(case: NumericCase) -> float | str:
+    """The usual formula, whatever it does."""
+    with np.errstate(all="ignore"):  # its warnings are the point of the comparison
+        try:
+            return _scalar(case.law.naive(**case.inputs))
+        except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+            return type(error).__name__
+
+
+def _ours(case: NumericCase) -> Stated | str:
+    """Our formula; a floating-point warning that it has not foreseen is a wrong answer."""
+    with np.errstate(divide="raise", invalid="raise", over="raise"):
+        try:
+            answer = case.law.ours(**case.inputs)
+        except FloatingPointError as error:
+            return f"FloatingPointError: {error}"
+    return answer if isinstance(answer, Stated) else Stated(value=_scalar(answer), error=math.nan)
+
+
+def _judge_outcome(family: Family, case: OutcomeCase) -> Verdict:
+    with np.errstate(all="ignore"):  # its warnings are the point of the comparison
+        naive = case.naive()
+    with np.errstate(divide="raise", invalid="raise", over="raise"):
+        try:
+            ours = case.ours()
+        except FloatingPointError as error:
+            ours = f"FloatingPointError: {error}"
+    return Verdict(
+        family=family.name,
+        case=case.name,
+        law=case.law,
+        naive_answer=naive,
+        our_answer=ours,
+        reference=" … ".join(case.expected),
+        naive_error=math.nan,
+        our_error=math.nan,
+        bound=math.nan,
+        condition_number=math.nan,
+        met=all(part in ours for part in case.expected),
+    )
+
+
+def _scalar(value: Any) -> float:
+    return float(np.asarray(value)[()])
+
+
+def _text(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.9g}"
+
+
+def _shortened(digits: str) -> str:
+    return digits if digits in ("inf", "-inf") else f"{float(digits):.9g}"
