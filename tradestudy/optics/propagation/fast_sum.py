@@ -284,3 +284,7 @@ def _node_side(
 def _threads(strength: ComplexArray, targets: int) -> int:
     """One thread for small transforms, where starting more costs more than they save; 0 lets finufft decide."""
     return 1 if strength.shape[0] * (strength.shape[1] + targets) < _THREAD_WORTH else 0
+
+
+def _middle(values: FloatArray) -> float:
+    return float(0.5 * (values.min() + values.max()))

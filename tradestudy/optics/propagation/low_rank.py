@@ -35,7 +35,7 @@ class SlowFactor:
     error: float
 
 
-class TooWide(Exception):  # noqa: N818  (a signal inside this file, not an error)
+class TooWide(Exception):  # noqa: N818  (a signal to the caller to split, not an error)
     """The targets are too far apart for a small factor."""
 
 
@@ -157,7 +157,3 @@ def _tensor_lagrange(
     """Interpolation from the tensor of Chebyshev points to scattered points, shape (tensor, points)."""
     a, b, c = (lagrange(p, n, over) for p, n, over in zip(points, counts, box, strict=True))
     return np.asarray(np.einsum("mi,mj,mk->ijkm", a, b, c).reshape(-1, points[0].size))
-
-
-def _middle(values: FloatArray) -> float:
-    return float(0.5 * (values.min() + values.max()))
