@@ -9,6 +9,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 
 _NEWTON_STEPS = 6
 _SETTLED = 1e-12
+_LARGEST_SCALE = 4.0  # beyond, a Newton step has left the field in which the coefficients describe a lens
 
 
 def distort(x: ArrayLike, y: ArrayLike, k1: ArrayLike, k2: ArrayLike) -> tuple[FloatArray, FloatArray]:
@@ -55,7 +56,7 @@ def undistort(x: ArrayLike, y: ArrayLike, k1: ArrayLike, k2: ArrayLike) -> tuple
         slope = 1.0 + g2 * (3.0 * a + 5.0 * b * g2)
         valid &= slope > 0.0
         step = (scale * (1.0 + g2 * (a + b * g2)) - 1.0) / np.where(slope > 0.0, slope, 1.0)
-        scale = scale - step
+        scale = np.clip(scale - step, 0.0, _LARGEST_SCALE)
         if not np.any(np.abs(step) > _SETTLED):
             break
     valid &= np.abs(step) <= _SETTLED

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from tradestudy.results.calibration import CALIBRATION, DECISION_ADDITIONS, SENSITIVITY
 from tradestudy.results.depth import DEPTH
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
@@ -26,7 +27,9 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "depth": DEPTH,
     "depth_of_field": DEPTH_OF_FIELD,
     "criteria": CRITERIA,
-    "decision": DECISION,
+    "decision": {**DECISION, **DECISION_ADDITIONS},
+    "calibration": CALIBRATION,
+    "sensitivity": SENSITIVITY,
     "claims": CLAIMS,
     "requirements": REQUIREMENTS,
     "assumptions": ASSUMPTIONS,

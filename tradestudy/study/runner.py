@@ -12,6 +12,7 @@ from tradestudy.study.groups.decision import decision_group
 from tradestudy.study.groups.depth import depth_group
 from tradestudy.study.groups.depth_of_field import depth_of_field_group
 from tradestudy.study.groups.registers import assumptions_group, cameras_group, contradictions_group
+from tradestudy.study.groups.uncertain import uncertain_groups
 from tradestudy.study.progress import Progress
 
 NOMINAL = "as declared"
@@ -52,6 +53,8 @@ def compute(definition: StudyDefinition, progress: Progress = lambda _step, _sha
         groups["/depth"] = depth_group(definition, progress)
         progress("decision", 0.0)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"])
+    if file.calibration is not None:
+        groups |= uncertain_groups(definition, file.calibration, groups["/decision"], progress)
     if file.depth_of_field is not None:
         progress("depth of field", 0.0)
         groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field)

@@ -1,0 +1,97 @@
+"""The uncertain cameras of a study, their calibrations inferred where the study asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tradestudy.cameras.error_models import Environment
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.cameras.stereo import StereoRig
+from tradestudy.study.calibration.posteriors import (
+    InferredCalibration,
+    RealRig,
+    infer_from_corners,
+    infer_from_target,
+)
+from tradestudy.study.calibration.sources import declared_groups, group_of_file, replaced, session_groups
+from tradestudy.study.calibration.uncertain_camera import UncertainCamera, reading_of
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.progress import Progress
+from tradestudy.study.schema.calibration import (
+    ERROR_NAMES,
+    BodyPart,
+    CalibrationStudyPart,
+    SurroundingsPart,
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UncertainCameras:
+    """The cameras to be propagated, and the calibrations that were inferred for some of them."""
+
+    cameras: Mapping[str, UncertainCamera]
+    calibrations: Mapping[str, InferredCalibration]
+    rigs: Mapping[str, RealRig]
+
+
+def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, progress: Progress) -> UncertainCameras:
+    """Assemble errors and models of every camera of the calibration part, inferring calibrations on the way.
+
+    Raises
+    ------
+    TradestudyError
+        Errors that contradict each other, a calibration that cannot be read or inferred.
+    """
+    cameras: dict[str, UncertainCamera] = {}
+    calibrations: dict[str, InferredCalibration] = {}
+    rigs: dict[str, RealRig] = {}
+    for number, (name, of_camera) in enumerate(part.cameras.items()):
+        progress("calibration", number / len(part.cameras))
+        camera = definition.case.cameras[name]
+        assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
+        folder = _folder(definition, ("calibration", "cameras", name))
+        if of_camera.corners is not None:
+            assert isinstance(camera, StereoRig)  # the schema lets no other kind in
+            rig = infer_from_corners(name, camera, of_camera.corners, folder, seed=part.seed)
+            rigs[name], calibrations[name] = rig, rig.calibration
+            cameras[name] = UncertainCamera(
+                name=name, reading=rig.reading, groups=(rig.calibration.group, *rig.noise), surroundings=()
+            )
+            continue
+        groups = declared_groups(camera, of_camera, folder)
+        if of_camera.target is not None:
+            calibrations[name] = infer_from_target(name, camera, groups, of_camera.target, seed=part.seed)
+            groups = replaced(groups, calibrations[name].group)
+        if of_camera.file is not None:
+            known = ERROR_NAMES[definition.file.cameras[name].kind]
+            groups = replaced(groups, group_of_file(folder / of_camera.file, known))
+        body = of_camera.body
+        cameras[name] = UncertainCamera(
+            name=name,
+            reading=reading_of(camera, _environment(body, part.surroundings, definition.file.scene.wavelength)),
+            groups=groups,
+            surroundings=session_groups(part.surroundings, folder) if body is not None else (),
+        )
+    return UncertainCameras(cameras=cameras, calibrations=calibrations, rigs=rigs)
+
+
+def _environment(body: BodyPart | None, surroundings: SurroundingsPart | None, wavelength: float) -> Environment | None:
+    if body is None or surroundings is None:
+        return None
+    return Environment(
+        housing_expansion=body.housing_expansion,
+        focal_length_expansion=body.focal_length_expansion,
+        glass_index=body.glass_index,
+        wavelength=wavelength,
+        temperature=surroundings.calibrated_at_temperature,
+        pressure=surroundings.calibrated_at_pressure,
+    )
+
+
+def _folder(definition: StudyDefinition, path: tuple[str, ...]) -> Path:
+    """Where the files that a part of the study names are looked for: beside the file that the study was read from."""
+    file, _, _ = definition.document.locate(path)
+    root, _, _ = definition.document.locate(())
+    return Path(file if Path(file).is_file() else root).parent

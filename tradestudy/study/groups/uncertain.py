@@ -1,0 +1,26 @@
+"""All groups that a study's calibration part asks for."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from tradestudy.study.calibration.cameras import uncertain_cameras
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.groups.calibration import calibration_group
+from tradestudy.study.groups.sensitivity import sensitivity_group
+from tradestudy.study.groups.uncertain_decision import uncertain_decision
+from tradestudy.study.progress import Progress
+from tradestudy.study.schema.calibration import CalibrationStudyPart
+
+
+def uncertain_groups(
+    definition: StudyDefinition, part: CalibrationStudyPart, decision: xr.Dataset, progress: Progress
+) -> dict[str, xr.Dataset]:
+    """/calibration, /sensitivity, and /decision with what calibration errors add to it."""
+    uncertain = uncertain_cameras(definition, part, progress)
+    added = uncertain_decision(uncertain, part, progress)
+    return {
+        "/calibration": calibration_group(uncertain, part, progress),
+        "/sensitivity": sensitivity_group(list(uncertain.cameras.values()), part, progress),
+        "/decision": decision if added is None else decision.merge(added),
+    }
