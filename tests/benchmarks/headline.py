@@ -1,7 +1,7 @@
 """What the headline study costs in a new process: `python tests/benchmarks/headline.py` writes headline.json beside it.
 
-Whole processes, from outside: wall seconds (median and range over the repeats) and peak memory, with the machine and the
-versions they were measured on. Times are also given over that of a bare interpreter, which survives a change of machine.
+Whole processes, from outside: wall seconds (median and range over the repeats) and peak memory, with the machine and
+the versions they were measured on. Times are also given over that of a bare interpreter, which outlives a machine.
 """
 
 from __future__ import annotations

@@ -53,7 +53,7 @@ def test_published_uncertainty_of_the_reconstruction(distance: float, relative: 
 def test_published_equivalent_baselines_at_one_metre() -> None:
     assert float(r5().equivalent_baseline(1.0)) == pytest.approx(0.36e-3, abs=0.005e-3)
     everything = r5(estimator="least-squares", lenses="all")
-    # 1.3 mm with the disc of |v|/2 pitches; the geometry's own disc is z/b larger and the baseline grows with its square.
+    # 1.3 mm with the disc of |v|/2 pitches; the geometry's own disc is z/b larger, the baseline grows with its square.
     assert float(everything.equivalent_baseline(1.0)) == pytest.approx(1.36e-3 * (14.773 / 12.658) ** 2, rel=0.03)
 
 

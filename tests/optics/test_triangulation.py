@@ -216,7 +216,7 @@ def test_midpoint_of_rays_that_meet_is_the_point(x: float, y: float, z: float) -
 
 
 def test_midpoint_of_skew_rays_is_halfway_between_them() -> None:
-    # One ray along z at x = −1, one at y = +0.2 towards −x reaching x = −1 at z = 5: the gap is 0.2 in y, both at z = 5.
+    # One ray along z at x = −1, one at y = 0.2 towards −x that reaches x = −1 at z = 5: the gap is 0.2 in y, at z = 5.
     left, right = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.2, 0.0])
     assert float(midpoint_depth(np.array([0.0, 0.0, 1.0]), np.array([-2.0, 0.0, 5.0]), left, right)) == pytest.approx(
         5.0

@@ -85,7 +85,7 @@ def test_quantiles_and_failures_are_those_of_random_draws(camera, draws, distanc
 
 
 def test_stated_linearisation_error_covers_the_true_one() -> None:
-    """At a million sorted draws the interval's half width is known to about 0.2 %; the statement must not be far below."""
+    """The interval's half width by draws is known to half a percent; the statement must not be far below."""
     rng = np.random.default_rng(3)
     for camera, draws in ((CALIBRATED_R5, plenoptic_draws), (CALIBRATED_STEREO, stereo_draws)):
         for distance in (0.3, 1.0, 3.0):
