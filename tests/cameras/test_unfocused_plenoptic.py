@@ -95,7 +95,7 @@ def test_a_shift_of_one_microlens_between_neighbouring_views_is_the_refocus_dist
 def test_least_squares_baseline_is_that_of_the_solved_normal_equations():
     found = camera(estimator="least-squares")
     positions = found.view_positions
-    # Each view sees the point at (x₀ + κ u, y₀ + κ v) with one error for each coordinate; the slope κ is z (1/a − 1/a₀).
+    # Each view sees the point at (x₀ + κ u, y₀ + κ v), one error for each coordinate; the slope κ is z (1/a − 1/a₀).
     ones, zeros = np.ones(len(positions)), np.zeros(len(positions))
     design = np.vstack(
         (np.column_stack((ones, zeros, positions[:, 0])), np.column_stack((zeros, ones, positions[:, 1])))
