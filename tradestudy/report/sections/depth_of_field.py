@@ -306,6 +306,10 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
             Column(title="of the scene", align="right"),
             Column(title="Why nowhere", weight=4),
         ),
+        notes=(
+            "A detail is resolved where one picture of it is fine enough; depth asks for more, namely that two "
+            "microlenses, views or lenses see it.",
+        ),
         rows=tuple(
             (
                 title,

@@ -16,11 +16,13 @@ def method(tree: xr.DataTree) -> Iterator[Block]:
     """Write the method, for the kinds of camera that the study has."""
     if not facts.has(tree, "depth"):
         return
-    families = set(facts.families(tree).values())
+    kinds = {str(kind) for kind in facts.dataset(tree, "cameras")["kind"].values}
     yield Heading(text="Method", anchor="method")
-    if "plenoptic" in families:
+    if "focused-plenoptic" in kinds:
         yield from _plenoptic()
-    if "stereo" in families:
+    if "unfocused-plenoptic" in kinds:
+        yield from _unfocused_plenoptic()
+    if "stereo" in kinds:
         yield from _stereo()
     yield from _uncertainty()
     yield from _ranges()
@@ -64,6 +66,23 @@ def _plenoptic() -> Iterator[Block]:
             "an adjacent pair (of any lenses, or of the same type), with *v* for the widest pair, and stays flat "
             "for all lenses in least squares."
         )
+    )
+
+
+def _unfocused_plenoptic() -> Iterator[Block]:
+    yield Heading(text="Depth from an unfocused plenoptic camera", anchor="method-unfocused", level=2)
+    yield Paragraph(
+        say(
+            "The main lens images the plane of focus, at *a*~0~, onto the array at *z*, and each pixel under a "
+            "microlens sees through its own part of the pupil. Two views whose parts are Δ*u* apart show a point at "
+            "distance *a* shifted by *d* on the array: a stereo rig inside one lens, whose sample is a microlens and "
+            "not a pixel. Errors of disparity count in microlenses accordingly."
+        )
+    )
+    yield Equation(
+        typst="d = Delta u thin z (1/a - 1/a_0), quad 1/a = 1/f_M - 1/z + d / (Delta u thin z)",
+        alt="d equals delta u times z times the quantity one over a minus one over a zero. One over a equals one over "
+        "f M minus one over z plus d over delta u z.",
     )
 
 
