@@ -243,7 +243,7 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
                     _ends(found),
                     length(float(camera["extent"])) if found else "—",
                     share(float(camera["scene_share"])) if found else "—",
-                    str(int(camera["images"])) if int(camera["images"]) else "—",
+                    str(int(camera["images"])) if found and int(camera["images"]) else "—",
                     "; ".join(f"gap {_ends((gap,))}" for gap in gaps) or str(camera["reason"].item()).split(";")[0],
                 )
             )
