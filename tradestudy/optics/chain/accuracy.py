@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
-_COARSER_TOLERANCE = 4.0
+_COARSER_TOLERANCE = 2.0
 _COARSER_NODES = 0.9
-_COARSER_SAMPLING = 0.85
+_COARSER_SAMPLING = 0.9
 
 
 @dataclass(frozen=True, kw_only=True)

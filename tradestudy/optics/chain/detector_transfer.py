@@ -175,7 +175,8 @@ def choose_transfer(
             remedy="take more samples along a pixel",
         )
     farthest = _landing(tilt + band * wavelength, distance, paraxial=paraxial)
-    period = node_reach + target_reach + farthest - _landing(tilt, distance, paraxial=paraxial)
+    travel = farthest - _landing(tilt, distance, paraxial=paraxial)
+    period = max(node_reach + target_reach + travel, 2 * target_reach + 2 * spacing)
     return Transfer(
         wavelength=wavelength,
         distance=distance,

@@ -22,7 +22,7 @@ from tradestudy.optics.chain.array_field import (
 from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, fading_length, half_band, propagate
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field, microlens_plane
 from tradestudy.optics.chain.pixels import integrate_pixels
-from tradestudy.optics.chain.rays import RayReach, ray_reach
+from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 
@@ -204,11 +204,18 @@ def _plane(wave: PupilWave, plan: WavePlan, paraxial: bool, density: float, accu
 
 
 def field_spacing(wave: PupilWave, accuracy: ChainAccuracy) -> float:
-    """Spacing that samples the field of the whole pupil 2.5 times as finely as needed at a tolerance of 1e-4."""
+    """Spacing that samples the field of the whole pupil 2.5 times as finely as needed at a tolerance of 1e-4.
+
+    Beside the sphere that is taken out, the wave from the opposite rim oscillates twice as fast; it matters where the
+    blur has few Fresnel zones.
+    """
     path = wave.path
     far = float(np.max(np.linalg.norm(path.microlenses.centres - path.chief_point(wave.source), axis=1)))
     sine = (path.main_lens.radius + far) / math.hypot(path.main_lens.radius + far, path.array_distance)
-    finer = 2.5 * math.pow(1e-4 / accuracy.tolerance, 1 / 6)
+    depth = abs(path.image_at_array(wave.source)[2])
+    zones = blur_radius(path, wave.source) ** 2 / (wave.wavelength * depth) if depth > 0 else 0.0
+    rim = 1 + (min(1.0, 2 / zones) if zones > 1 else 0.0)
+    finer = 2.5 * rim * math.pow(1e-4 / accuracy.tolerance, 1 / 6)
     return wave.wavelength / (2 * sine * max(finer, 1.2) * accuracy.field_sampling)
 
 
