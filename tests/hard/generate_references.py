@@ -8,28 +8,21 @@ law says so. Run by hand: ``python -m tests.hard.generate_references``.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import mpmath as mp
 
+from tradestudy.study.hard_case_families import all_families
 from tradestudy.verification.hard_cases import depth_of_field, equation_27, phases, stereo, thin_lens
-from tradestudy.verification.hard_cases.case import Family, Law, NumericCase
+from tradestudy.verification.hard_cases.case import Law, NumericCase
 
 FILE = Path(__file__).parents[2] / "tradestudy" / "verification" / "hard_cases" / "references.json"
 DIGITS = 90
-STEP = mp.mpf(10) ** -30
-STEPPED = mp.mpf(10) ** 25  # a difference quotient beyond this has stepped over a jump
+STEPS = (mp.mpf(10) ** -30, mp.mpf(10) ** -33)  # a quotient that grows between them belongs to a jump or a root
 LARGEST = mp.mpf(2) ** 1024  # rounds to infinity as a double
 
 Exact = Callable[..., mp.mpf]
-FAMILIES = (
-    thin_lens.THIN_LENS,
-    stereo.STEREO,
-    phases.PHASES,
-    equation_27.EQUATION_27,
-    depth_of_field.DEPTH_OF_FIELD,
-)
 
 
 def divided(a: mp.mpf, b: mp.mpf) -> mp.mpf:
@@ -116,6 +109,21 @@ def blur(a: mp.mpf, focus: mp.mpf, f: mp.mpf, pupil: mp.mpf) -> mp.mpf:
     return pupil * abs(image(a, f) - image(focus, f)) / image(a, f)
 
 
+def depth_quantile(probability: str) -> Exact:
+    """1/Z is normal about its true value: quantiles of Z are those of 1/Z from the other end."""
+
+    def exact(distance: mp.mpf, baseline: mp.mpf, yaw: mp.mpf) -> mp.mpf:
+        score = mp.sqrt(2) * mp.erfinv(1 - 2 * mp.mpf(probability))
+        return 1 / (1 / distance + yaw / baseline * score)
+
+    return exact
+
+
+def spread(x: int, y: int) -> Exact:
+    """Standard deviation of a weighted sum of two parameters."""
+    return lambda xx, xy, yy: mp.sqrt(x * x * xx + 2 * x * y * xy + y * y * yy)
+
+
 LAWS: Mapping[str, Exact] = {
     thin_lens.IMAGE_DISTANCE.name: image,
     thin_lens.FOCUS_SHIFT.name: shift,
@@ -140,11 +148,20 @@ LAWS: Mapping[str, Exact] = {
     depth_of_field.FAR.name: far,
     depth_of_field.EXTENT.name: lambda **inputs: far(**inputs) - near(**inputs),
     depth_of_field.ALLOWANCE.name: lambda criterion, spot: mp.sqrt(criterion**2 - spot**2),
+    "2.5 % quantile of stereo depth": depth_quantile("0.025"),
+    "50 % quantile of stereo depth": depth_quantile("0.5"),
+    "97.5 % quantile of stereo depth": depth_quantile("0.975"),
+    "u(x − y), error relative to u(x)": spread(1, -1),
+    "u(x + y), error relative to u(x)": spread(1, 1),
+    "u(x + y)": spread(1, 1),
+    "u(x + y + z)": spread(2, 2),  # z is x + y
+    "u(x + y − z), error relative to u(x)": spread(0, 0),
 }
 # Errors of differences that pass through zero are relative to what is subtracted.
 SCALES: Mapping[str, Exact] = {
     thin_lens.RELAY_DISTANCE_TO_SCALE.name: lambda a, z, f: z - f,
     depth_of_field.EXTENT.name: lambda focus, **_: focus,
+    **{f"u(x {signs}), error relative to u(x)": lambda xx, **_: mp.sqrt(xx) for signs in ("− y", "+ y", "+ y − z")},
 }
 DECIMAL = (equation_27.FRACTIONAL_PART, equation_27.FIRST_ZERO, equation_27.SECOND_ZERO)
 
@@ -173,22 +190,25 @@ def condition(exact: Exact, inputs: Mapping[str, mp.mpf], value: mp.mpf, scale: 
     """Σ |x ∂y/∂x| over the scale, by central differences in many digits; infinite at a pole."""
     if mp.isinf(value) or scale == 0:
         return mp.inf
-    total = mp.mpf(0)
+    coarse, fine = (sum(abs(move) for move in moves(exact, inputs, step)) / abs(scale) for step in STEPS)
+    return fine if fine <= 2 * coarse else mp.inf
+
+
+def moves(exact: Exact, inputs: Mapping[str, mp.mpf], step: mp.mpf) -> Iterator[mp.mpf]:
+    """x ∂y/∂x for every input that can be moved in proportion."""
     for name, x in inputs.items():
-        if mp.isinf(x) or x == 0:
-            continue
-        above, below = (exact(**{**inputs, name: x * (1 + sign * STEP)}) for sign in (1, -1))
-        total += abs((above - below) / (2 * STEP))
-    found = total / abs(scale)
-    return found if found < STEPPED else mp.inf  # a jump has no derivative
+        if mp.isfinite(x) and x != 0:
+            above, below = (exact(**{**inputs, name: x * (1 + sign * step)}) for sign in (1, -1))
+            yield (above - below) / (2 * step)
 
 
-def table(families: tuple[Family, ...] = FAMILIES) -> dict[str, dict[str, dict[str, str]]]:
+def table() -> dict[str, dict[str, dict[str, str]]]:
     """All references by family and case."""
-    return {
+    tables = {
         family.name: {case.name: row(case) for case in family.cases if isinstance(case, NumericCase)}
-        for family in families
+        for family in all_families()
     }
+    return {name: rows for name, rows in tables.items() if rows}
 
 
 if __name__ == "__main__":

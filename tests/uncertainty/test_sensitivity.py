@@ -178,3 +178,22 @@ def test_indices_do_not_depend_on_batches():
 def test_indices_that_cannot_exist_are_refused(groups, draws, message):
     with pytest.raises(OutOfRangeError, match=message):
         indices(lambda v: Outcome(values=v["a"]), Sources(groups=groups), draws=draws)
+
+
+def test_one_group_alone_has_the_whole_variance():
+    found = indices(lambda values: Outcome(values=values["x"] ** 3), Sources(groups=(normal("x", 2.0),)))
+    assert found.first[0, 0] == pytest.approx(1.0, abs=0.05)
+    assert found.total[0, 0] == pytest.approx(1.0, abs=0.05)
+    assert found.refused == ("",)
+
+
+def test_an_output_that_does_not_vary_is_refused_with_one_group_too():
+    found = indices(lambda values: Outcome(values=0.0 * values["x"] + 3.0), Sources(groups=(normal("x", 2.0),)))
+    assert np.isnan(found.first).all()
+    assert "does not vary" in found.refused[0]
+
+
+@pytest.mark.parametrize("deviation", [1e-200, 1e200])
+def test_a_standard_deviation_without_a_square_is_refused(deviation):
+    with pytest.raises(OutOfRangeError, match=r"whose square no double can hold.*1e-160"):
+        Sources(groups=(normal("x", deviation),)).covariance()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtr, ndtri
 
+from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.evaluation import BoolArray
 
@@ -26,6 +27,8 @@ happened to be taken."""
 
 TAIL_SHAPE_LIMIT = 0.5
 """Shape of the generalised Pareto tail from which on the variance does not exist."""
+
+_MAGNITUDES = (1e-140, 1e140)  # whose squares, summed over any number of draws, fit into a double
 
 _TAIL_PROBABILITY = 0.01
 _FEWEST_FOR_TAIL = 50
@@ -130,10 +133,25 @@ def _pole_margin(median: FloatArray, far: FloatArray) -> FloatArray:
     return margin
 
 
+def _require_squares(ascending: FloatArray) -> None:
+    """Refuse outputs so small or large that their errors would come out as zero or infinite."""
+    ends = np.abs(ascending[:, [0, -1]])
+    size = np.max(np.where(np.isinf(ends), 0.0, ends), axis=1)
+    beyond = (size > _MAGNITUDES[1]) | ((size > 0.0) & (size < _MAGNITUDES[0]))
+    if np.any(beyond):
+        raise OutOfRangeError(
+            "outputs whose squares no double can hold",
+            value=f"{size[beyond][0]:.3g}",
+            limit=f"magnitudes from {_MAGNITUDES[0]:g} to {_MAGNITUDES[1]:g}, or 0",
+            remedy="state the output in another unit",
+        )
+
+
 def _of_ranked(ascending: FloatArray, *, depth: bool) -> tuple[FloatArray, ...]:
     """Statistics of sorted rows without NaN, in the order of the fields down to the infinite fraction."""
     infinite = np.isinf(ascending)
     has_infinite = infinite[:, -1]
+    _require_squares(ascending)
     finite = np.where(has_infinite[:, None], 0.0, ascending) if np.any(has_infinite) else ascending
     quantiles = order_quantile(ascending, PROBABILITIES)
     low_ends = order_quantile(ascending, _LEFT_OUT_BELOW)
@@ -175,6 +193,11 @@ def replicate_statistics(values: FloatArray, failures: NDArray[np.int64], *, dep
     -------
     ReplicateStatistics
         NaN for outputs without a single ranked draw.
+
+    Raises
+    ------
+    OutOfRangeError
+        An output is so small or large that its squares underflow or overflow.
     """
     outputs, draws = values.shape
     ascending = np.sort(values, axis=-1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -106,9 +107,25 @@ class Source:
 
     @property
     def covariance(self) -> FloatArray | None:
-        """The variance, shape (1, 1); None where it does not exist."""
+        """The variance, shape (1, 1); None where it does not exist.
+
+        Raises
+        ------
+        OutOfRangeError
+            The square of the standard deviation is zero or infinite as a double.
+        """
         sd = self.distribution.standard_deviation
-        return None if sd is None else np.array([[sd * sd]])
+        if sd is None:
+            return None
+        variance = sd * sd
+        if not math.isfinite(variance) or (variance == 0.0 and sd > 0.0):
+            raise OutOfRangeError(
+                f"the standard deviation of {self.name}, whose square no double can hold",
+                value=f"{sd:.3g}",
+                limit="1e-160 to 1e150, or 0",
+                remedy="state the parameter in another unit",
+            )
+        return np.array([[variance]])
 
     @property
     def correlation(self) -> FloatArray:

@@ -172,10 +172,10 @@ def judge(family: Family, case: NumericCase | OutcomeCase, references: Mapping[s
 
 
 def allowed_error(case: NumericCase, reference: Reference, ours: Stated | str) -> float:
-    """1e-12, or ten roundings magnified by the condition number, or what the computation states for itself."""
+    """1e-12; more where ten roundings, magnified by the condition number, or a stated error come to more."""
     if isinstance(ours, Stated) and not math.isnan(ours.error):
         scale = abs(float(reference.scale))
-        return ours.error / scale if scale > 0.0 else math.inf
+        return max(WELL_CONDITIONED, ours.error / scale) if scale > 0.0 else WELL_CONDITIONED
     rounding = _ROUNDINGS * case.law.epsilon
     magnified = rounding * max(reference.condition_number, 1.0) if case.law.magnified else rounding
     return max(WELL_CONDITIONED, magnified) if math.isfinite(magnified) else WELL_CONDITIONED

@@ -30,8 +30,9 @@ def _naive_single(z: float, rho: float, wavelength: float) -> FloatArray:
 
 
 def _single(z: float, rho: float, wavelength: float) -> FloatArray:
-    path = SphericalPath(x=0.0, y=0.0, distance=float(np.float32(z)))
-    return 2 * np.pi / wavelength * path.value(np.float32([rho]), np.float32([0.0]))[0]
+    path = SphericalPath(x=0.0, y=0.0, distance=z)
+    value = path.value(np.asarray(rho, dtype=np.float32), np.asarray(0.0, dtype=np.float32))
+    return np.asarray(2 * np.pi / wavelength * value)
 
 
 PHASE: Final = Law(name="phase k (√(z² + ρ²) − z)", naive=_naive_phase, ours=_phase, magnified=False)

@@ -1,0 +1,383 @@
+"""Hard cases of the propagation of uncertainty: no moments, no ranked draw, singular covariances, extreme scales.
+
+The engine itself lives beside this package, not below it: whoever asks for the cases hands its functions in.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+
+from tradestudy.errors import TradestudyError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.verification.hard_cases.case import Family, Law, NumericCase, OutcomeCase, Stated
+
+Parameters = Mapping[str, FloatArray]
+
+
+class Distributed(Protocol):
+    """What the cases read of a propagated output; the last axis is the output."""
+
+    @property
+    def quantiles(self) -> FloatArray:
+        """2.5, 15.9, 50, 84.1 and 97.5 %, shape (5, outputs)."""
+
+    @property
+    def quantiles_error(self) -> FloatArray:
+        """Standard errors of the quantiles."""
+
+    @property
+    def half_width(self) -> FloatArray:
+        """Half the central 68.27 % interval."""
+
+    @property
+    def half_width_error(self) -> FloatArray:
+        """Its standard error."""
+
+    @property
+    def standard_deviation(self) -> FloatArray:
+        """NaN where no moment exists."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PropagationEngine:
+    """The questions that the cases ask.
+
+    Parameters
+    ----------
+    propagate
+        Model of parameters (draws, 1) to outputs (draws, 1), names, means, covariance, whether outputs are inverse
+        depths → distribution, and its status in words with the failures by cause.
+    linear
+        The same arguments but the last → standard uncertainty.
+    linear_of_one
+        Standard deviation of one normal parameter → its standard uncertainty as an output.
+    sobol
+        Model, names, standard deviations → first-order indices, and why they are refused.
+    from_draws
+        Draws of one parameter as a distribution; refuses what is none.
+    judge_chains
+        Chains (ensembles, steps, walkers, parameters) → limits that are not met, and the ensembles to blame.
+    """
+
+    propagate: Callable[..., tuple[Distributed, str]]
+    linear: Callable[..., float]
+    linear_of_one: Callable[[float], float]
+    sobol: Callable[..., tuple[FloatArray, str]]
+    from_draws: Callable[[FloatArray], object]
+    judge_chains: Callable[[FloatArray], tuple[tuple[str, ...], tuple[int, ...]]]
+
+
+_CONFIDENCE: Final = 6.0  # standard errors, of eight replicates
+_YAW = {"distance": 10.0, "baseline": 0.1, "yaw": math.radians(0.2)}
+_NAMES: Final = ("x", "y", "z")
+
+
+def propagation_family(engine: PropagationEngine) -> Family:
+    """The cases, asked of an engine."""
+    return Family(
+        name="propagation",
+        title="Propagation of uncertainty",
+        cases=(
+            *_without_moments(engine),
+            *_singular(engine),
+            *_scales(engine),
+            *_failing(engine),
+            *_degenerate(engine),
+        ),
+    )
+
+
+def _normal_quantile(probability: float) -> float:
+    from scipy.special import ndtri
+
+    return float(ndtri(probability))
+
+
+def _without_moments(engine: PropagationEngine) -> tuple[NumericCase | OutcomeCase, ...]:
+    """Stereo depth under a yaw error: its quantiles exist, its moments do not."""
+
+    def model(distance: float, baseline: float) -> Callable[[Parameters], FloatArray]:
+        return lambda values: 1.0 / distance + values["x"] / baseline
+
+    def propagated(distance: float, baseline: float, yaw: float) -> tuple[Distributed, str]:
+        return engine.propagate(
+            model(distance, baseline), ("x",), np.zeros(1), np.array([[yaw**2]]), inverse_depth=True
+        )
+
+    def quantile(index: int) -> Callable[..., Stated]:
+        def ours(distance: float, baseline: float, yaw: float) -> Stated:
+            found = propagated(distance, baseline, yaw)[0]
+            error = _CONFIDENCE * float(found.quantiles_error[index, 0])
+            return Stated(value=float(found.quantiles[index, 0]), error=error)
+
+        return ours
+
+    def naive(probability: float) -> Callable[..., float]:
+        return lambda distance, baseline, yaw: distance + _normal_quantile(probability) * distance**2 / baseline * yaw
+
+    def naive_spread() -> str:
+        depths = [1.0 / (0.1 + np.random.default_rng(seed).normal(0.0, _YAW["yaw"], 10_000) / 0.1) for seed in range(6)]
+        spreads = [float(np.std(one)) for one in depths]
+        return f"{min(spreads):.3g} to {max(spreads):.3g} m over six seeds"
+
+    def our_spread() -> str:
+        spread = float(propagated(**_YAW)[0].standard_deviation[0])
+        return "not stated: it does not exist" if math.isnan(spread) else f"{spread:.3g} m"
+
+    laws = (("2.5 %", 0, 0.025), ("50 %", 2, 0.5), ("97.5 %", 4, 0.975))
+    return (
+        *(
+            NumericCase(
+                name=f"{percent} quantile of a depth without moments",
+                law=Law(
+                    name=f"{percent} quantile of stereo depth",
+                    naive=naive(probability),
+                    ours=quantile(index),
+                    magnified=False,
+                ),
+                inputs=_YAW,
+            )
+            for percent, index, probability in laws
+        ),
+        OutcomeCase(
+            name="standard deviation of a depth without moments",
+            law="none is stated where none exists",
+            naive=naive_spread,
+            ours=our_spread,
+            expected=("not stated",),
+        ),
+    )
+
+
+def _weighted(engine: PropagationEngine, *, monte_carlo: bool) -> tuple[Callable[..., float], Callable[..., Stated]]:
+    """Half width of a weighted sum of normals: by Cholesky as usual, and by the engine."""
+
+    def naive(weights: tuple[float, ...], covariance: FloatArray) -> float:
+        return float(np.linalg.norm(np.linalg.cholesky(covariance).T @ np.array(weights)))
+
+    def ours(weights: tuple[float, ...], covariance: FloatArray) -> Stated:
+        names, means = _NAMES[: len(weights)], np.zeros(len(weights))
+
+        def model(values: Parameters) -> FloatArray:
+            return np.asarray(sum(w * values[name] for w, name in zip(weights, names, strict=True)))
+
+        if not monte_carlo:
+            return Stated(value=engine.linear(model, names, means, covariance), error=math.nan)
+        found = engine.propagate(model, names, means, covariance, inverse_depth=False)[0]
+        error = _CONFIDENCE * float(found.half_width_error[0])
+        return Stated(value=float(found.half_width[0]), error=error)
+
+    return naive, ours
+
+
+def _singular(engine: PropagationEngine) -> tuple[NumericCase, ...]:
+    """Correlations of ±1, and a covariance that is singular but for rounding."""
+    plus, minus = ({"xx": 0.01, "xy": sign * 0.01, "yy": 0.01} for sign in (1.0, -1.0))
+    dependent = {"xx": 0.01, "xy": 0.003, "yy": 0.09}
+    tiers = ((False, "linear"), (True, "Monte Carlo"))
+
+    def law(name: str, weights: tuple[float, ...], *, monte_carlo: bool, rank: str) -> Law:
+        naive, ours = _weighted(engine, monte_carlo=monte_carlo)
+        build = _pair if rank == "pair" else _sum_as_third
+        return Law(
+            name=name,
+            naive=lambda **values: naive(weights, build(**values)),
+            ours=lambda **values: ours(weights, build(**values)),
+            magnified=False,
+        )
+
+    return tuple(
+        NumericCase(
+            name=f"{what}, {tier}",
+            law=law(name, weights, monte_carlo=sampled, rank=rank),
+            inputs=values,
+        )
+        for sampled, tier in tiers
+        for what, name, weights, rank, values in (
+            ("x − y at correlation +1", "u(x − y), error relative to u(x)", (1.0, -1.0), "pair", plus),
+            ("x + y at correlation −1", "u(x + y), error relative to u(x)", (1.0, 1.0), "pair", minus),
+            ("x + y at correlation +1", "u(x + y)", (1.0, 1.0), "pair", plus),
+            ("x + y + z with z = x + y", "u(x + y + z)", (1.0, 1.0, 1.0), "three", dependent),
+            ("x + y − z with z = x + y", "u(x + y − z), error relative to u(x)", (1.0, 1.0, -1.0), "three", dependent),
+        )
+    )
+
+
+def _pair(xx: float, xy: float, yy: float) -> FloatArray:
+    return np.array([[xx, xy], [xy, yy]])
+
+
+def _sum_as_third(xx: float, xy: float, yy: float) -> FloatArray:
+    """Covariance of x, y and x + y: its rank is two, and rounding makes its least eigenvalue negative."""
+    return np.array([[xx, xy, xx + xy], [xy, yy, xy + yy], [xx + xy, xy + yy, xx + 2.0 * xy + yy]])
+
+
+def _scales(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
+    """Outputs whose squares no longer fit into a double."""
+
+    def naive(scale: float) -> Callable[[], str]:
+        draws = np.random.default_rng(0).normal(0.0, 1.0, 1000) * scale
+        return lambda: f"standard deviation {np.std(draws):.3g}"
+
+    def ours(scale: float) -> Callable[[], str]:
+        def asked() -> str:
+            found = engine.propagate(
+                lambda values: scale * values["x"], ("x",), np.zeros(1), np.ones((1, 1)), inverse_depth=False
+            )[0]
+            return f"half width {float(found.half_width[0]):.3g} ± {float(found.half_width_error[0]):.3g}"
+
+        return lambda: _answer(asked)
+
+    def of_input(scale: float) -> Callable[[], str]:
+        return lambda: _answer(lambda: f"standard uncertainty {engine.linear_of_one(scale):g}")
+
+    words, of_one = ("outputs", "allowed", "unit"), ("standard deviation of x", "allowed", "unit")
+    return (
+        OutcomeCase(
+            name="outputs of 1e-300",
+            law="refused: the squares of deviations are zero",
+            naive=naive(1e-300),
+            ours=ours(1e-300),
+            expected=words,
+        ),
+        OutcomeCase(
+            name="outputs of 1e300",
+            law="refused: the squares of deviations are infinite",
+            naive=naive(1e300),
+            ours=ours(1e300),
+            expected=words,
+        ),
+        OutcomeCase(
+            name="a standard deviation of 1e-300",
+            law="refused: its variance is zero",
+            naive=lambda: f"standard uncertainty {np.sqrt(np.float64(1e-300) ** 2):g}",
+            ours=of_input(1e-300),
+            expected=of_one,
+        ),
+        OutcomeCase(
+            name="a standard deviation of 1e300",
+            law="refused: its variance is infinite",
+            naive=lambda: f"standard uncertainty {np.sqrt(np.float64(1e300) ** 2):g}",
+            ours=of_input(1e300),
+            expected=of_one,
+        ),
+    )
+
+
+def _failing(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
+    """Draws without a rank, one draw, an output that is not a number among those of Sobol indices."""
+
+    def naive_mean() -> str:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # "mean of empty slice" is what the usual way says
+            return f"mean {np.nanmean(np.full(100, np.nan))}"
+
+    def all_failing() -> str:
+        return engine.propagate(
+            lambda values: np.full_like(values["x"], np.nan), ("x",), np.zeros(1), np.ones((1, 1)), inverse_depth=False
+        )[1]
+
+    def naive_one_draw() -> str:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # "degrees of freedom <= 0"
+            return f"standard deviation {np.std([1.0], ddof=1)}"
+
+    def one_draw() -> str:
+        return _answer(lambda: str(engine.from_draws(np.array([1.0]))))
+
+    def naive_sobol() -> str:
+        from scipy.stats import norm, sobol_indices
+
+        def model(x: FloatArray) -> FloatArray:
+            return np.where(x[0] > 2.5, np.nan, x[0] + 2.0 * x[1])
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = sobol_indices(func=model, n=1024, dists=[norm(), norm()], rng=np.random.default_rng(0))
+        return f"first-order indices {np.array2string(found.first_order, precision=3)}"
+
+    def our_sobol() -> str:
+        first, refused = engine.sobol(
+            lambda values: np.where(values["x"] > 2.5, np.nan, values["x"] + 2.0 * values["y"]), ("x", "y"), np.ones(2)
+        )
+        return f"indices {first.ravel()}, {refused}"
+
+    return (
+        OutcomeCase(
+            name="every draw fails",
+            law="no quantile is invented, failures are counted by cause",
+            naive=naive_mean,
+            ours=all_failing,
+            expected=("unranked", "nonfinite 100 %"),
+        ),
+        OutcomeCase(
+            name="one draw",
+            law="one value is no distribution",
+            naive=naive_one_draw,
+            ours=one_draw,
+            expected=("empirical draws", "at least two"),
+        ),
+        OutcomeCase(
+            name="Sobol indices with an output that is not a number",
+            law="indices are refused with the share that is not finite",
+            naive=naive_sobol,
+            ours=our_sobol,
+            expected=("nan", "not finite"),
+        ),
+    )
+
+
+def _degenerate(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
+    """No variance at all, and an ensemble of walkers that stays apart."""
+
+    def naive_constant() -> str:
+        outputs = np.full(1000, 3.0)
+        return f"index {np.float64(np.var(outputs)) / np.var(outputs)}"
+
+    def constant() -> str:
+        first, refused = engine.sobol(lambda values: 3.0 + 0.0 * values["x"], ("x",), np.ones(1))
+        return f"indices {first.ravel()}, {refused}"
+
+    def chains() -> FloatArray:
+        """Four ensembles of normal walkers; one sits ten standard deviations away, in a mode of its own."""
+        drawn = np.random.default_rng(0).standard_normal((4, 2000, 10, 1))
+        drawn[1] += 10.0
+        return drawn
+
+    def naive_stuck() -> str:
+        return f"mean {float(np.mean(chains())):.3g}, from {chains().size} draws"
+
+    def stuck() -> str:
+        failures, ensembles = engine.judge_chains(chains())
+        return f"not converged: {'; '.join(failures)}; ensembles to blame: {ensembles}"
+
+    return (
+        OutcomeCase(
+            name="an output without variance",
+            law="there is no variance to share out",
+            naive=naive_constant,
+            ours=constant,
+            expected=("nan", "does not vary"),
+        ),
+        OutcomeCase(
+            name="an ensemble of walkers in a mode of its own",
+            law="the draws are not believed, and the ensemble is named",
+            naive=naive_stuck,
+            ours=stuck,
+            expected=("not converged", "ensembles disagree", "(1,)"),
+        ),
+    )
+
+
+def _answer(ask: Callable[[], str]) -> str:
+    """What is answered, or how it is refused."""
+    try:
+        return ask()
+    except TradestudyError as error:
+        return f"refused: {error}"
