@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tradestudy.figures import depth_curves, focus_gallery, readings, sweeps, uncertainty_parts
+from tradestudy.figures.calibration_gallery import calibration_drawings
 from tradestudy.figures.depth_data import (
     Camera,
     cameras,
@@ -20,6 +21,7 @@ from tradestudy.figures.depth_data import (
     winners,
 )
 from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.hard_cases import hard_cases_drawing
 from tradestudy.units import LENGTH, pretty, significant
 
 if TYPE_CHECKING:
@@ -44,6 +46,9 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
             yield from _sweeps(tree)
     if "decision" in tree.children and "uncertainty_ratio" in tree["decision"]:
         yield _readings(tree)
+    yield from calibration_drawings(tree)
+    if "hard_cases" in tree.children:
+        yield hard_cases_drawing(tree)
 
 
 def _whole_range(tree: xr.DataTree) -> Drawing:

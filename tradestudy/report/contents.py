@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Contents, Document, PageBreak
 from tradestudy.report.sections.answer import answer
+from tradestudy.report.sections.calibration import calibration
 from tradestudy.report.sections.cameras import cameras
 from tradestudy.report.sections.depth_of_field import depth_of_field, sharp_answer
+from tradestudy.report.sections.hard_cases import hard_cases
 from tradestudy.report.sections.method import method
 from tradestudy.report.sections.provenance import provenance
 from tradestudy.report.sections.registers import assumptions, claims, contradictions, criteria, requirements
@@ -49,8 +51,10 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from assumptions(tree)
     yield from method(tree)
     yield from results(tree, drawings)
+    yield from calibration(tree, drawings)
     yield from depth_of_field(tree, drawings)
     yield from criteria(tree)
+    yield from hard_cases(tree, drawings)
     yield from claims(tree)
     yield from requirements(tree)
     yield from contradictions(tree)

@@ -59,7 +59,7 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "moments_end": Variable(
         dims=_TABLE,
         units="m",
-        long_name="farthest computed distance up to which mean and standard deviation exist; NaN for none",
+        long_name="where mean and standard deviation cease to exist; infinite for beyond the range, NaN for nowhere",
     ),
     "infinite_fraction": Variable(
         dims=_OVER,
@@ -241,14 +241,14 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
 
 DECISION_ADDITIONS: Final[Mapping[str, Variable]] = {
     "rank_first": Variable(
-        dims=("pair", "field", "way", "rank_distance"),
+        dims=("pair", "field", "rank_way", "rank_distance"),
         units="1",
         long_name="probability that the depth error of the first camera is the smaller one",
         error="rank_first_error",
     ),
-    "rank_first_error": Variable(dims=("pair", "field", "way", "rank_distance"), units="1", long_name=_REPLICATES),
+    "rank_first_error": Variable(dims=("pair", "field", "rank_way", "rank_distance"), units="1", long_name=_REPLICATES),
     "rank_second": Variable(
-        dims=("pair", "field", "way", "rank_distance"),
+        dims=("pair", "field", "rank_way", "rank_distance"),
         units="1",
         long_name="probability that the depth error of the second camera is the smaller one",
         error="rank_first_error",
@@ -256,13 +256,13 @@ DECISION_ADDITIONS: Final[Mapping[str, Variable]] = {
     "pair_first": Variable(dims=("pair",), units="", long_name="first camera"),
     "pair_second": Variable(dims=("pair",), units="", long_name="second camera"),
     "equal_distance": Variable(
-        dims=("pair", "field", "way", "sampled_crossing"),
+        dims=("pair", "field", "rank_way", "sampled_crossing"),
         units="m",
         long_name="distance where both are equally uncertain by the exact models; NaN where there is none",
         error="equal_distance_error",
     ),
     "equal_distance_error": Variable(
-        dims=("pair", "field", "way", "sampled_crossing"),
+        dims=("pair", "field", "rank_way", "sampled_crossing"),
         units="m",
         long_name="Monte Carlo standard error; infinite where not every replicate crosses",
     ),

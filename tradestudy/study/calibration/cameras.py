@@ -70,7 +70,7 @@ def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, p
         body = of_camera.body
         cameras[name] = UncertainCamera(
             name=name,
-            reading=reading_of(camera, _environment(body, part.surroundings, definition.file.scene.wavelength)),
+            reading=reading_of(camera, _environment(body, part.surroundings, definition.case.wavelength)),
             groups=groups,
             surroundings=session_groups(part.surroundings, folder) if body is not None else (),
         )

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -26,7 +28,11 @@ from tradestudy.uncertainty.decision import (
 from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import scrambled_sobol
 
-_RANK_DRAWS, _CROSSING_DRAWS, _SOLVE_DRAWS, _REPLICATES = 2**11, 2**11, 2**13, 8
+_RANK_DRAWS, _CROSSING_DRAWS, _SOLVE_DRAWS, _REPLICATES = 2**11, 2**10, 2**12, 8
+_CROSSING_POINTS = 65
+_LARGEST = 10.0  # of a logarithm of two widths: 20 000 to one
+RANK_WAYS: Final = ("calibration", "both")
+"""Over calibrations alone, as after averaging all noise away, and over single measurements."""
 _SCALES = (1e-4, 1e4)  # of the declared spread
 
 
@@ -56,17 +62,30 @@ def rank(
 def crossovers(
     first: UncertainCamera, second: UncertainCamera, distance: FloatArray, field: float, way: str, *, seed: int
 ) -> tuple[Solution, ...]:
-    """Distances [m] where both are equally uncertain, each with its Monte Carlo error."""
+    """Distances [m] between the ends of ``distance`` where both are equally uncertain, each with its Monte Carlo error.
 
-    def width(camera: UncertainCamera, points: FloatArray, replicate: int) -> FloatArray:
-        point = f"crossing/{camera.name}/{field:g}/{way}"
-        draws = _draws(_CROSSING_DRAWS, points.size, seed, point)
-        return half_width(camera.model(points, field), camera.sources.of_class(WAYS[way]), draws, replicate)
+    Each replicate's widths are computed on a fine grid and joined by a monotone cubic in the logarithm of distance,
+    whose error there is below a tenth of a per mille.
+    """
+    grid = np.geomspace(distance[0], distance[-1], _CROSSING_POINTS)
 
+    def width(camera: UncertainCamera, replicate: int) -> FloatArray:
+        draws = _draws(_CROSSING_DRAWS, grid.size, seed, f"crossing/{camera.name}/{field:g}/{way}")
+        return half_width(camera.model(grid, field), camera.sources.of_class(WAYS[way]), draws, replicate)
+
+    ratios = [log_ratio(width(first, replicate), width(second, replicate)) for replicate in range(_REPLICATES)]
+    # Where only one is bounded the ratio is infinite: its sign counts, and a large number joins it to the rest.
+    ratios = [
+        np.clip(np.nan_to_num(ratio, nan=np.nan, posinf=_LARGEST, neginf=-_LARGEST), -_LARGEST, _LARGEST)
+        for ratio in ratios
+    ]
+    seen = np.flatnonzero(np.all(np.isfinite(ratios), axis=0))
+    if seen.size < 2:
+        return ()
+    logs = np.log(grid[seen])
+    curves = [PchipInterpolator(logs, ratio[seen]) for ratio in ratios]
     return crossings(
-        lambda points, replicate: log_ratio(width(first, points, replicate), width(second, points, replicate)),
-        distance,
-        replicates=_REPLICATES,
+        lambda points, replicate: np.asarray(curves[replicate](np.log(points))), grid[seen], replicates=_REPLICATES
     )
 
 

@@ -15,7 +15,7 @@ from tradestudy.study.calibration.uncertain_camera import UncertainCamera
 from tradestudy.uncertainty.evaluation import Model
 from tradestudy.uncertainty.linear import linear, validity
 from tradestudy.uncertainty.monte_carlo import Sampling, propagate
-from tradestudy.uncertainty.outputs import PROBABILITIES, Propagated
+from tradestudy.uncertainty.outputs import POLE_MARGIN, PROBABILITIES, Propagated
 from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Sources
 
 WAYS: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
@@ -174,13 +174,21 @@ def _cheapest(tiers: tuple[AnalyticTier, AnalyticTier], found: Propagated, accur
 
 
 def moments_end(found: Propagated, distance: FloatArray) -> float:
-    """The farthest distance [m] up to which mean and standard deviation exist at every distance from the first ranked.
+    """Where mean and standard deviation cease to exist [m], coming from near.
 
-    NaN where they exist nowhere.
+    Between two distances it is where the margin to infinity, which falls with distance, reaches its limit (log–log);
+    where another condition ends them, the last distance at which they exist. Infinite where they exist at every
+    distance, NaN where at none.
     """
-    ranked = found.status != "unranked"
-    exist = np.where(ranked, found.moments_exist, True)
-    lost = np.flatnonzero(~exist)
-    until = lost[0] if lost.size else distance.size
-    within = np.flatnonzero(ranked[:until])
-    return float(distance[within[-1]]) if within.size else float("nan")
+    ranked = np.flatnonzero(found.status != "unranked")
+    if ranked.size == 0 or not found.moments_exist[ranked[0]]:
+        return float("nan")
+    lost = ranked[~found.moments_exist[ranked]]
+    if lost.size == 0:
+        return float("inf")
+    last, first = ranked[ranked < lost[0]][-1], lost[0]
+    margins = found.pole_margin[[last, first]]
+    if not (margins[0] > POLE_MARGIN > margins[1] > 0.0 and np.isfinite(margins[0])):
+        return float(distance[last])
+    share = np.log(margins[0] / POLE_MARGIN) / np.log(margins[0] / margins[1])
+    return float(distance[last] * (distance[first] / distance[last]) ** share)

@@ -11,8 +11,8 @@ import xarray as xr
 from tradestudy.cameras.error_models import PLENOPTIC_ERRORS, STEREO_ERRORS
 from tradestudy.results import dataset
 from tradestudy.study.calibration.cameras import UncertainCameras
-from tradestudy.study.calibration.comparison import Stability, crossovers, rank, stability
-from tradestudy.study.calibration.propagation import FIELDS, WAYS
+from tradestudy.study.calibration.comparison import RANK_WAYS, Stability, crossovers, rank, stability
+from tradestudy.study.calibration.propagation import FIELDS
 from tradestudy.study.calibration.uncertain_camera import short_name
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.calibration import CalibrationStudyPart, StabilityQuestionPart
@@ -26,13 +26,14 @@ def uncertain_decision(
 ) -> xr.Dataset | None:
     """Variables for /decision, or None where the calibration part asks nothing."""
     values: dict[str, Any] = {}
-    coordinates: dict[str, Any] = {"way": list(WAYS)}
+    coordinates: dict[str, Any] = {}
     if part.compare:
         progress("comparison", 0.0)
         values |= _compared(uncertain, part)
         coordinates |= {
             "pair": [f"{first} vs {second}" for first, second in part.compare],
             "field": list(FIELDS),
+            "rank_way": list(RANK_WAYS),
             "rank_distance": np.array(part.distance_values()),
         }
     if part.questions:
@@ -44,11 +45,11 @@ def uncertain_decision(
 
 def _compared(uncertain: UncertainCameras, part: CalibrationStudyPart) -> dict[str, Any]:
     distance = np.array(part.distance_values())
-    shape = (len(part.compare), len(FIELDS), len(WAYS))
+    shape = (len(part.compare), len(FIELDS), len(RANK_WAYS))
     names = ("rank_first", "rank_first_error", "rank_second")
     ranks = {name: np.full((*shape, distance.size), np.nan) for name in names}
     found: dict[tuple[int, ...], Any] = {}
-    places = itertools.product(enumerate(part.compare), enumerate((0.0, part.edge)), enumerate(WAYS))
+    places = itertools.product(enumerate(part.compare), enumerate((0.0, part.edge)), enumerate(RANK_WAYS))
     for (i, pair), (j, field), (k, way) in places:
         first, second = (uncertain.cameras[name] for name in pair)
         ranked = rank(first, second, distance, field, way, seed=part.seed)

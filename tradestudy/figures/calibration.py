@@ -1,0 +1,185 @@
+"""Calibration errors against distance: quantile bands with linear theory, failures, and who errs less."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from tradestudy.figures.depth_data import Camera, FloatArray, cameras
+from tradestudy.figures.style import (
+    FAINT,
+    INK,
+    SOFT,
+    StudyFigure,
+    legend,
+    line_style,
+    log_axis,
+    new_figure,
+    printable,
+    shortened,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_COLUMNS = 3
+_TOP = 2.5  # depth over distance at the upper end of the bands
+_LEAST_SHARE = 1e-5
+
+
+def propagated_cameras(tree: xr.DataTree, group: str = "calibration") -> tuple[Camera, ...]:
+    """Those cameras of the study whose errors were propagated."""
+    keys = {str(key) for key in tree[group].to_dataset()["camera"].values}
+    return tuple(camera for camera in cameras(tree) if camera.key in keys)
+
+
+def panels_of(figure: StudyFigure, count: int) -> list[Axes]:
+    """Panels for so many cameras, three in a row; those that are left over are hidden."""
+    columns = min(_COLUMNS, count)
+    rows = -(-count // columns)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes in list(grid.flat)[count:]:
+        axes.set_visible(False)
+    for column in range(columns):
+        last = grid[(count - 1 - column) // columns, column]
+        last.set_xlabel("distance [m]")
+        last.tick_params(labelbottom=True)
+    return list(grid.flat)[:count]
+
+
+def bands(tree: xr.DataTree) -> StudyFigure:
+    """Quantiles of one reading over the true distance, per camera: 95 and 68 % on the axis, 95 % at the edge."""
+    with styled():
+        shown = propagated_cameras(tree)
+        data = tree["calibration"].to_dataset()
+        figure = new_figure(0.7 + 1.75 * -(-len(shown) // _COLUMNS))
+        for order, (axes, camera) in enumerate(zip(panels_of(figure, len(shown)), shown, strict=True)):
+            _band(axes, data.sel(camera=camera.key, way="both"), camera)
+            if order % _COLUMNS == 0:
+                axes.set_ylabel("depth / distance")
+        handles: list[Line2D | Patch] = [
+            Patch(color=SOFT, alpha=0.25, linewidth=0),
+            Patch(color=SOFT, alpha=0.6, linewidth=0),
+            Line2D([], [], color=SOFT, linewidth=1.2),
+            Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 2))),
+            Line2D([], [], color=SOFT, linewidth=0.8, linestyle=(0, (1, 1))),
+            Line2D([], [], color=INK, linewidth=0.6),
+        ]
+        labels = [
+            "central 95 %", "central 68 %", "median", "linear theory, 95 %", "95 % at the edge of the field",
+            "upright line: mean and deviation end here",
+        ]  # fmt: skip
+        legend(figure, handles, labels, columns=3)
+    return figure
+
+
+def _band(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
+    distance = np.asarray(data["distance"].values, dtype=np.float64)
+    quantile = data["depth_quantile"].transpose("field", "quantile", "distance")
+    axis = np.asarray(quantile.sel(field="axis").values) / distance
+    edge = np.asarray(quantile.sel(field="edge").values) / distance
+    line = np.asarray(data["linear_quantile"].sel(field="axis").transpose("quantile", "distance").values) / distance
+    beyond = 2.0 * _TOP
+    for low, high, alpha in ((0, 4, 0.25), (1, 3, 0.6)):
+        bottom, top = (np.clip(axis[k], 0.0, beyond) for k in (low, high))
+        axes.fill_between(distance, bottom, top, color=camera.style.color, alpha=alpha, linewidth=0)
+    axes.plot(distance, np.clip(axis[2], 0.0, beyond), color=camera.style.color, linewidth=1.2)
+    for k in (0, 4):
+        axes.plot(distance, line[k], color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+        axes.plot(
+            distance, np.clip(edge[k], 0.0, beyond), color=camera.style.color, linewidth=0.8, linestyle=(0, (1, 1))
+        )
+    end = float(data["moments_end"].sel(field="axis"))
+    if np.isfinite(end):
+        axes.axvline(end, color=INK, linewidth=0.6)
+    log_axis(axes, "x")
+    axes.set_xlim(distance[0], distance[-1])
+    axes.set_ylim(0.0, _TOP)
+    axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
+
+
+def failures(tree: xr.DataTree) -> StudyFigure:
+    """Probability of a reading at or beyond infinity, and of none at all, against distance; axis and edge."""
+    with styled():
+        shown = propagated_cameras(tree)
+        data = tree["calibration"].to_dataset().sel(way="both")
+        figure = new_figure(2.9 + 0.13 * len(shown))
+        panels = figure.subplots(2, 2, sharex=True, sharey=True)
+        distance = np.asarray(data["distance"].values, dtype=np.float64)
+        for column, field in enumerate(("axis", "edge")):
+            for camera in shown:
+                there = data.sel(camera=camera.key, field=field)
+                infinite = np.asarray(there["infinite_fraction"].values, dtype=np.float64)
+                _share(panels[0, column], distance, infinite, camera)
+                _share(panels[1, column], distance, _failed(there), camera)
+            panels[0, column].set_title(f"beyond infinity, {_FIELD_WORDS[field]}")
+            panels[1, column].set_title(f"no reading, {_FIELD_WORDS[field]}")
+            panels[1, column].set_xlabel("distance [m]")
+        for axes in panels.flat:
+            log_axis(axes, "x")
+            axes.set_xlim(distance[0], distance[-1])
+            axes.set_yscale("symlog", linthresh=_LEAST_SHARE, linscale=0.5)
+            axes.set_yticks([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
+            axes.set_yticklabels(["0", "10 ppm", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
+            axes.set_ylim(0.0, 1.6)
+        for axes in panels[:, 0]:
+            axes.set_ylabel("probability")
+        handles = [Line2D([], [], color=c.style.color, linestyle=c.style.dash) for c in shown]
+        legend(figure, handles, [camera.title for camera in shown], columns=3)
+    return figure
+
+
+_FIELD_WORDS = {"axis": "on the axis", "edge": "at the edge"}
+
+
+def _failed(data: xr.Dataset) -> FloatArray:
+    return np.asarray(data["failed_fraction"].sum("cause").values, dtype=np.float64)
+
+
+def _share(axes: Axes, distance: FloatArray, values: FloatArray, camera: Camera) -> None:
+    axes.plot(distance, values, color=camera.style.color, linestyle=camera.style.dash, linewidth=1.3)
+
+
+def rank_probability(tree: xr.DataTree) -> StudyFigure:
+    """Probability that the first camera of each pair errs less, against distance; calibration alone, and with noise."""
+    with styled():
+        data = tree["decision"].to_dataset()
+        titles = {camera.key: camera.title for camera in cameras(tree)}
+        figure = new_figure(3.9 + 0.08 * data.sizes["pair"])
+        panels = figure.subplots(2, 2, sharex=True, sharey=True)
+        distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
+        for row, way in enumerate(data["rank_way"].values):
+            for column, field in enumerate(data["field"].values):
+                axes = panels[row, column]
+                for order, pair in enumerate(data["pair"].values):
+                    there = data.sel(pair=pair, field=field, rank_way=way)
+                    _rank_line(axes, distance, there, order)
+                axes.axhline(0.5, color=FAINT, linewidth=0.8, zorder=0)
+                words = "calibration alone" if way == "calibration" else "single readings"
+                axes.set_title(f"{words}, {_FIELD_WORDS[str(field)]}")
+                log_axis(axes, "x")
+                axes.set_xlim(distance[0], distance[-1])
+                axes.set_ylim(0.0, 1.0)
+        for axes in panels[:, 0]:
+            axes.set_ylabel("P(first errs less)")
+        for axes in panels[1]:
+            axes.set_xlabel("distance [m]")
+        pairs = zip(data["pair_first"].values, data["pair_second"].values, strict=True)
+        labels = [f"{titles[str(first)]} before {titles[str(second)]}" for first, second in pairs]
+        handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(labels))]
+        legend(figure, handles, labels, columns=2)
+    return figure
+
+
+def _rank_line(axes: Axes, distance: FloatArray, there: xr.Dataset, order: int) -> None:
+    style = line_style(order)
+    seen = np.asarray((there["rank_first"] + there["rank_second"]).values, dtype=np.float64) > 0.0
+    first = np.where(seen, np.asarray(there["rank_first"].values, dtype=np.float64), np.nan)
+    error = 2.0 * np.asarray(there["rank_first_error"].values, dtype=np.float64)
+    axes.fill_between(distance, first - error, first + error, color=style.color, alpha=0.2, linewidth=0)
+    axes.plot(distance, first, color=style.color, linestyle=style.dash, linewidth=1.3)

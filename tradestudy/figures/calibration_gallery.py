@@ -1,0 +1,147 @@
+"""Which figures the groups on calibration allow, with what they show in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tradestudy.figures import calibration, posterior, sensitivity
+from tradestudy.figures.depth_data import cameras
+from tradestudy.figures.drawing import Drawing
+from tradestudy.units import LENGTH, pretty, significant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+
+def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figures of a study that propagates its calibration errors; none for another."""
+    if "calibration" in tree.children:
+        yield _bands(tree)
+        yield _failures(tree)
+    if "sensitivity" in tree.children:
+        yield from _sensitivity(tree)
+    if "decision" in tree.children and "rank_first" in tree["decision"].data_vars:
+        yield _ranks(tree)
+    if "calibration" in tree.children and "posterior_draw" in tree["calibration"].data_vars:
+        for name in tree["calibration"].to_dataset()["posterior"].values:
+            yield from _posterior(tree, str(name))
+
+
+def _bands(tree: xr.DataTree) -> Drawing:
+    data = tree["calibration"].to_dataset().sel(way="both", field="axis")
+    sentences = []
+    for camera in calibration.propagated_cameras(tree):
+        one = data.sel(camera=camera.key)
+        reached = one["distance"].values[np.isinf(one["depth_quantile"].isel(quantile=-1).values)]
+        sentences.append(
+            f"{camera.title}: the 95 % interval has no far end from {pretty(float(reached[0]), LENGTH)} on. "
+            if reached.size
+            else f"{camera.title}: bounded everywhere. "
+        )
+    return Drawing(
+        name="calibration-bands",
+        caption="Quantiles of one reading by a rig drawn from its errors, over the true distance, by the exact model. "
+        "Dashed: linear theory, whose interval is symmetric and always bounded. Readings at or beyond infinity stay "
+        "in the quantiles; a band that runs out at the top has no far end or one beyond the panel.",
+        alt="One chart per camera of quantile bands of depth over distance. " + "".join(sentences),
+        draw=partial(calibration.bands, tree),
+    )
+
+
+def _failures(tree: xr.DataTree) -> Drawing:
+    data = tree["calibration"].to_dataset().sel(way="both", field="axis")
+    sentences = [
+        f"{camera.title} at {pretty(float(data['distance'].values[-1]), LENGTH)}: "
+        f"{significant(100.0 * float(data['infinite_fraction'].sel(camera=camera.key).isel(distance=-1)))} % beyond "
+        "infinity. "
+        for camera in calibration.propagated_cameras(tree)
+    ]
+    return Drawing(
+        name="failure-share",
+        caption="Probability that one reading ends at or beyond infinity (top), and that there is none at all because "
+        "the camera does not see the point or the drawn errors leave no camera (bottom). Noise and calibration.",
+        alt="Four charts of probability against distance. " + "".join(sentences),
+        draw=partial(calibration.failures, tree),
+    )
+
+
+def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
+    place = sensitivity.tornado_distance(tree)
+    data = tree["sensitivity"].to_dataset().sel(field="axis")
+    sentences = []
+    for camera in calibration.propagated_cameras(tree, "sensitivity"):
+        values = data["source_uncertainty"].sel(camera=camera.key, distance=place)
+        if np.isfinite(values.values).any():
+            largest = str(values["source"].values[int(np.nanargmax(values.values))]).replace("_", " ")
+            sentences.append(f"{camera.title}: {largest}. ")
+    yield Drawing(
+        name="tornado",
+        caption=f"What drives depth at {pretty(place, LENGTH)}: half the central 68.27 % interval from each source "
+        "alone, correlated parameters together as one source. A joint calibration is one source: moving one of "
+        "its parameters alone would describe rigs that it has ruled out.",
+        alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
+        draw=partial(sensitivity.tornado, tree),
+    )
+    yield Drawing(
+        name="sobol-indices",
+        caption="Share of the variance of inverse depth on the axis due to each source, with its interactions (lines) "
+        "and alone (dotted). Inverse depth has a variance where depth has none.",
+        alt="One chart per camera of total Sobol indices against distance; first-order indices lie on them where the "
+        "sources do not interact.",
+        draw=partial(sensitivity.indices, tree),
+    )
+
+
+def _ranks(tree: xr.DataTree) -> Drawing:
+    decision = tree["decision"].to_dataset().sel(rank_way="calibration", field="axis")
+    titles = {camera.key: camera.title for camera in cameras(tree)}
+    sentences = []
+    for pair in decision["pair"].values:
+        there = decision.sel(pair=pair).sel(rank_distance=1.0, method="nearest")
+        first, second = (titles[str(there[name].item())] for name in ("pair_first", "pair_second"))
+        sentences.append(
+            f"{first} before {second} at {pretty(float(there['rank_distance']), LENGTH)}: "
+            f"{significant(100.0 * float(there['rank_first']))} %. "
+        )
+    return Drawing(
+        name="rank-probability",
+        caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
+        "alone: over rigs, sessions and calibrations, with the noise averaged away. Single readings: noise as well. "
+        "Shaded: two Monte Carlo standard errors. What both cameras share (temperature, pressure) is drawn once.",
+        alt="Four charts of probability against distance. Calibration alone, on the axis: " + "".join(sentences),
+        draw=partial(calibration.rank_probability, tree),
+    )
+
+
+def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
+    titles = {camera.key: camera.title for camera in cameras(tree)}
+    data = tree["calibration"].to_dataset().sel(posterior=name)
+    count = int(np.isfinite(data["posterior_mean"].values).sum())
+    shown = posterior.shown_parameters(tree, name)
+    which = (
+        f"the {len(shown)} of {count} parameters that are tied most closely" if len(shown) < count else "all of them"
+    )
+    yield Drawing(
+        name=f"corner-{name}",
+        caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Lines hold 39 and 86 % "
+        "of the draws, as one and two standard deviations of a normal in the plane do; dashed: the Laplace fit.",
+        alt=f"Corner plot of the posterior draws of {', '.join(n.replace('_', ' ') for n in shown)}.",
+        draw=partial(posterior.corner, tree, name),
+    )
+    yield Drawing(
+        name=f"trace-{name}",
+        caption=f"Chains behind the posterior of {titles[name]}: the first walker of each independent ensemble, one "
+        f"colour each, after the warm-up. N/τ is {significant(float(data['posterior_lengths']))}, the largest R-hat "
+        f"{float(np.nanmax(data['posterior_r_hat'].values)):.4f}.",
+        alt="Trace plot, one row per parameter. "
+        + (
+            "All ensembles cover the same range."
+            if bool(data["posterior_converged"])
+            else "The chains did not converge."
+        ),
+        draw=partial(posterior.trace, tree, name),
+    )

@@ -1,0 +1,116 @@
+"""A posterior as pictures: what its parameters have to do with each other, and whether its chains wander freely."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from scipy.ndimage import gaussian_filter
+
+from tradestudy.figures.depth_data import FloatArray
+from tradestudy.figures.style import INK, SOFT, StudyFigure, line_style, new_figure, styled
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST_PARAMETERS = 8
+_BINS = 30
+_CONTENTS = (0.865, 0.393)  # of a normal distribution in the plane within two and one standard deviations
+
+
+def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
+    """Parameters of a posterior that are drawn: those most correlated with another one, in their own order."""
+    data = tree["calibration"].to_dataset().sel(posterior=posterior)
+    known = np.flatnonzero(np.isfinite(data["posterior_mean"].values))
+    draws = data["posterior_draw"].values[:, known]
+    correlation = np.abs(np.corrcoef(draws.T) - np.eye(len(known)))
+    chosen = np.sort(np.argsort(-correlation.max(axis=0), kind="stable")[:MOST_PARAMETERS])
+    return tuple(str(name) for name in data["parameter"].values[known[chosen]])
+
+
+def corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
+    """Marginals of one and two parameters, in standard deviations from the mean, with the Laplace fit dashed."""
+    with styled():
+        names = shown_parameters(tree, posterior)
+        data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
+        draws = np.asarray(data["posterior_draw"].values, dtype=np.float64)
+        deviation = np.asarray(data["posterior_deviation"].values, dtype=np.float64)
+        scores = (draws - np.asarray(data["posterior_mean"].values)) / deviation
+        laplace = np.asarray(data["laplace_deviation"].values, dtype=np.float64) / deviation
+        size = len(names)
+        figure = new_figure(0.75 * size + 0.8)
+        grid = figure.subplots(size, size, sharex=True, squeeze=False)
+        for row in range(size):
+            for column in range(size):
+                axes = grid[row, column]
+                axes.grid(visible=False)
+                axes.set_xlim(-3.5, 3.5)
+                axes.set_xticks([-2, 0, 2])
+                axes.tick_params(labelsize=5, length=2)
+                if column > row:
+                    axes.set_visible(False)
+                elif column == row:
+                    _marginal(axes, scores[:, row], float(laplace[row]))
+                else:
+                    _plane(axes, scores[:, column], scores[:, row])
+                if column > 0 or row == 0:
+                    axes.tick_params(labelleft=False)
+            grid[row, 0].set_ylabel(_lines(names[row]), fontsize=5, rotation=0, ha="right", va="center")
+            grid[-1, row].set_xlabel(_lines(names[row]), fontsize=5)
+    return figure
+
+
+def _lines(name: str) -> str:
+    """A name on short lines."""
+    return "\n".join(name.removesuffix("_px").split("_"))
+
+
+def _marginal(axes: Axes, scores: FloatArray, laplace: float) -> None:
+    axes.hist(scores, bins=_BINS, range=(-3.5, 3.5), density=True, color=SOFT, alpha=0.5, histtype="stepfilled")
+    if np.isfinite(laplace) and laplace > 0.0:
+        x = np.linspace(-3.5, 3.5, 101)
+        axes.plot(
+            x,
+            np.exp(-0.5 * (x / laplace) ** 2) / (laplace * np.sqrt(2.0 * np.pi)),
+            color=INK,
+            linewidth=0.8,
+            linestyle=(0, (3, 1.5)),
+        )
+    axes.set_yticks([])
+
+
+def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
+    """Contours that hold the content of one and two standard deviations."""
+    counts, edges, _ = np.histogram2d(x, y, bins=_BINS, range=((-3.5, 3.5), (-3.5, 3.5)))
+    smooth = gaussian_filter(counts, 1.0)
+    falling = np.sort(smooth.ravel())[::-1]
+    share = np.cumsum(falling) / falling.sum()
+    levels = [float(falling[np.searchsorted(share, content)]) for content in _CONTENTS]
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    if levels[0] < levels[1]:
+        axes.contour(middle, middle, smooth.T, levels=levels, colors=[SOFT, INK], linewidths=0.8)
+    axes.set_ylim(-3.5, 3.5)
+    axes.set_yticks([-2, 0, 2])
+
+
+def trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
+    """First walker of every ensemble, in standard deviations from the mean, over the kept steps."""
+    with styled():
+        names = shown_parameters(tree, posterior)
+        data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
+        walks = np.asarray(data["posterior_trace"].values, dtype=np.float64)
+        scores = (walks - np.asarray(data["posterior_mean"].values)) / np.asarray(data["posterior_deviation"].values)
+        figure = new_figure(0.4 + 0.45 * len(names))
+        panels = np.atleast_1d(figure.subplots(len(names), 1, sharex=True, sharey=True))
+        share = np.linspace(0.0, 1.0, scores.shape[1])
+        for number, axes in enumerate(panels):
+            for ensemble in range(scores.shape[0]):
+                axes.plot(share, scores[ensemble, :, number], color=line_style(ensemble).color, linewidth=0.4)
+            axes.set_ylim(-4.0, 4.0)
+            axes.set_yticks([-3, 0, 3])
+            axes.tick_params(labelsize=5)
+            axes.set_ylabel(_lines(names[number]), fontsize=5, rotation=0, ha="right", va="center")
+        panels[-1].set_xlim(0.0, 1.0)
+        panels[-1].set_xlabel("share of the kept chain")
+    return figure

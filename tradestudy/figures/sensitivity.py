@@ -1,0 +1,117 @@
+"""Which error drives depth: a tornado per camera, and Sobol indices against distance."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from tradestudy.figures.calibration import panels_of, propagated_cameras
+from tradestudy.figures.depth_data import Camera
+from tradestudy.figures.style import (
+    SOFT,
+    StudyFigure,
+    legend,
+    length_tick,
+    line_style,
+    log_axis,
+    new_figure,
+    printable,
+    shortened,
+    styled,
+)
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MM = 1e3
+_COLUMNS = 3
+_MOST_BARS = 8
+_MOST_LINES = 7
+_LEAST_INDEX = 0.02
+
+
+def tornado_distance(tree: xr.DataTree) -> float:
+    """The computed distance nearest to the middle (in logarithm) of the declared places, 1 m without any."""
+    distance = np.asarray(tree["sensitivity"]["distance"].values, dtype=np.float64)
+    places = np.asarray(tree["decision"]["place"].values) if "place" in tree["decision"].coords else np.ones(1)
+    middle = float(np.exp(np.log(places).mean()))
+    return float(distance[np.argmin(np.abs(np.log(distance / middle)))])
+
+
+def tornado(tree: xr.DataTree) -> StudyFigure:
+    """Half the central 68.27 % interval of depth from each independent source alone, largest first, per camera."""
+    with styled():
+        shown = propagated_cameras(tree, "sensitivity")
+        place = tornado_distance(tree)
+        data = tree["sensitivity"].to_dataset().sel(distance=place)
+        rows = -(-len(shown) // 2)
+        figure = new_figure(0.6 + 1.75 * rows)
+        grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
+        largest = float(np.nanmax(data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])))) * MM
+        for axes, camera in zip(grid.flat, shown, strict=False):
+            _bars(axes, data.sel(camera=camera.key), camera)
+            axes.set_xlim(largest * 1e-5, largest * 2.0)
+        for axes in list(grid.flat)[len(shown) :]:
+            axes.set_visible(False)
+        for axes in grid[-1]:
+            axes.set_xlabel("depth uncertainty from one source alone")
+        handles = [Patch(color=SOFT, linewidth=0), Patch(color=SOFT, alpha=0.4, linewidth=0)]
+        legend(figure, handles, ["on the axis", "at the edge of the field"], columns=2)
+    return figure
+
+
+def _bars(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
+    values = data["source_uncertainty"].transpose("field", "source").values * MM
+    size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
+    order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
+    names = [str(data["source"].values[k]).replace("_", " ") for k in order]
+    rows = np.arange(len(order))
+    for offset, field, alpha in ((-0.2, 0, 1.0), (0.2, 1, 0.4)):
+        widths = np.where(np.isfinite(values[field, order]), values[field, order], 0.0)
+        axes.barh(rows + offset, widths, height=0.38, color=camera.style.color, alpha=alpha, linewidth=0)
+    axes.set_yticks(rows, [shortened(name, 26) for name in names], fontsize=6)
+    axes.set_ylim(_MOST_BARS - 0.4, -0.6)
+    log_axis(axes, "x", tick=length_tick)
+    axes.grid(visible=False, axis="y")
+    axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
+
+
+def indices(tree: xr.DataTree) -> StudyFigure:
+    """Total Sobol indices of inverse depth against distance, with the first-order ones dotted, per camera."""
+    with styled():
+        shown = propagated_cameras(tree, "sensitivity")
+        data = tree["sensitivity"].to_dataset().sel(field="axis")
+        names = _main_sources(data)
+        figure = new_figure(0.8 + 1.7 * -(-len(shown) // _COLUMNS))
+        distance = np.asarray(data["distance"].values, dtype=np.float64)
+        for order, (axes, camera) in enumerate(zip(panels_of(figure, len(shown)), shown, strict=True)):
+            there = data.sel(camera=camera.key)
+            for number, name in enumerate(names):
+                style = line_style(number)
+                total = there["total_index"].sel(source=name).values
+                first = there["first_index"].sel(source=name).values
+                axes.plot(distance, total, color=style.color, linestyle=style.dash, linewidth=1.3)
+                axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
+            log_axis(axes, "x")
+            axes.set_xlim(distance[0], distance[-1])
+            axes.set_ylim(0.0, 1.05)
+            axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
+            if order % _COLUMNS == 0:
+                axes.set_ylabel("share of variance")
+        handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
+        handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
+        labels = [*(name.replace("_", " ") for name in names), "first order"]
+        legend(figure, handles, labels, columns=4)
+    return figure
+
+
+def _main_sources(data: xr.Dataset) -> list[str]:
+    """Sources that have a share worth a line somewhere, the largest first."""
+    values = data["total_index"].transpose("source", ...).values.reshape(data.sizes["source"], -1)
+    most = np.max(np.where(np.isfinite(values), values, 0.0), axis=1)
+    order = [k for k in np.argsort(-most) if most[k] > _LEAST_INDEX][:_MOST_LINES]
+    return [str(data["source"].values[k]) for k in order]

@@ -1,0 +1,156 @@
+"""Calibrations that were inferred: whether the chains can be believed, what they found, and what a real rig showed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tradestudy.report import facts
+from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Picture, Table, Text, say
+from tradestudy.report.facts import in_words
+from tradestudy.units import significant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tradestudy.figures.drawing import Drawing
+
+
+def posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Write the inferred calibrations; nothing where none was."""
+    if not facts.has(tree, "calibration", "posterior_mean"):
+        return
+    data, titles = facts.dataset(tree, "calibration"), facts.titles(tree)
+    yield Heading(text="Calibration as inference", anchor="posterior", level=2)
+    yield Paragraph(
+        say(
+            "The parameters are inferred from what the camera sees of a board, with the poses of the board "
+            "marginalised view by view and the declared errors as priors. emcee runs four independent ensembles; a "
+            "result is stated as converged where every limit below is met. What the draws leave open about their mean "
+            "is what is propagated, jointly."
+        )
+    )
+    for name in data["posterior"].values:
+        if not bool(data["posterior_converged"].sel(posterior=name)):
+            yield Callout(
+                title=say("{title} did not converge", title=titles[str(name)]),
+                blocks=(Paragraph(str(data["posterior_verdict"].sel(posterior=name).item())),),
+                tone="warning",
+            )
+    yield _chains(data, titles)
+    for name in map(str, data["posterior"].values):
+        yield _parameters(data.sel(posterior=name), name, titles[name])
+        for kind in ("corner", "trace"):
+            drawing = drawings.get(f"{kind}-{name}")
+            if drawing is not None:
+                yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
+    if "rig_value" in data:
+        yield _rig(data, titles)
+
+
+def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
+    def worst(there: xr.Dataset, name: str, largest: bool) -> float:
+        values = there[name].values
+        return float(np.nanmax(values) if largest else np.nanmin(values))
+
+    rows: list[tuple[Text, ...]] = []
+    for name in map(str, data["posterior"].values):
+        there = data.sel(posterior=name)
+        acceptance = there["posterior_acceptance"].values
+        rows.append(
+            (
+                titles[name],
+                str(there["posterior_kind"].item()),
+                "yes" if bool(there["posterior_converged"]) else "no",
+                significant(float(there["posterior_lengths"])),
+                f"{worst(there, 'posterior_r_hat', True):.4f}",
+                f"{worst(there, 'posterior_bulk_size', False):.0f}",
+                f"{worst(there, 'posterior_tail_size', False):.0f}",
+                f"{np.nanmin(acceptance):.2f} – {np.nanmax(acceptance):.2f}",
+                f"{float(there['posterior_marginal_efficiency']):.3f}",
+                f"{significant(float(there['posterior_seconds']), 2)} / {_seconds(float(there['laplace_seconds']))}",
+            )
+        )
+    return Table(
+        name="posterior-table",
+        caption="Whether the chains can be believed: the worst parameter of each.",
+        columns=(
+            Column(title="Camera", weight=1),
+            Column(title="from", weight=1),
+            Column(title="converged"),
+            Column(title="N/τ", align="right"),
+            Column(title="R-hat", align="right"),
+            Column(title="bulk ESS", align="right"),
+            Column(title="tail ESS", align="right"),
+            Column(title="acceptance", align="right"),
+            Column(title="poses", align="right"),
+            Column(title="s emcee / Laplace", align="right"),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Limits: N/τ ≥ 50, R-hat ≤ 1.01, effective sizes ≥ 400, acceptance 0.2 to 0.5; poses: share of the draws "
+            "that survives reweighting to poses settled anew at each draw, at least 0.9.",
+        ),
+    )
+
+
+def _seconds(value: float) -> str:
+    return "—" if np.isnan(value) else significant(value, 2)
+
+
+def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
+    known = np.flatnonzero(np.isfinite(there["posterior_mean"].values))
+    one = there.isel(parameter=known)
+    with_term = bool(np.isfinite(one["rig_overconfidence"].values).any())
+
+    def number(variable: str, k: int) -> str:
+        value = float(one[variable].values[k])
+        return "—" if not np.isfinite(value) else significant(value)
+
+    last = "rig_overconfidence" if with_term else "prior_deviation"
+    return Table(
+        name=f"parameters-{name}",
+        caption=say("Parameters of {title}, in SI units, or pixels where the name says so.", title=title),
+        columns=(
+            Column(title="Parameter", weight=1),
+            Column(title="mean", align="right"),
+            Column(title="st. dev.", align="right"),
+            Column(title="Laplace", align="right"),
+            Column(title="over that without the term" if with_term else "prior", align="right"),
+            Column(title="τ", align="right"),
+            Column(title="R-hat", align="right"),
+        ),
+        rows=tuple(
+            (
+                in_words(str(one["parameter"].values[k])),
+                number("posterior_mean", k),
+                number("posterior_deviation", k),
+                number("laplace_deviation", k),
+                number(last, k),
+                number("posterior_autocorrelation", k),
+                f"{float(one['posterior_r_hat'].values[k]):.4f}",
+            )
+            for k in range(known.size)
+        ),
+    )
+
+
+def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
+    rows = zip(data["rig_camera"].values, data["rig_quantity"].values, data["rig_value"].values, strict=True)
+    return Table(
+        name="rig-table",
+        caption="What the corners of the real rig say: each camera alone, the pair with one relative pose, and the "
+        "pair with a small left–right motion of the board in each view, which the opposing view means call for.",
+        columns=(
+            Column(title="Rig", weight=1),
+            Column(title="Quantity", weight=2),
+            Column(title="Value", weight=1, align="right"),
+        ),
+        rows=tuple((titles[str(camera)], str(quantity), str(value)) for camera, quantity, value in rows),
+        notes=(
+            "Residuals are root mean square lengths per corner. Without the term the residual of the pair is taken "
+            "for noise of its corners, and the standard deviations are too small by the factors in the table above.",
+        ),
+    )
