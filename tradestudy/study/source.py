@@ -240,7 +240,10 @@ class _Composer:
         return text, entry.place
 
     def text(self, written: str, place: Place) -> str:
-        """Refuse escapes that stand for half a character: no file could hold the text."""
+        """Refuse escapes that stand for half a character or for the null character: no file could hold the text."""
+        if "\0" in written:
+            self.note(place, "an escape stands for the null character, which no text holds")
+            written = written.replace("\0", "\ufffd")
         if any("\ud800" <= letter <= "\udfff" for letter in written):
             self.note(place, "an escape stands for half a character (a lone surrogate)")
             return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in written)

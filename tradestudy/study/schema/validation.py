@@ -302,7 +302,9 @@ def _only_nearest(name: str, known: Iterable[str]) -> str:
 def _shown(entry: Entry | None) -> str:
     """Quote what was written: short, on one line."""
     if isinstance(entry, ScalarEntry):
-        text = " ".join(entry.text.split())
+        text = "".join(
+            letter if letter.isprintable() else repr(letter)[1:-1] for letter in " ".join(entry.text.split())
+        )
         if not text:
             return "an empty value"
         return f"'{text}'" if len(text) <= 40 else f"'{text[:37]}…'"

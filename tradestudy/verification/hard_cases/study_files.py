@@ -123,7 +123,12 @@ def _outward(case: Maker) -> tuple[OutcomeCase, ...]:
     inside = f'{{"../../etc": {_CAMERA}}}'
     return (
         *(
-            case(f"a study called {name[:20]!r}", "its name is that of its folder", study(name=name), "refused")
+            case(
+                f"a study called {name if len(name) < 20 else 'by 200 letters'}",
+                "its name is that of its folder",
+                study(name=name),
+                "refused",
+            )
             for name in names
         ),
         case("a camera called '../../etc'", "names are names", study(cameras=inside), "refused", "this is no name"),

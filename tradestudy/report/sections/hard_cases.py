@@ -1,0 +1,126 @@
+"""Hard cases: the usual formula beside ours where formulas break."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tradestudy.report import facts
+from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Picture, Spans, Table, Text, say
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tradestudy.figures.drawing import Drawing
+
+
+def hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Write the verdict, the figure, and a table of cases in numbers and one of cases in words for each family."""
+    rows = facts.records(tree, "hard_cases", "case")
+    if not rows:
+        return
+    yield Heading(text="Hard cases", anchor="hard-cases")
+    yield Callout(title="Where formulas break", blocks=(Paragraph(_verdict(rows)),), tone=_tone(rows))
+    yield Paragraph(
+        say(
+            "Every case is computed at each run by the formula as it is usually written and by the functions of this "
+            "program, and compared with thirty digits of multiple-precision arithmetic. Allowed is a relative error "
+            "of 10^−12^; where the condition number κ magnifies rounding beyond that, 10 κ ε with the machine epsilon "
+            "ε; and where a value is sampled, six of the standard errors that the computation states. Where the "
+            "ill-conditioned step is a difference of the inputs themselves, which floating point forms exactly, κ is "
+            "shown and not used."
+        )
+    )
+    if "hard_cases" in drawings:
+        drawing = drawings["hard_cases"]
+        yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
+    for family in dict.fromkeys(str(row["family"]) for row in rows):
+        yield from _family([row for row in rows if row["family"] == family], family)
+
+
+def _verdict(rows: list[dict[str, Any]]) -> Spans:
+    numbers = [row for row in rows if not row["outcome"]]
+    beyond = sum(not row["naive_error"] <= row["bound"] for row in numbers)
+    wrong = [str(row["case"]) for row in rows if not row["met"]]
+    return say(
+        "**{met} of {all} hard cases are met.** Of the {numbers} that are numbers, the usual formula misses the same "
+        "bound in {beyond}.{wrong}",
+        met=str(len(rows) - len(wrong)),
+        all=str(len(rows)),
+        numbers=str(len(numbers)),
+        beyond=str(beyond),
+        wrong=f" Not met: {'; '.join(wrong)}." if wrong else "",
+    )
+
+
+def _tone(rows: list[dict[str, Any]]) -> Any:
+    return "answer" if all(row["met"] for row in rows) else "warning"
+
+
+def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:
+    title = str(rows[0]["family_title"])
+    yield Heading(text=title, anchor=f"hard-cases-{family}", level=2)
+    numbers, outcomes = ([row for row in rows if bool(row["outcome"]) is asked] for asked in (False, True))
+    if numbers:
+        yield Table(
+            name=f"hard-cases-{family}-numbers",
+            caption=f"{title}: relative errors of the usual formula and of ours.",
+            columns=(
+                Column(title="Case", weight=3),
+                Column(title="Law", weight=3),
+                Column(title="κ", align="right"),
+                Column(title="Naive error", align="right"),
+                Column(title="Our error", align="right"),
+                Column(title="Bound", align="right"),
+                Column(title="Verdict"),
+            ),
+            rows=tuple(
+                (
+                    _name(row),
+                    str(row["law"]),
+                    _number(row["condition_number"]),
+                    _wrong(row["naive_error"], str(row["naive_answer"])),
+                    _wrong(row["our_error"], str(row["our_answer"])),
+                    _number(row["bound"]),
+                    _met(row),
+                )
+                for row in numbers
+            ),
+        )
+    if outcomes:
+        yield Table(
+            name=f"hard-cases-{family}-outcomes",
+            caption=f"{title}: cases whose right answer is in words.",
+            columns=(
+                Column(title="Case", weight=2),
+                Column(title="What is right", weight=2),
+                Column(title="The usual way", weight=3),
+                Column(title="Ours", weight=4),
+                Column(title="Verdict"),
+            ),
+            rows=tuple(
+                (_name(row), str(row["law"]), str(row["naive_answer"]), str(row["our_answer"]), _met(row))
+                for row in outcomes
+            ),
+        )
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    return str(row["case"]).removeprefix(f"{row['family']}: ")
+
+
+def _met(row: Mapping[str, Any]) -> Text:
+    return "met" if row["met"] else say("**not met**")
+
+
+def _wrong(error: float, answer: str) -> str:
+    """An error, or the answer itself where no number says how wrong it is."""
+    return f"wrong: {answer}" if np.isinf(error) else _number(error)
+
+
+def _number(value: float) -> str:
+    if np.isinf(value):
+        return "∞"
+    return f"{value:.3g}" if value == 0.0 or 1.0 <= value < 1e4 else f"{value:.1e}"

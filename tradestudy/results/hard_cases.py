@@ -1,0 +1,54 @@
+"""/hard_cases: every hard case by the usual formula and by ours, with what is allowed and the verdict."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import Variable
+
+_CASE: Final = ("case",)
+_OUTCOME: Final = "NaN where outcome says that the answer is in words"
+
+
+def _text(long_name: str) -> Variable:
+    return Variable(dims=_CASE, units="", long_name=long_name)
+
+
+def _error(long_name: str) -> Variable:
+    return Variable(
+        dims=_CASE,
+        units="1",
+        long_name=f"{long_name}; infinite for a wrong infinity, no number, or an exception, which the answer shows; "
+        f"{_OUTCOME}",
+        error="exact: the difference to thirty digits",
+    )
+
+
+HARD_CASES: Final[Mapping[str, Variable]] = {
+    "family": _text("part of the program, by its name in a study file"),
+    "family_title": _text("part of the program"),
+    "law": _text("what is computed"),
+    "naive_answer": _text("answer of the formula as it is usually written"),
+    "our_answer": _text("answer of this program"),
+    "expected": _text("reference of multiple precision, shortened, or what the right answer says"),
+    "outcome": Variable(
+        dims=_CASE, units="1", long_name="whether the right answer is in words: a refusal, a sign, a count"
+    ),
+    "naive_error": _error("relative error of the usual formula"),
+    "our_error": _error("relative error of this program"),
+    "bound": Variable(
+        dims=_CASE,
+        units="1",
+        long_name=f"relative error allowed; {_OUTCOME}",
+        error="1e-12, or ten machine epsilons times the condition number, or what the computation states",
+    ),
+    "condition_number": Variable(
+        dims=_CASE,
+        units="1",
+        long_name=f"relative change of the value per relative change of each input, summed; infinite at a pole or a "
+        f"jump; {_OUTCOME}",
+        error="four digits",
+    ),
+    "met": Variable(dims=_CASE, units="1", long_name="whether this program is right"),
+}

@@ -1,0 +1,28 @@
+"""Which hard cases a study asks for; they need neither cameras nor a scene."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from tradestudy.study.schema.base import Part
+
+FamilyName = Literal["thin-lens", "stereo", "phases", "equation-27", "depth-of-field", "propagation", "study-files"]
+EVERY_FAMILY: tuple[FamilyName, ...] = (
+    "thin-lens",
+    "stereo",
+    "phases",
+    "equation-27",
+    "depth-of-field",
+    "propagation",
+    "study-files",
+)
+
+
+class HardCasesPart(Part):
+    """Numerically hard cases, computed by the usual formula and by this program."""
+
+    families: Annotated[tuple[FamilyName, ...], Field(min_length=1, max_length=len(EVERY_FAMILY))] = Field(
+        default=EVERY_FAMILY, description="Families of cases; all of them if left out."
+    )
