@@ -44,8 +44,10 @@ def compose(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
 
 def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     yield from sharp_answer(tree, drawings)
-    yield from answer(tree, drawings)
-    yield PageBreak()
+    first_page = tuple(answer(tree, drawings))
+    yield from first_page
+    if first_page:
+        yield PageBreak()
     yield Contents()
     yield from cameras(tree)
     yield from assumptions(tree)
