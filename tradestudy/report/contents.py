@@ -43,8 +43,7 @@ def compose(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
 
 
 def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    yield from sharp_answer(tree, drawings)
-    first_page = tuple(answer(tree, drawings))
+    first_page = (*sharp_answer(tree, drawings), *answer(tree, drawings))
     yield from first_page
     if first_page:
         yield PageBreak()
