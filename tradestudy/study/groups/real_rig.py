@@ -29,7 +29,7 @@ def _rows(rig: RealRig) -> Iterator[tuple[str, str]]:
             words = name.removesuffix("_px").replace("_", " ")
             yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
     yield "residual of the pair with one relative pose", _px(fit.pair.corner_rms_px)
-    yield "correlation of opposing view means", significant(fit.means.correlation)
+    yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}"
     yield "left–right motion of the board that explains it", pretty(fit.explained.motion_scale, LENGTH)
     yield (
         "residual left by it, left and right",
