@@ -28,8 +28,8 @@ def test_inputs_and_results_that_differ_are_named_with_the_largest_move() -> Non
     )
     assert [(d.what, d.values) for d in found.inputs] == [("cameras.a.baseline", ("100 mm", "50 mm"))]
     assert [(d.what, d.values) for d in found.results] == [
-        ("depth/u", ("reference", "up to +25 % at distance=1")),
         ("claims/verdict at claim=C1", ("met", "not met")),
+        ("depth/u", ("reference", "up to +25 % at distance=1")),
     ]
 
 
@@ -44,8 +44,8 @@ def test_a_value_that_became_infinite_is_shown_and_a_missing_group_is_named() ->
     without = xr.DataTree.from_dict({"/depth": tree([1.0, np.inf, 3.0], "met")["depth"].to_dataset()})
     found = compare_runs(["one", "two"], [record("1 m")] * 2, [tree([1.0, 2.0, 3.0], "met"), without])
     assert [(d.what, d.values) for d in found.results] == [
-        ("depth/u", ("reference", "2 → inf at distance=1")),
         ("claims/verdict", ("present", "—")),
+        ("depth/u", ("reference", "2 → inf at distance=1")),
     ]
 
 

@@ -65,6 +65,9 @@ class Study:
         """Name of the study and of its report folder."""
         return self.file.study
 
+    def __repr__(self) -> str:
+        return f"<Study {self.check_summary()}>"
+
     @property
     def hash(self) -> str:
         """Of what the study says, with its cameras and overrides in place."""
@@ -73,7 +76,7 @@ class Study:
     def check_summary(self) -> str:
         """One line on what the study would compute."""
         file, case = self.file, self.definition.case
-        ends = f"{case.distance[0]:g} to {case.distance[-1]:g} m"
+        ends = f"; {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
         counted = [
             (len(file.cameras), "camera"),
             (len(case.distance), "distance"),
@@ -82,7 +85,7 @@ class Study:
             (len(file.requirements), "requirement"),
         ]
         words = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for count, word in counted if count)
-        return f"{self.name}: {words}; {ends}"
+        return f"{self.name}: {words}{ends}"
 
     def with_values(self, values: Mapping[str, str]) -> Study:
         """The same study with other values by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""
@@ -100,9 +103,11 @@ class Study:
 
         started = datetime.now(UTC)
         begin = time.perf_counter()
-        tree = compute(self.definition, progress)
+        seconds: dict[str, float] = {}
+        tree = compute(self.definition, progress, seconds)
+        seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
-        return Result(data=tree, run_record=self._record(started, {"compute": time.perf_counter() - begin}))
+        return Result(data=tree, run_record=self._record(started, seconds))
 
     def _record(self, started: datetime, seconds: Mapping[str, float]) -> dict[str, Any]:
         return {
@@ -142,6 +147,9 @@ class Result:
 
     data: xr.DataTree
     run_record: Mapping[str, Any]
+
+    def __repr__(self) -> str:
+        return f"<Result {self.data.attrs['study']}: {', '.join(self.data.children)}>"
 
     @property
     def unmet_requirements(self) -> list[str]:
@@ -185,6 +193,8 @@ class Result:
         return target
 
     def _repr_html_(self) -> str:
+        if "decision" not in self.data.children:
+            return f"<h3>{escape(str(self.data.attrs['title']))}</h3><p>{escape(', '.join(self.data.children))}</p>"
         best = self.data["decision"].to_dataset()["best_camera"].sel(way="both").to_series()
         runs = best.groupby((best != best.shift()).cumsum())
         rows = "".join(

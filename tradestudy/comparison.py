@@ -15,6 +15,10 @@ from tradestudy.errors import OutOfRangeError
 ABSENT: Final = "—"
 # Rounding of another machine or library moves the last digits; a study's reader does not care.
 _NEGLIGIBLE: Final = 1e-9
+_MOST_TEXTS: Final = 6
+# What was declared is compared as inputs; what a reader asks first comes first.
+_NOT_COMPARED: Final = ("assumptions", "cameras", "contradictions")
+_FIRST: Final = ("decision", "claims", "requirements")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,8 +74,8 @@ def _inputs(inputs: Sequence[Mapping[str, str]]) -> Iterator[Difference]:
 
 
 def _results(trees: Sequence[xr.DataTree]) -> Iterator[Difference]:
-    # The register of assumptions repeats inputs, which are compared value by value already.
-    groups = dict.fromkeys(name for tree in trees for name in tree.children if name != "assumptions")
+    names = dict.fromkeys(name for tree in trees for name in tree.children if name not in _NOT_COMPARED)
+    groups = sorted(names, key=lambda name: _FIRST.index(name) if name in _FIRST else len(_FIRST))
     for group in groups:
         tables = [tree[group].to_dataset() if group in tree.children else xr.Dataset() for tree in trees]
         for name in dict.fromkeys(str(name) for table in tables for name in table.data_vars):
@@ -99,19 +103,30 @@ def _text(what: str, columns: Sequence[xr.DataArray]) -> Iterator[Difference]:
     if any(column.shape != columns[0].shape for column in columns):
         yield Difference(what=what, values=tuple(f"{column.size} entries" for column in columns))
         return
-    for index in np.ndindex(columns[0].shape):
-        values = tuple(str(column.values[index]) for column in columns)
-        if len(set(values)) > 1:
-            yield Difference(what=f"{what}{_label(columns[0], index)}", values=values)
+    differing = [
+        (index, values)
+        for index in np.ndindex(columns[0].shape)
+        if len(set(values := tuple(str(column.values[index]) for column in columns))) > 1
+    ]
+    for index, values in differing[:_MOST_TEXTS]:
+        yield Difference(what=f"{what}{_label(columns[0], index)}", values=values)
+    if len(differing) > _MOST_TEXTS:
+        more = f"{len(differing) - _MOST_TEXTS} more"
+        yield Difference(what=what, values=("reference", *[f"differs in {more} places"] * (len(columns) - 1)))
 
 
 def _largest_move(first: xr.DataArray, other: xr.DataArray) -> str:
     """The largest relative change in words, with where it is; empty where nothing moved."""
     a, b = xr.align(first.astype(float), other.astype(float), join="inner")
+    if first.size == 0 and other.size == 0:
+        return ""
     if a.size == 0 or a.dims != b.dims:
         return "no common points"
     x, y = a.values, b.values
-    same = (x == y) | (np.isnan(x) & np.isnan(y))
+    # Far below the largest value of a variable numbers differ by what they are made of, not by what they mean.
+    finite = np.abs(x[np.isfinite(x)])
+    floor = _NEGLIGIBLE * float(finite.max()) if finite.size else 0.0
+    same = (x == y) | (np.isnan(x) & np.isnan(y)) | ((np.abs(x) <= floor) & (np.abs(y) <= floor))
     with np.errstate(divide="ignore", invalid="ignore"):  # infinite and zero references are outcomes, sorted out below
         move = np.where(same, 0.0, np.abs(y / x - 1.0))
     move = np.where(np.isnan(move) | (np.isinf(x) & ~same), math.inf, move)

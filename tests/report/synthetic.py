@@ -136,13 +136,18 @@ def _decision(keys: list[str]) -> xr.Dataset:
     by_way, by_place = np.array([20.0, 0.2, 1.0]), np.array([1.0, 1.1, 1.2])[:, None]
     ratio = np.array([3.4, 0.9, 5.0, 6.0])[:, None, None] * by_place * by_way
     certain = np.where(ratio < 1, keys[0], keys[2])
+    winner = np.where(np.array(PLACES)[:, None] < 0.391, keys[0], certain)
     values = {
         "best_camera": np.repeat(best[:, None], 3, axis=1),
         "reading_says": list(READINGS.values()),
         "uncertainty_ratio": ratio,
-        "winner": np.where(np.array(PLACES)[:, None] < 0.391, keys[0], certain),
+        "winner": winner,
         "more_certain": certain,
-        "flips": certain != certain[:1],
+        "flips": winner != winner[:1],
+        "certainty_flips": certain != certain[:1],
+        "change_distance": np.repeat(np.array([[[0.391]], [[0.391]], [[0.52]], [[np.nan]]]), 3, axis=1),
+        "change_nearer": np.repeat(np.array([[[keys[0]]]] * 3 + [[[""]]]), 3, axis=1),
+        "change_farther": np.repeat(np.array([[[keys[2]]]] * 3 + [[[""]]]), 3, axis=1),
         "crossover_distance": np.repeat(np.array([[[np.nan]], [[0.52]], [[0.4]], [[np.nan]]]), 3, axis=1),
         "crossover_nearer": np.repeat(np.array([[[""]], [[keys[0]]], [[keys[0]]], [[""]]]), 3, axis=1),
         "solved_value": [0.0119, np.nan],

@@ -183,7 +183,7 @@ def test_every_reading_has_its_marks_at_its_ratios(tree: xr.DataTree, panel: int
         expected = {
             (float(decision["uncertainty_ratio"][reading, place]), float(reading))
             for reading, place in np.ndindex(4, 3)
-            if bool(decision["flips"][reading, place]) == flipped
+            if bool(decision["certainty_flips"][reading, place]) == flipped
         }
         assert drawn == expected
 

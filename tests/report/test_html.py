@@ -143,8 +143,11 @@ def test_the_first_page_answers_the_question(page: Page) -> None:
 def test_the_first_page_says_what_flips_the_verdict(page: Page) -> None:
     # Ratios 3.4 at 0.3 m (the R5 is the only usable one) and 3.4 × 1.2 at 1 m; 0.9 under least squares, 1.08 at 1 m.
     stereo, r5 = "Stereo 100 mm, 65.24° across", "Raytrix R5, Keplerian"
-    assert ["0.3 m", stereo, "3.4", r5, "1 of 3: least-squares-all"] in page.rows
-    assert ["1 m", stereo, "4.1", stereo, "0 of 3"] in page.rows
+    assert ["0.3 m", r5, "0 of 3", stereo, "3.4"] in page.rows
+    assert ["1 m", stereo, "0 of 3", stereo, "4.1"] in page.rows
+    # Handed over at 0.391 m, under one reading at 0.391 m, under another at 0.52 m, under the last nowhere.
+    assert "the answer changes hands at 0.391 m; under the other readings between 0.391 m and 0.52 m" in page.text
+    assert "and nowhere under 1 of 3" in page.text
 
 
 def test_numbers_of_the_table_are_those_of_the_tree(page: Page, tree: xr.DataTree) -> None:

@@ -8,6 +8,7 @@ import pytest
 from tests.study.conftest import STUDIES
 from tradestudy.api import Result, Study, load
 from tradestudy.errors import StudyError
+from tradestudy.study.sweep import sweep_axes
 
 
 def value(result: Result, claim: str, reading: str = "as declared") -> float:
@@ -105,8 +106,31 @@ def test_calibration_of_the_plenoptic_camera_is_never_zero(headline_result: Resu
 def test_flips_are_counted_against_the_study_as_declared(headline_result: Result) -> None:
     table = headline_result.data["decision"].to_dataset()
     assert not table["flips"].sel(reading="as declared").any()
-    at_half = table["flips"].sel(place=0.5, way="both")
-    assert at_half["reading"].values[at_half.values].tolist() == ["least-squares-all"]
+    more_certain = table["certainty_flips"].sel(place=0.5, way="both")
+    assert more_certain["reading"].values[more_certain.values].tolist() == ["least-squares-all"]
+    # At half a metre the rig's own other focal lengths have too little overlap: then only the R5 is usable.
+    winner = table["flips"].sel(place=0.5, way="both")
+    assert winner["reading"].values[winner.values].tolist() == ["printed-focal-length", "diagonal"]
+
+
+def test_the_answer_changes_hands_where_overlap_begins(headline_result: Result) -> None:
+    table = headline_result.data["decision"].to_dataset().sel(way="both")
+    own = table.sel(reading="as declared")
+    found = [
+        (float(place), str(nearer), str(farther))
+        for place, nearer, farther in zip(
+            own["change_distance"].values, own["change_nearer"].values, own["change_farther"].values, strict=True
+        )
+        if np.isfinite(place)
+    ]
+    assert [names for _, *names in found] == [
+        ["", "raytrix-r5"],
+        ["raytrix-r5", "stereo-65-across"],
+        ["stereo-65-across", ""],
+    ]
+    # 80 % overlap: Z = B / (0.2 · 2 tan(65.24°/2)).
+    assert found[1][0] == pytest.approx(0.1 / (0.4 * np.tan(np.radians(65.24 / 2))), rel=1e-9)
+    assert set(table["best_camera"].values.tolist()) == {"", "raytrix-r5", "stereo-65-across", "stereo-short"}
 
 
 def test_other_cameras_give_sensible_different_answers(headline: Study) -> None:
@@ -132,6 +156,16 @@ def test_other_cameras_give_sensible_different_answers(headline: Study) -> None:
     assert r5_new > r5_old
 
 
+def test_a_sweep_holds_the_study_as_declared_too(headline: Study) -> None:
+    study = headline.with_values({"sweep": str({"stereo-short.baseline": ["10 mm", "40 mm"]}), "readings": "{}"})
+    assert [axis.labels for axis in sweep_axes(study.definition)] == [(0.01, 0.02, 0.04)]
+    choices = {"raytrix-r5.depth.estimator": ["adjacent-pair", "widest-pair"]}
+    study = headline.with_values({"sweep": str(choices), "readings": "{}", "claims": "{}"})
+    assert [axis.labels for axis in sweep_axes(study.definition)] == [
+        ("adjacent-pair", "widest-pair", "same-type-pair")
+    ]
+
+
 def test_a_sweep_adds_its_dimensions_and_holds_each_point(headline: Study) -> None:
     axes = {
         "stereo-short.baseline": ["10 mm", "20 mm", "40 mm"],
@@ -142,6 +176,7 @@ def test_a_sweep_adds_its_dimensions_and_holds_each_point(headline: Study) -> No
     depth = study.run().data["depth"].to_dataset()
     assert depth["depth_uncertainty"].dims == (*axes, "camera", "distance")
     assert depth["stereo-short.baseline"].values.tolist() == [0.01, 0.02, 0.04]
+    assert depth["stereo-short.baseline"].attrs["declared"] == 0.02
     single = headline.with_values({"stereo-short.baseline": "40 mm", "raytrix-r5.depth.estimator": "adjacent-pair"})
     alone = single.run().data["depth"].to_dataset()
     at = depth.sel({"stereo-short.baseline": 0.04, "raytrix-r5.depth.estimator": "adjacent-pair"})

@@ -43,7 +43,11 @@ def readings(tree: xr.DataTree) -> StudyFigure:
         figure = new_figure(1.15 + _ROW * len(names))
         panels = figure.subplots(1, len(WAY_TITLES), sharey=True, width_ratios=(2.2, 1.0, 1.0))
         for axes, (way, title) in zip(panels, WAY_TITLES.items(), strict=True):
-            _panel(axes, np.asarray(ratio.sel(way=way).values, dtype=np.float64), decision["flips"].sel(way=way).values)
+            _panel(
+                axes,
+                np.asarray(ratio.sel(way=way).values, dtype=np.float64),
+                decision["certainty_flips"].sel(way=way).values,
+            )
             axes.set_title(title, fontsize=7.5)
         panels[0].set_yticks(range(len(names)), [shortened(name, 30) for name in names])
         panels[0].get_yticklabels()[0].set_fontweight("bold")
@@ -54,7 +58,10 @@ def readings(tree: xr.DataTree) -> StudyFigure:
             axes.set_xlabel("the same ratio")
         handles = [_mark(order, len(places), filled=True) for order in range(len(places))]
         handles.append(_mark(0, 1, filled=False))
-        labels = [*(f"at {plain_number(place)} m" for place in places), "open: other camera than in the first row"]
+        labels = [
+            *(f"at {plain_number(place)} m" for place in places),
+            "open: the other camera is more certain than as declared",
+        ]
         legend(figure, handles, labels, columns=min(len(labels), 4))
     return figure
 

@@ -117,13 +117,13 @@ class Flips:
     place
         Distance [m].
     more_certain, winner
-        The camera of lower uncertainty, and the winner among the usable (may be empty), in the study's own reading.
+        The camera of lower uncertainty, and the better usable one (may be empty), in the study's own reading.
     ratio
         Uncertainty of the pair's first camera over that of the second, in the study's own reading.
     alternatives
         How many other readings there are.
     flipped
-        Those in which the other camera is more certain.
+        Those in which the winner is another one, and which (may be empty).
     """
 
     place: float
@@ -131,7 +131,7 @@ class Flips:
     winner: str
     ratio: float
     alternatives: int
-    flipped: tuple[str, ...]
+    flipped: tuple[tuple[str, str], ...]
 
 
 def flips(tree: xr.DataTree, way: str = "both") -> Iterator[Flips]:
@@ -149,8 +149,24 @@ def flips(tree: xr.DataTree, way: str = "both") -> Iterator[Flips]:
             winner=str(there["winner"].values[0]),
             ratio=float(there["uncertainty_ratio"].values[0]),
             alternatives=len(names) - 1,
-            flipped=tuple(name for name, flips_here in zip(names[1:], flipped[1:], strict=True) if flips_here),
+            flipped=tuple(
+                (name, str(winner))
+                for name, winner, flips_here in zip(names[1:], there["winner"].values[1:], flipped[1:], strict=True)
+                if flips_here
+            ),
         )
+
+
+def handovers(decision: xr.Dataset) -> Iterator[float]:
+    """Distances [m] where one camera of the pair takes over from the other, for one reading and one way."""
+    for place, nearer, farther in zip(
+        decision["change_distance"].values,
+        decision["change_nearer"].values,
+        decision["change_farther"].values,
+        strict=True,
+    ):
+        if np.isfinite(place) and nearer and farther:
+            yield float(place)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "way"),
         units="",
-        long_name="usable camera of lowest depth uncertainty; empty where none is usable",
+        long_name="candidate of lowest depth uncertainty among the usable; empty where none is usable",
     ),
     "winner": Variable(
         dims=("reading", "place", "way"),
@@ -32,9 +32,22 @@ DECISION: Final[Mapping[str, Variable]] = {
     "flips": Variable(
         dims=("reading", "place", "way"),
         units="1",
-        long_name="whether the more certain camera differs from the study's reading",
+        long_name="whether the winner differs from the study's reading",
     ),
     "reading_says": Variable(dims=("reading",), units="", long_name="what the reading assumes"),
+    "certainty_flips": Variable(
+        dims=("reading", "place", "way"),
+        units="1",
+        long_name="whether the more certain camera, usable or not, differs from the study's reading",
+    ),
+    "change_distance": Variable(
+        dims=("reading", "way", "change"),
+        units="m",
+        long_name="distance where the winner of the headline pair changes; NaN where there is none",
+        error="bracketed to the last digits; its range over readings is the error that matters",
+    ),
+    "change_nearer": Variable(dims=("reading", "way", "change"), units="", long_name="winner nearer than the change"),
+    "change_farther": Variable(dims=("reading", "way", "change"), units="", long_name="winner farther than the change"),
     "crossover_distance": Variable(
         dims=("reading", "way", "crossing"),
         units="m",

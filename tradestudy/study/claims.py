@@ -19,16 +19,22 @@ from tradestudy.study.focus_claims import (
 )
 from tradestudy.study.schema.questions import (
     ClaimPart,
+    CriterionFNumberClaim,
     DepthOfFieldClaim,
     DepthOfFieldRatioClaim,
     ExpectPart,
+    FresnelFNumberClaim,
+    ImageDifferenceClaim,
     LimitDistanceClaim,
+    LitPixelsClaim,
+    PsfErrorClaim,
     RelativeUncertaintyDistanceClaim,
     RequirementPart,
     ShareBetterClaim,
     UncertaintyRatioClaim,
 )
 from tradestudy.study.usable import boundaries, evaluate_limits
+from tradestudy.study.wave_claims import wave_claim_value, wave_claim_words
 from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, parse, pretty
 
 # Enough for a smooth curve over two decades; ends of ranges are always among them.
@@ -43,8 +49,10 @@ def claim_dimension(claim: ClaimPart) -> Dimension:
             return LENGTH
         case UncertaintyRatioClaim() | DepthOfFieldRatioClaim():
             return NUMBER
-        case ShareBetterClaim():
+        case ShareBetterClaim() | PsfErrorClaim() | ImageDifferenceClaim():
             return FRACTION
+        case FresnelFNumberClaim() | CriterionFNumberClaim() | LitPixelsClaim():
+            return NUMBER
 
 
 def claim_quantity(claim: ClaimPart) -> str:
@@ -57,7 +65,7 @@ def claim_quantity(claim: ClaimPart) -> str:
             return f"largest uncertainty of {claim.camera} over that of {claim.against}, {span} ({claim.way})"
         case ShareBetterClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
-            return f"share of {span} (log scale) where {claim.camera} is usable and better than {claim.against}"
+            return f"share of {span} (log scale) where {claim.camera} is usable and {claim.against} is not, or is less certain"
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
             return f"distance where the uncertainty of {claim.camera} reaches {share} of it ({claim.way})"
@@ -65,6 +73,8 @@ def claim_quantity(claim: ClaimPart) -> str:
             return depth_of_field_words(claim)
         case DepthOfFieldRatioClaim():
             return depth_of_field_ratio_words(claim)
+        case _:
+            return wave_claim_words(claim)
 
 
 def claim_value(claim: ClaimPart, case: Case) -> float:
@@ -92,6 +102,8 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
             return depth_of_field_value(claim, case)
         case DepthOfFieldRatioClaim():
             return depth_of_field_ratio(claim, case)
+        case _:
+            return wave_claim_value(claim, case.fresnel_validity, case.light_spot)
 
 
 def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
@@ -161,7 +173,9 @@ def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
         return "met", f"under every reading tried ({len(yes)})" if len(decided) > 1 else "no other reading was tried"
     if not yes:
         return "not met", f"under no reading tried ({len(no)})" if len(decided) > 1 else "no other reading was tried"
-    return "cannot be decided from the paper", f"met under {', '.join(yes)}; not met under {', '.join(no)}"
+    if len(yes) <= len(no):
+        return "cannot be decided from the paper", f"met under {', '.join(yes)}; not under the other {len(no)} readings"
+    return "cannot be decided from the paper", f"not met under {', '.join(no)}; met under the other {len(yes)} readings"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -32,13 +32,17 @@ class PairVerdict:
     ratio
         Uncertainty of the first camera over that of the second, shape (place, way).
     crossings
-        For each way, the distances [m] where the two are equal and the camera that is more certain nearer than that.
+        For each way, the distances [m] where the two are equally uncertain, usable or not, and the camera that is more
+        certain nearer than that.
+    changes
+        For each way, the distances [m] where the winner changes, and who wins nearer and farther.
     """
 
     winner: list[list[str]]
     more_certain: list[list[str]]
     ratio: FloatArray
     crossings: Mapping[str, tuple[tuple[float, str], ...]]
+    changes: Mapping[str, tuple[tuple[float, str, str], ...]]
 
 
 def is_usable(case: Case, name: str, distance: FloatArray) -> BoolArray:
@@ -58,18 +62,14 @@ def best_cameras(usable: Mapping[str, BoolArray], uncertainty: Mapping[str, Floa
 def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
     """Who of two cameras is more certain, and who wins among the usable, at places [m] and three ways."""
     first, second = (case.cameras[name] for name in pair)
-    usable = [is_usable(case, name, places) for name in pair]
     ratios = np.stack([_ratio(first, second, places, way) for way in WAYS], axis=-1)
-    more_certain = [[_more_certain(pair, r) for r in row] for row in ratios]
-    winner = [
-        [_winner(pair, bool(usable[0][i]), bool(usable[1][i]), name) for name in row]
-        for i, row in enumerate(more_certain)
-    ]
+    winners = [_winners(case, pair, places, way) for way in WAYS]
     return PairVerdict(
-        winner=winner,
-        more_certain=more_certain,
+        winner=[list(row) for row in zip(*winners, strict=True)],
+        more_certain=[[_more_certain(pair, r) for r in row] for row in ratios],
         ratio=ratios,
         crossings={way: _crossings(case, pair, way) for way in WAYS},
+        changes={way: _changes(case, pair, way) for way in WAYS},
     )
 
 
@@ -84,10 +84,27 @@ def _more_certain(pair: tuple[str, str], ratio: float) -> str:
     return "" if math.isnan(ratio) else pair[0] if ratio < 1.0 else pair[1]
 
 
-def _winner(pair: tuple[str, str], first_usable: bool, second_usable: bool, more_certain: str) -> str:
-    if first_usable and second_usable:
-        return more_certain
-    return pair[0] if first_usable else pair[1] if second_usable else ""
+def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, way: str) -> list[str]:
+    usable = {name: is_usable(case, name, distance) for name in pair}
+    return best_cameras(usable, {name: depth_uncertainty(case.cameras[name], distance, way) for name in pair})
+
+
+def _changes(case: Case, pair: tuple[str, str], way: str) -> tuple[tuple[float, str, str], ...]:
+    """Where the winner changes, from each camera's own stretches of winning."""
+    places: set[float] = set()
+    for name in pair:
+
+        def wins(points: FloatArray, name: str = name) -> BoolArray:
+            return np.array([winner == name for winner in _winners(case, pair, points, way)])
+
+        places |= {end.distance for end in boundaries(wins, case.distance)}
+    found: list[tuple[float, str, str]] = []
+    for place in sorted(places):
+        nearer, farther = _winners(case, pair, np.array([place * (1.0 - 1e-9), place * (1.0 + 1e-9)]), way)
+        # Both cameras change at one place, to the last digit or next to it: it is told once.
+        if nearer != farther and not (found and place <= found[-1][0] * (1.0 + 1e-9)):
+            found.append((place, nearer, farther))
+    return tuple(found)
 
 
 def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[tuple[float, str], ...]:
@@ -153,4 +170,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     if not report.converged:
         raise NotConvergedError("an inverse question was not solved", value=question.says, remedy="narrow its ends")
     value = math.exp(root)
-    return Solved(value=value, dimension=dimension, answer=pretty(value, dimension, digits=3))
+    answer = pretty(value, dimension, digits=3)
+    if definition.document.entry(question.vary) is not None:
+        answer += f" (declared: {definition.document.text_of(question.vary)})"
+    return Solved(value=value, dimension=dimension, answer=answer)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,8 @@ MOST_POINTS = 20_000
 class SweepAxis:
     """One swept value: its dotted path, the text of each value, and labels (SI floats, or text for choices).
 
-    ``declared`` is the value that the study has without the sweep, as a label; empty text where it has none.
+    ``declared`` is the value that the study has without the sweep, as one of the labels; empty text where it has none.
+    Numbers stand in increasing order.
     """
 
     path: str
@@ -73,18 +75,25 @@ def _values_of_range(path: str, part: SweepRangePart) -> tuple[str, ...]:
 
 
 def _axis(path: str, values: tuple[str, ...], definition: StudyDefinition) -> SweepAxis:
+    """An axis of the declared values and of the study's own, so that the study as declared is among its designs."""
     entry = definition.document.entry(path)
     declared = "" if entry is None else definition.document.text_of(path)
-    dimension = common_dimension(*values)
+    dimension = common_dimension(*values, *([declared] if declared else []))
     if dimension is None:
-        return SweepAxis(path=path, values=values, labels=values, units="", declared=declared)
-    alike = common_dimension(declared, *values)
+        every = values if not declared or declared in values else (*values, declared)
+        return SweepAxis(path=path, values=every, labels=every, units="", declared=declared)
+    labels = {parse(value, dimension): value for value in values}
+    own = parse(declared, dimension) if declared else math.nan
+    # The ends of a range lose a digit in their own arithmetic; a value that close is the declared one.
+    if declared and not any(math.isclose(label, own, rel_tol=1e-12) for label in labels):
+        labels[own] = declared
+    ordered = sorted(labels)
     return SweepAxis(
         path=path,
-        values=values,
-        labels=tuple(parse(value, dimension) for value in values),
+        values=tuple(labels[label] for label in ordered),
+        labels=tuple(ordered),
         units=dimension.unit or "1",
-        declared=parse(declared, alike) if alike else declared,
+        declared=next((label for label in labels if math.isclose(label, own, rel_tol=1e-12)), ""),
     )
 
 

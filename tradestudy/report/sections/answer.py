@@ -36,7 +36,7 @@ def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block
     yield Heading(text="The answer", anchor="answer")
     yield Callout(
         title="Which camera for which distance",
-        blocks=(Bullets((*_stretches(tree), *_ways(tree), *_solved(tree))),),
+        blocks=(Bullets((*_stretches(tree), *_changes(tree), *_ways(tree), *_solved(tree))),),
         tone="answer",
     )
     if "whole_range" in drawings:
@@ -96,6 +96,31 @@ def _largest_part(depth: xr.Dataset, camera: str, place: float) -> str:
     return in_words(str(parts["part"].values[int(np.nanargmax(np.asarray(parts.values, dtype=np.float64)))]))
 
 
+def _changes(tree: xr.DataTree) -> Iterator[Spans]:
+    """Where the verdict on the headline pair changes hands, and how far other readings move that."""
+    if not facts.has(tree, "decision", "change_distance"):
+        return
+    decision, titles = facts.dataset(tree, "decision").sel(way="both"), facts.titles(tree)
+    first, second = (titles[decision.attrs[end]] for end in ("first", "second"))
+    handed = [list(facts.handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
+    own = "at " + " and ".join(distance(place) for place in handed[0]) if handed[0] else "nowhere"
+    others = [place for row in handed[1:] for place in row]
+    alone = sum(not row for row in handed[1:])
+    moved = (
+        f"; under the other readings between {distance(min(others))} and {distance(max(others))}"
+        + (f", and nowhere under {alone} of {len(handed) - 1}" if alone else "")
+        if others
+        else ""
+    )
+    yield say(
+        "Between {first} and {second} the answer changes hands **{own}**{moved}.",
+        first=first,
+        second=second,
+        own=own,
+        moved=moved,
+    )
+
+
 def _ways(tree: xr.DataTree) -> Iterator[Spans]:
     """Whom noise alone and calibration alone favour, at how many of the declared distances."""
     if not facts.has(tree, "decision", "more_certain"):
@@ -131,22 +156,23 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Table(
         name="verdict-table",
-        caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: who is more certain, "
-        "and under which other readings of the open questions that flips.",
+        caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: which of the two is usable "
+        "and better, and under which other readings of the open questions another answer comes out. Beside it, which is "
+        "more certain whether it is usable or not.",
         columns=(
             Column(title="At", align="right"),
+            Column(title="Better usable"),
+            Column(title="Flips under", weight=1),
             Column(title="More certain"),
             Column(title="by a factor", align="right"),
-            Column(title="Best usable"),
-            Column(title="Flips under", weight=1),
         ),
         rows=tuple(
             (
                 distance(one.place),
+                titles[one.winner],
+                _flipped(one, titles),
                 titles[one.more_certain],
                 _factor(one.ratio),
-                titles[one.winner],
-                _flipped(one),
             )
             for one in flips
         ),
@@ -160,12 +186,12 @@ def _factor(ratio: float) -> str:
     return significant(max(ratio, 1.0 / ratio), 2) if 0.0 < ratio < np.inf else "∞"
 
 
-def _flipped(one: facts.Flips) -> Text:
+def _flipped(one: facts.Flips, titles: Mapping[str, str]) -> Text:
     if not one.alternatives:
         return "no other reading was tried"
     return say(
         "**{count} of {all}**{names}",
         count=str(len(one.flipped)),
         all=str(one.alternatives),
-        names=(": " if one.flipped else "") + ", ".join(one.flipped),
+        names=(": " if one.flipped else "") + ", ".join(f"{name} ({titles[winner]})" for name, winner in one.flipped),
     )

@@ -174,13 +174,13 @@ def requirements(tree: xr.DataTree) -> Iterator[Block]:
     yield Table(
         name="requirement-table",
         caption="Requirements of the study, each with the camera that comes nearest; a positive margin is room to "
-        "spare, in % of the worst value and in estimated errors σ of it.",
+        "spare, in % of the worst value and as a multiple of that value's estimated numerical error.",
         columns=(
             Column(title="Requirement", weight=3),
             Column(title="Met"),
             Column(title="Camera", weight=2),
             Column(title="Margin", unit="%", align="right"),
-            Column(title="Margin", unit="σ", align="right"),
+            Column(title="Margin over its numerical error", align="right"),
             Column(title="Why", weight=3),
         ),
         rows=tuple(

@@ -201,7 +201,7 @@ def _parts(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
 
 def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """The verdict under every reading, the crossovers, and the inverse questions."""
-    if facts.has(tree, "decision", "uncertainty_ratio", "flips", "reading_says"):
+    if facts.has(tree, "decision", "uncertainty_ratio", "certainty_flips", "reading_says"):
         decision, titles = facts.dataset(tree, "decision"), facts.titles(tree)
         pair = {end: titles[decision.attrs[end]] for end in ("first", "second")}
         yield Heading(text="The decision under every reading", anchor="decision", level=2)
@@ -225,13 +225,13 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
     def cell(reading: Any, place: Any) -> Text:
         at = both.sel(reading=reading, place=place)
         text = _ratio(float(at["uncertainty_ratio"]))
-        return say("**{text}**", text=text) if bool(at["flips"]) else text
+        return say("**{text}**", text=text) if bool(at["certainty_flips"]) else text
 
     places = decision["place"].values
     return Table(
         name="reading-table",
         caption=f"Uncertainty of {pair['first']} over that of {pair['second']}, noise and calibration together, under "
-        "every reading; bold where the verdict flips.",
+        "every reading; bold where another camera is more certain than as declared.",
         columns=(
             Column(title="Reading"),
             Column(title="assumes that", weight=1),
@@ -264,9 +264,9 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
         return
     yield Paragraph(
         say(
-            "In the study as declared the two are equally uncertain {own}. Under {count} of the {all} other "
-            "readings they are so somewhere between {low} and {high}; this is a range of assumptions, not a "
-            "confidence interval.",
+            "In the study as declared the two are equally uncertain {own}, usable there or not. Under {count} of the "
+            "{all} other readings they are so somewhere between {low} and {high}; this is a range of assumptions, "
+            "not a confidence interval. Where the answer itself changes hands stands on the first page.",
             own=text,
             count=str(int(np.isfinite(values[1:]).any(axis=1).sum())),
             all=str(len(values) - 1),

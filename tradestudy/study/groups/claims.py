@@ -33,7 +33,9 @@ def claims_group(definition: StudyDefinition, readings: Mapping[str, StudyDefini
     for row, (key, claim) in enumerate(claims.items()):
         dimension = claim_dimension(claim)
         answers: dict[str, bool | None] = {}
-        for name in (claim.reading or declared, *claim.under):
+        own = claim.reading or declared
+        others = [name for name in names if name != own] if claim.under == "all" else claim.under
+        for name in (own, *others):
             column = names.index(name)
             # A reading may change what is asked too, such as the blur that counts as sharp; never what is expected.
             value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)

@@ -25,12 +25,15 @@ def decision_group(
     coordinates: dict[str, Any] = {"distance": case.distance, "way": list(WAYS)}
     attributes: dict[str, Any] = {}
     nominal = depth if depth["depth_uncertainty"].ndim == 2 else depth_as_declared(definition)
-    names = list(case.cameras)
-    usable = {name: nominal["usable"].values[i] for i, name in enumerate(names)}
+    rows = {name: i for i, name in enumerate(case.cameras)}
+    names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
+    usable = {name: nominal["usable"].values[rows[name]] for name in names}
     values["best_camera"] = np.stack(
         [
             np.array(
-                best_cameras(usable, {n: nominal["depth_uncertainty_way"].values[i, :, w] for i, n in enumerate(names)})
+                best_cameras(
+                    usable, {name: nominal["depth_uncertainty_way"].values[rows[name], :, w] for name in names}
+                )
             )
             for w in range(len(WAYS))
         ],
@@ -58,16 +61,23 @@ def decision_group(
 
 def _pair_arrays(verdicts: Mapping[str, PairVerdict]) -> dict[str, Any]:
     first = next(iter(verdicts.values()))
-    most = max((len(c) for v in verdicts.values() for c in v.crossings.values()), default=0)
-    crossings = [
-        [[*v.crossings[way], *[(math.nan, "")] * (max(most, 1) - len(v.crossings[way]))] for way in WAYS]
-        for v in verdicts.values()
-    ]
+    crossings = _padded([v.crossings for v in verdicts.values()], (math.nan, ""))
+    changes = _padded([v.changes for v in verdicts.values()], (math.nan, "", ""))
     return {
         "winner": np.array([v.winner for v in verdicts.values()]),
         "more_certain": np.array([v.more_certain for v in verdicts.values()]),
         "uncertainty_ratio": np.stack([v.ratio for v in verdicts.values()]),
-        "flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
+        "flips": np.array([v.winner for v in verdicts.values()]) != np.array(first.winner),
+        "certainty_flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
+        "change_distance": np.array([[[c[0] for c in way] for way in reading] for reading in changes]),
+        "change_nearer": np.array([[[c[1] for c in way] for way in reading] for reading in changes]),
+        "change_farther": np.array([[[c[2] for c in way] for way in reading] for reading in changes]),
         "crossover_distance": np.array([[[c[0] for c in way] for way in reading] for reading in crossings]),
         "crossover_nearer": np.array([[[c[1] for c in way] for way in reading] for reading in crossings]),
     }
+
+
+def _padded(rows: list[Mapping[str, tuple[Any, ...]]], absent: tuple[Any, ...]) -> list[list[list[Any]]]:
+    """Rows of events by way, all of one length and of one event at least."""
+    most = max((len(events) for row in rows for events in row.values()), default=0)
+    return [[[*row[way], *[absent] * (max(most, 1) - len(row[way]))] for way in WAYS] for row in rows]
