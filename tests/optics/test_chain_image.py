@@ -96,7 +96,7 @@ def nested_pixels(path: LightPath, source: PointSource, legs: Legs, pixels: list
     before = kernel(legs.to_array, u - source.x, v - source.y, source.distance)
     pupil_power = np.sum(w * np.abs(before) ** 2)
     behind = w * before * np.exp(-1j * k * (u**2 + v**2) / (2 * path.main_lens.focal_length))
-    t, g = np.polynomial.legendre.leggauss(5)
+    t, g = np.polynomial.legendre.leggauss(7)
     h = path.pixels.pitch
     at = [
         (path.pixels.edges_x[j] + h * (1 + a) / 2, path.pixels.edges_y[i] + h * (1 + b) / 2)
