@@ -14,9 +14,11 @@ import xarray as xr
 from tradestudy.results.calibration import CALIBRATION, DECISION_ADDITIONS, SENSITIVITY
 from tradestudy.results.depth import DEPTH
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
+from tradestudy.results.hard_cases import HARD_CASES
 from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
 from tradestudy.results.registers import ASSUMPTIONS, CAMERAS, CONTRADICTIONS, CRITERIA
 from tradestudy.results.variable import PAPER, Variable
+from tradestudy.results.wave_optics import FRESNEL_VALIDITY, IMAGES, POINT_SPREAD
 
 __all__ = ["FORMAT_VERSION", "GROUPS", "PAPER", "Variable", "dataset"]
 
@@ -30,6 +32,10 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "decision": {**DECISION, **DECISION_ADDITIONS},
     "calibration": CALIBRATION,
     "sensitivity": SENSITIVITY,
+    "fresnel_validity": FRESNEL_VALIDITY,
+    "images": IMAGES,
+    "point_spread": POINT_SPREAD,
+    "hard_cases": HARD_CASES,
     "claims": CLAIMS,
     "requirements": REQUIREMENTS,
     "assumptions": ASSUMPTIONS,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +17,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of
 from tradestudy.study.reader import Document, validate, with_values
 from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +31,9 @@ class Case:
     all_cameras
         Every camera of the study, in its order.
     criteria, distance, wavelength
-        Limits of the usable range, distances [m], and the light [m].
+        Limits of the usable range, distances [m], and the light [m]; no distances and NaN in a study without a scene.
+    fresnel_validity, light_spot
+        What is asked of wave optics.
     """
 
     cameras: Mapping[str, DepthCamera]
@@ -37,6 +41,8 @@ class Case:
     criteria: UsableCriteria
     distance: FloatArray
     wavelength: float
+    fresnel_validity: FresnelValidityPart | None = None
+    light_spot: LightSpotPart | None = None
 
 
 @dataclass(frozen=True)
@@ -80,12 +86,15 @@ class StudyDefinition:
                 problems.append(Problem(file=file, line=line, column=column, path=f"cameras.{name}", what=str(error)))
         if problems:
             raise StudyError(problems)
+        scene = self.file.scene
         return Case(
             cameras={name: camera for name, camera in cameras.items() if not isinstance(camera, ConventionalCamera)},
             all_cameras=cameras,
             criteria=criteria_of(self.file.usable),
-            distance=np.array(self.file.scene.distance_values()),
-            wavelength=self.file.scene.wavelength,
+            distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
+            wavelength=math.nan if scene is None else scene.wavelength,
+            fresnel_validity=self.file.fresnel_validity,
+            light_spot=self.file.light_spot,
         )
 
     def with_values(
@@ -122,7 +131,9 @@ class StudyDefinition:
             try:
                 found[name] = self.with_values(reading.set, written_at=("readings", name, "set"))
             except StudyError as error:
-                problems += error.problems
+                problems += [
+                    replace(problem, what=f"in reading '{name}': {problem.what}") for problem in error.problems
+                ]
         if problems:
             raise StudyError(problems)
         return found

@@ -11,14 +11,22 @@ from tradestudy.study.groups.criteria import criteria_group
 from tradestudy.study.groups.decision import decision_group
 from tradestudy.study.groups.depth import depth_group
 from tradestudy.study.groups.depth_of_field import depth_of_field_group
+from tradestudy.study.groups.fresnel_validity import fresnel_validity_group
+from tradestudy.study.groups.hard_cases import hard_cases_group
+from tradestudy.study.groups.images import images_group
 from tradestudy.study.groups.registers import assumptions_group, cameras_group, contradictions_group
 from tradestudy.study.groups.uncertain import uncertain_groups
 from tradestudy.study.progress import Progress
+from tradestudy.study.timing import Seconds
 
 NOMINAL = "as declared"
 
 
-def compute(definition: StudyDefinition, progress: Progress = lambda _step, _share: None) -> xr.DataTree:
+def compute(
+    definition: StudyDefinition,
+    progress: Progress = lambda _step, _share: None,
+    seconds: Seconds | None = None,
+) -> xr.DataTree:
     """Compute everything that a study asks for.
 
     Parameters
@@ -27,6 +35,8 @@ def compute(definition: StudyDefinition, progress: Progress = lambda _step, _sha
         The study.
     progress
         Called with the name of the step and the share done, 0 … 1.
+    seconds
+        Takes what the parts that are timed took.
 
     Returns
     -------
@@ -34,6 +44,7 @@ def compute(definition: StudyDefinition, progress: Progress = lambda _step, _sha
         As declared in `tradestudy.results`.
     """
     file = definition.file
+    seconds = {} if seconds is None else seconds
     readings = {NOMINAL: definition, **definition.readings}
     groups: dict[str, xr.Dataset] = {
         "/": xr.Dataset(
@@ -42,7 +53,7 @@ def compute(definition: StudyDefinition, progress: Progress = lambda _step, _sha
                 "study": file.study,
                 "title": file.title,
                 "question": file.question,
-                "wavelength": file.scene.wavelength,
+                **({} if file.scene is None else {"wavelength": file.scene.wavelength}),
             }
         ),
         "/cameras": cameras_group(definition),
@@ -60,6 +71,12 @@ def compute(definition: StudyDefinition, progress: Progress = lambda _step, _sha
         groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field)
         if file.criteria is not None:
             groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field)
+    if file.fresnel_validity is not None:
+        groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
+    if file.light_spot is not None:
+        groups["/images"] = images_group(file.light_spot, progress, seconds)
+    if file.hard_cases is not None:
+        groups["/hard_cases"] = hard_cases_group(file.hard_cases, progress)
     progress("claims", 0.0)
     if file.claims:
         groups["/claims"] = claims_group(definition, readings)

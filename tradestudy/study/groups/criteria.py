@@ -19,7 +19,7 @@ def criteria_group(definition: StudyDefinition, asked: CriteriaPart, focus: Dept
     relief = Relief(
         near=focus.scene[0],
         far=focus.scene[1],
-        sharp=blur_criterion_of(next(iter(focus.sharp.values())), definition.file.scene.wavelength),
+        sharp=blur_criterion_of(next(iter(focus.sharp.values())), definition.case.wavelength),
         step_height=asked.step_height,
         surface_tilt=asked.surface_tilt,
     )

@@ -26,7 +26,7 @@ _SCENE_POINTS: Final = 401
 
 def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -> xr.Dataset:
     """/depth_of_field over (camera, criterion, distance)."""
-    case, wavelength = definition.case, definition.file.scene.wavelength
+    case, wavelength = definition.case, definition.case.wavelength
     cameras = case.all_cameras
     sharp = {name: blur_criterion_of(part, wavelength) for name, part in asked.sharp.items()}
     ranges = [[camera.focus.sharp_range(criterion) for criterion in sharp.values()] for camera in cameras.values()]

@@ -14,8 +14,10 @@ from tradestudy.study.schema.quantities import (
     PositiveLength,
     PositiveNumber,
     PositivePixels,
+    PositiveWavelength,
     QuantityText,
 )
+from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, MethodName, PositiveWaves, PsfMetric
 
 Way = Literal["noise", "calibration", "both"]
 Text = Annotated[str, Field(min_length=1, max_length=2000)]
@@ -50,6 +52,10 @@ class DecisionPart(Part):
 
     between: Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2)]
     at: Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=20)]
+    candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Cameras among which the best is named; default: all. Other readings of one device are no candidates.",
+    )
 
 
 class ReadingPart(Part):
@@ -96,7 +102,9 @@ class _ClaimPart(Part):
     reading: CameraName | None = Field(
         default=None, description="The reading that the claim itself takes; default: the study as declared."
     )
-    under: tuple[CameraName, ...] = Field(default=(), description="Readings of the assumptions it is also tried under.")
+    under: tuple[CameraName, ...] | Literal["all"] = Field(
+        default=(), description="Readings of the assumptions it is also tried under; all: every one of the study."
+    )
 
 
 class LimitDistanceClaim(_ClaimPart):
@@ -171,13 +179,75 @@ class DepthOfFieldRatioClaim(_ClaimPart):
         return self
 
 
+class PsfErrorClaim(_ClaimPart):
+    """How far Fresnel's point-spread function on axis is from Kirchhoff's at one f-number."""
+
+    of: Literal["psf_error"]
+    element: ElementName
+    f_number: PositiveNumber
+    wavelength: PositiveWavelength
+    lens_phase: LensPhaseName
+    metric: PsfMetric
+    window: PositiveNumber = Field(description="In Airy radii.")
+
+
+class FresnelFNumberClaim(_ClaimPart):
+    """The least f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
+
+    of: Literal["fresnel_f_number"]
+    element: ElementName
+    error: PositiveFraction
+    wavelength: PositiveWavelength
+    lens_phase: LensPhaseName
+    metric: PsfMetric
+    window: PositiveNumber = Field(description="In Airy radii.")
+
+
+class CriterionFNumberClaim(_ClaimPart):
+    """The least f-number for Fresnel by one of the closed-form criteria."""
+
+    of: Literal["criterion_f_number"]
+    element: ElementName
+    criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"]
+    wavelength: PositiveWavelength
+    path_error: PositiveWaves | None = Field(default=None, description="Of the criterion path-error.")
+
+    @model_validator(mode="after")
+    def _path_error_where_it_belongs(self) -> Self:
+        if (self.criterion == "path-error") != (self.path_error is not None):
+            raise MistakeAt(("path_error",), "belongs to the criterion path-error, which needs it")
+        return self
+
+
+class ImageDifferenceClaim(_ClaimPart):
+    """Sum of absolute differences between two images of the light spot, over the sum of the second."""
+
+    of: Literal["image_difference"]
+    method: MethodName
+    reference: MethodName
+
+
+class LitPixelsClaim(_ClaimPart):
+    """How many times more pixels one method lights than another, above a share of the brightest pixel's light."""
+
+    of: Literal["lit_pixels_ratio"]
+    method: MethodName
+    reference: MethodName
+    above: PositiveFraction
+
+
 ClaimPart = Annotated[
     LimitDistanceClaim
     | UncertaintyRatioClaim
     | ShareBetterClaim
     | RelativeUncertaintyDistanceClaim
     | DepthOfFieldClaim
-    | DepthOfFieldRatioClaim,
+    | DepthOfFieldRatioClaim
+    | PsfErrorClaim
+    | FresnelFNumberClaim
+    | CriterionFNumberClaim
+    | ImageDifferenceClaim
+    | LitPixelsClaim,
     Field(discriminator="of"),
 ]
 

@@ -12,6 +12,7 @@ from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.calibration import CalibrationStudyPart, calibration_mistakes
 from tradestudy.study.schema.cameras import CameraPart, measures_depth
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
+from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.study.schema.questions import (
     ClaimPart,
     DecisionPart,
@@ -24,6 +25,8 @@ from tradestudy.study.schema.questions import (
     UsablePart,
 )
 from tradestudy.study.schema.scene import ScenePart
+from tradestudy.study.schema.wave_claims import wave_claim_mistakes
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, PointSpreadPart
 
 FORMAT = 1
 NAME_PATTERN = r"^[\w][\w.+-]*$"
@@ -39,13 +42,17 @@ class StudyFile(Part):
     study: Name = Field(description="Name of the study and of its report folder.")
     title: Text
     question: Text
-    cameras: Annotated[dict[Name, CameraPart], Field(min_length=1, max_length=100)]
-    scene: ScenePart
+    cameras: Annotated[dict[Name, CameraPart], Field(max_length=100)] = {}
+    scene: ScenePart | None = None
     usable: UsablePart = UsablePart()
     depth_of_field: DepthOfFieldPart | None = None
     criteria: CriteriaPart | None = None
     decision: DecisionPart | None = None
     calibration: CalibrationStudyPart | None = None
+    fresnel_validity: FresnelValidityPart | None = None
+    light_spot: LightSpotPart | None = None
+    point_spread: PointSpreadPart | None = None
+    hard_cases: HardCasesPart | None = None
     readings: dict[Name, ReadingPart] = {}
     solve: dict[Name, SolvePart] = {}
     claims: dict[Name, ClaimPart] = {}
@@ -79,6 +86,14 @@ class StudyFile(Part):
             for path, name in self._asked_for_depth()
             if name in self.cameras and not measures_depth(self.cameras[name])
         ]
+        without_cameras = (self.fresnel_validity, self.light_spot, self.point_spread, self.hard_cases)
+        if not self.cameras and all(part is None for part in without_cameras):
+            mistakes.append(MistakeAt(("cameras",), "this key is missing or empty, and nothing else is asked for"))
+        if self.cameras and self.scene is None:
+            mistakes.append(MistakeAt(("scene",), "this key is missing; cameras need it"))
+        mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
+        if self.depth_of_field is not None and not self.cameras:
+            mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
         if self.criteria is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("criteria",), "needs depth_of_field, whose scene it is worked out for"))
         if self.calibration is not None:
@@ -99,8 +114,9 @@ class StudyFile(Part):
 def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
     """Every place of a study that speaks of a camera by name, with the name as written."""
     named: list[tuple[Location, Any]] = []
-    pair = _mapping(tree.get("decision")).get("between")
-    named += [(("decision", "between", i), name) for i, name in enumerate(_list(pair))]
+    decision = _mapping(tree.get("decision"))
+    for word in ("between", "candidates"):
+        named += [(("decision", word, i), name) for i, name in enumerate(_list(decision.get(word)))]
     for key, question in _mapping(tree.get("solve")).items():
         named += [(("solve", key, "equal", i), name) for i, name in enumerate(_list(_mapping(question).get("equal")))]
     for key, claim in _mapping(tree.get("claims")).items():

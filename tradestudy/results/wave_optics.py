@@ -1,0 +1,203 @@
+"""/fresnel_validity, /images, /point_spread: what wave optics finds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import PAPER, ROUNDING, Variable
+
+_MEASURED = f"{PAPER}, Figure 6, whose measure, window and wavelength are not stated"
+_ELEMENT = ("element", "wavelength")
+
+
+def _f_number(dims: tuple[str, ...], long_name: str, reference: str, error: str = ROUNDING) -> Variable:
+    return Variable(dims=dims, units="1", long_name=long_name, symbol="F", reference=reference, error=error)
+
+
+FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
+    "title": Variable(dims=("element",), units="", long_name="name of the lens in figures and tables"),
+    "focal_length": Variable(dims=("element",), units="m", long_name="focal length", symbol="f", error="declared"),
+    "object_distance": Variable(
+        dims=("element",), units="m", long_name="distance of the object in focus", symbol="a", error="declared"
+    ),
+    "image_distance": Variable(
+        dims=("element",), units="m", long_name="in-focus image distance", symbol="b", error=ROUNDING
+    ),
+    "camera_f_number": _f_number(("element",), "f-number at which the camera uses the lens", "", "declared"),
+    "published_f_number": _f_number(("element",), "f-number of a published error; NaN for none", "", "declared"),
+    "published_error": Variable(
+        dims=("element",), units="1", long_name="published error there; NaN for none", error="as read off by its source"
+    ),
+    "published_minimum": _f_number(
+        ("element",), "published least f-number for Fresnel; NaN for none", f"{PAPER}, section 5.3", "as printed"
+    ),
+    "psf_error": Variable(
+        dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
+        units="1",
+        long_name="error of Fresnel's point-spread function against Kirchhoff's, in focus on the axis",
+        reference=_MEASURED,
+        error="see psf_error_numerical",
+    ),
+    "psf_error_numerical": Variable(
+        dims=("element", "lens_phase", "wavelength", "f_number", "metric", "window"),
+        units="1",
+        long_name="numerical error of psf_error",
+        error="an estimate itself",
+    ),
+    "off_axis_error": Variable(
+        dims=("element", "lens_phase", "f_number", "metric", "window"),
+        units="1",
+        long_name="the same away from the axis, about the thin-lens image",
+        reference=_MEASURED,
+        error="see off_axis_error_numerical",
+    ),
+    "off_axis_error_numerical": Variable(
+        dims=("element", "lens_phase", "f_number", "metric", "window"),
+        units="1",
+        long_name="numerical error of off_axis_error",
+        error="an estimate itself",
+    ),
+    "published_point_error": Variable(
+        dims=("element", "lens_phase", "wavelength", "metric", "window"),
+        units="1",
+        long_name="error of Fresnel's point-spread function on axis at the f-number of the published error, or of the "
+        "camera where none is published",
+        reference=_MEASURED,
+        error="see published_point_error_numerical",
+    ),
+    "published_point_error_numerical": Variable(
+        dims=("element", "lens_phase", "wavelength", "metric", "window"),
+        units="1",
+        long_name="numerical error of published_point_error",
+        error="an estimate itself",
+    ),
+    "limit_f_number": _f_number(
+        ("element", "lens_phase", "wavelength", "metric", "window"),
+        "least f-number from which the error on axis stays below the limit of the study; 0 where it does so over the "
+        "whole range compared, infinite where it exceeds the limit at its end",
+        _MEASURED,
+        "root to 1e-4 relative; the error of psf_error over its slope",
+    ),
+    "paper_eq27_f_number": _f_number(
+        (*_ELEMENT, "zero"), "criterion as printed, both zeros; not to be trusted, see condition", f"{PAPER}, eq. 27"
+    ),
+    "paper_eq27_condition": Variable(
+        dims=_ELEMENT,
+        units="1",
+        long_name="how many times a relative change of a length is magnified in the fractional part that decides the "
+        "criterion as printed",
+        reference=f"{PAPER}, eq. 27",
+        error=ROUNDING,
+    ),
+    "paper_eq27_sweep": _f_number(
+        (*_ELEMENT, "zero", "quarter_wave"),
+        "criterion as printed while object and image distance together grow by a quarter wave",
+        f"{PAPER}, eq. 27",
+    ),
+    "path_error_f_number": _f_number(
+        (*_ELEMENT, "path_error"),
+        "least f-number with a bounded dropped path",
+        "(f/2) [(1/a³ + 1/b³)/(8 λ ε)]^¼; the next term is smaller by r²/(2 b²)",
+    ),
+    "goodman_f_number": _f_number(
+        _ELEMENT, "least f-number at which each leg alone drops at most 1 rad", "Goodman 2005, section 4.2.2"
+    ),
+    "southwell_f_number": _f_number(
+        _ELEMENT,
+        "least f-number at which a plane wave behind a bare hole of that size, at the image distance, errs on the axis "
+        "by at most the limit of the study",
+        "the question of Southwell 1981",
+    ),
+}
+
+IMAGES: Final[Mapping[str, Variable]] = {
+    "image": Variable(
+        dims=("method", "row", "column"),
+        units="1",
+        long_name="share of the power in the main pupil that falls on a pixel",
+        reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
+        error="see numerical_error",
+    ),
+    "numerical_error": Variable(
+        dims=("method",),
+        units="1",
+        long_name="relative L2 error over the pixels",
+        error="an estimate itself",
+    ),
+    "power": Variable(
+        dims=("method",),
+        units="1",
+        long_name="share of the power in the main pupil that falls on the detector",
+        error="at most numerical_error relative",
+    ),
+    "lit_pixels": Variable(
+        dims=("method",),
+        units="1",
+        long_name="pixels that hold more than a hundredth of the brightest pixel's light",
+        error="a count",
+    ),
+    "outside_geometric": Variable(
+        dims=("method",),
+        units="1",
+        long_name="share of the light on the detector that falls on pixels that rays leave dark",
+        error="at most numerical_error",
+    ),
+    "difference": Variable(
+        dims=("method", "against"),
+        units="1",
+        long_name="sum over pixels of |difference| over the sum of the image against which it is held",
+        error="at most the numerical errors of both images together; less where they share it",
+    ),
+    "difference_l2": Variable(
+        dims=("method", "against"),
+        units="1",
+        long_name="relative L2 difference over pixels",
+        error="at most the numerical errors of both images together; less where they share it",
+    ),
+    "published_seconds": Variable(
+        dims=("method",), units="s", long_name="time that a publication states; NaN for none", error="as published"
+    ),
+    "published_words": Variable(
+        dims=("method",), units="", long_name="that time in the words of its source; empty for none"
+    ),
+    "published_source": Variable(dims=("method",), units="", long_name="where that time is stated"),
+}
+
+_SPREAD = ("element", "method", "varied", "step")
+_SPREAD_ERROR = "see its namesake with _error"
+
+
+def _spread(name: str, units: str, long_name: str, reference: str = "") -> Mapping[str, Variable]:
+    return {
+        name: Variable(dims=_SPREAD, units=units, long_name=long_name, reference=reference, error=_SPREAD_ERROR),
+        f"{name}_error": Variable(
+            dims=_SPREAD, units=units, long_name=f"numerical error of {name}", error="an estimate itself"
+        ),
+    }
+
+
+POINT_SPREAD: Final[Mapping[str, Variable]] = {
+    "title": Variable(dims=("element",), units="", long_name="name of the lens in figures and tables"),
+    "airy_radius": Variable(
+        dims=("element",), units="m", long_name="radius of the Airy disc of the lens as it stands", error=ROUNDING
+    ),
+    "value": Variable(
+        dims=("element", "varied", "step"),
+        units="mixed",
+        long_name="value of what is varied, in the SI unit of varied_units; NaN beyond the last",
+        error="declared",
+    ),
+    "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of the value"),
+    "standing": Variable(
+        dims=("element", "varied"), units="mixed", long_name="value while something else is varied", error="declared"
+    ),
+    **_spread("full_width", "m", "full width at half maximum, across the direction of the field angle"),
+    **_spread("half_energy_radius", "m", "radius that holds 50 % of the pupil's power, about the thin-lens image"),
+    **_spread("energy_radius_80", "m", "radius that holds 80 % of the pupil's power; NaN where the window holds less"),
+    **_spread("rms_width", "m", "root-mean-square distance from the thin-lens image within the declared radius"),
+    **_spread("strehl_ratio", "1", "largest intensity over that of the same pupil without aberration"),
+    **_spread("transfer_half_nyquist", "1", "modulation transfer at half the Nyquist frequency of the pixels"),
+    **_spread("outside_geometric", "1", "share of the pupil's power outside the geometric footprint"),
+    **_spread("neighbour_share", "1", "share of the pupil's power on the eight pixels around the central one"),
+}

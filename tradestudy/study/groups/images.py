@@ -1,0 +1,77 @@
+"""/images: the light spot by every method, side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.study.progress import Progress
+from tradestudy.study.schema.wave_optics import LightSpotPart
+from tradestudy.study.spot_images import image_difference, lit_pixels, spot_image
+from tradestudy.study.timing import Seconds, timed
+
+LIT_ABOVE = 0.01
+
+
+def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
+    """/images over (method, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``."""
+    found = []
+    for number, method in enumerate(part.methods):
+        progress("image of the spot", number / len(part.methods))
+        with timed(seconds, f"image: {method}"):
+            found.append(spot_image(part, method))
+    progress("image of the spot", 1.0)
+    images = np.stack([one.pixels for one in found])
+    pitch, count = part.detector.pixel_pitch, part.detector.pixels
+    centres = pitch * (np.arange(count) - (count - 1) / 2)
+    values = {
+        "image": images,
+        "numerical_error": [one.numerical_error for one in found],
+        "power": images.sum(axis=(1, 2)),
+        "lit_pixels": [lit_pixels(image, LIT_ABOVE) for image in images],
+        **_against_geometric(part, images),
+        "difference": [[image_difference(image, other) for other in images] for image in images],
+        "difference_l2": [
+            [float(np.linalg.norm(image - other) / np.linalg.norm(other)) for other in images] for image in images
+        ],
+        **_published(part),
+    }
+    methods = list(part.methods)
+    result = dataset(
+        "images",
+        values,
+        {"method": methods, "against": methods, "row": centres, "column": centres},
+        attributes={
+            "wavelength": part.wavelength,
+            "microlenses_across": part.microlenses.across,
+            "microlens_pitch": part.microlenses.pitch,
+            "main_lens_phase": part.main_lens.lens_phase,
+            "microlens_phase": part.microlenses.lens_phase,
+        },
+    )
+    for name in ("row", "column"):
+        result[name].attrs = {"units": "m", "long_name": f"centre of the pixel's {name} on the detector"}
+    return result
+
+
+def _against_geometric(part: LightSpotPart, images: FloatArray) -> Mapping[str, Any]:
+    if "geometric" not in part.methods:
+        return {}
+    dark = images[part.methods.index("geometric")] == 0.0
+    return {"outside_geometric": images[:, dark].sum(axis=1) / images.sum(axis=(1, 2))}
+
+
+def _published(part: LightSpotPart) -> Mapping[str, Any]:
+    stated = {one.method: one for one in part.published}
+    shown = [stated.get(method) for method in part.methods]
+    return {
+        "published_seconds": [math.nan if one is None or one.takes is None else one.takes for one in shown],
+        "published_words": ["" if one is None else one.says for one in shown],
+        "published_source": ["" if one is None else one.source for one in shown],
+    }

@@ -1,0 +1,37 @@
+"""What claims about light may name: lenses and methods that the study has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tradestudy.study.mistakes import MistakeAt, nearest_name
+from tradestudy.study.schema.questions import (
+    ClaimPart,
+    CriterionFNumberClaim,
+    FresnelFNumberClaim,
+    ImageDifferenceClaim,
+    LitPixelsClaim,
+    PsfErrorClaim,
+)
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart
+
+
+def wave_claim_mistakes(
+    claims: Mapping[str, ClaimPart], fresnel: FresnelValidityPart | None, spot: LightSpotPart | None
+) -> list[MistakeAt]:
+    """Claims about lenses or images that the study does not have."""
+    elements = () if fresnel is None else tuple(fresnel.elements)
+    methods = () if spot is None else spot.methods
+    found: list[MistakeAt] = []
+    for key, claim in claims.items():
+        if isinstance(claim, PsfErrorClaim | FresnelFNumberClaim | CriterionFNumberClaim):
+            if claim.element not in elements:
+                what = f"fresnel_validity has no element {claim.element!r}{nearest_name(claim.element, elements)}"
+                found.append(MistakeAt(("claims", key, "element"), what))
+        elif isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
+            found += [
+                MistakeAt(("claims", key, word), f"{name!r} is none of the methods of light_spot")
+                for word, name in (("method", claim.method), ("reference", claim.reference))
+                if name not in methods
+            ]
+    return found

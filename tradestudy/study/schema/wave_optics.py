@@ -1,0 +1,202 @@
+"""What a study asks of wave optics: where Fresnel may replace Kirchhoff, and how a spot looks on the detector."""
+
+from __future__ import annotations
+
+import itertools
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from tradestudy.study.mistakes import MistakeAt
+from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.quantities import (
+    Length,
+    NonNegativeAngle,
+    PositiveAngle,
+    PositiveDuration,
+    PositiveFraction,
+    PositiveLength,
+    PositiveNumber,
+    PositiveWavelength,
+    Waves,
+)
+
+ElementName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
+LensPhaseName = Literal["parabolic", "stigmatic", "perfect"]
+PsfMetric = Literal["peak", "l1", "largest"]
+MethodName = Literal["geometric", "fresnel", "kirchhoff-fresnel", "kirchhoff"]
+PositiveWaves = Annotated[Waves, Field(gt=0)]
+
+
+class FNumberRangePart(Part):
+    """F-numbers on a logarithmic scale."""
+
+    start: PositiveNumber = Field(alias="from")
+    stop: PositiveNumber = Field(alias="to")
+    points: Annotated[int, Field(ge=2, le=200, strict=True)]
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if not self.start < self.stop:
+            raise MistakeAt(("to",), "must lie beyond from")
+        return self
+
+    def values(self) -> tuple[float, ...]:
+        """The f-numbers; the ends exactly as written."""
+        return tuple(float(value) for value in np.geomspace(self.start, self.stop, self.points))
+
+
+class PublishedErrorPart(Part):
+    """An error that somebody read off for this lens."""
+
+    f_number: PositiveNumber
+    error: PositiveFraction
+
+
+class ElementPart(Part):
+    """One lens and the object it images, in focus."""
+
+    title: Annotated[str, Field(min_length=1, max_length=80)]
+    focal_length: PositiveLength
+    object_distance: PositiveLength
+    f_number: PositiveNumber = Field(description="At which the camera uses it.")
+    published_error: PublishedErrorPart | None = Field(default=None, description="A published point to compare with.")
+    published_minimum: PositiveNumber | None = Field(
+        default=None, description="A published least f-number for Fresnel to compare with."
+    )
+
+    @model_validator(mode="after")
+    def _real_image(self) -> Self:
+        if not self.object_distance > self.focal_length:
+            raise MistakeAt(("object_distance",), "must exceed the focal length: a real image is compared")
+        return self
+
+    @property
+    def image_distance(self) -> float:
+        """In-focus image distance b = a f/(a − f) [m]."""
+        return self.object_distance * self.focal_length / (self.object_distance - self.focal_length)
+
+
+class OffAxisPart(Part):
+    """One direction away from the axis, in light of one wavelength: without symmetry it takes long."""
+
+    field_angle: PositiveAngle = Field(description="Direction of the object point against the axis.")
+    wavelength: PositiveWavelength
+
+
+class FresnelValidityPart(Part):
+    """Measured difference of Fresnel's point-spread function from Kirchhoff's, and the criteria that predict it."""
+
+    elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)]
+    f_numbers: FNumberRangePart
+    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)]
+    lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)]
+    off_axis: OffAxisPart | None = Field(default=None, description="The comparison away from the axis.")
+    windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
+        description="Radii of the windows over which point-spread functions are compared, in Airy radii."
+    )
+    path_errors: Annotated[tuple[PositiveWaves, ...], Field(min_length=1, max_length=6)] = Field(
+        description="Bounds of the dropped path for the bounded criterion."
+    )
+    error_limit: PositiveFraction = Field(description="Error up to which Fresnel counts as good enough.")
+    tolerance: PositiveFraction = Field(description="Relative numerical error of each computed intensity.")
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for name in ("wavelengths", "windows"):
+            values = getattr(self, name)
+            if any(not a < b for a, b in itertools.pairwise(values)):
+                raise MistakeAt((name,), "must increase")
+        if len(set(self.lens_phases)) < len(self.lens_phases):
+            raise MistakeAt(("lens_phases",), "names one twice")
+        return self
+
+
+class MainLensPart(Part):
+    """The main lens of the light path."""
+
+    focal_length: PositiveLength
+    f_number: PositiveNumber
+    lens_phase: LensPhaseName
+
+
+class SpotMicrolensesPart(Part):
+    """A square array of equal microlenses about the axis."""
+
+    across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(description="Microlenses along a side.")
+    pitch: PositiveLength
+    focal_length: PositiveLength
+    f_number: PositiveNumber = Field(description="Focal length over aperture; at least pitch wide is refused.")
+    gap: PositiveLength = Field(description="Array to detector.")
+    gaps: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
+    lens_phase: LensPhaseName
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.focal_length / self.f_number > self.pitch * (1 + 1e-9):
+            raise MistakeAt(("f_number",), "makes the microlenses wider than their pitch")
+        return self
+
+
+class SpotDetectorPart(Part):
+    """The pixels, centred on the axis."""
+
+    pixels: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(description="Pixels along a side.")
+    pixel_pitch: PositiveLength
+
+
+class SpotSourcePart(Part):
+    """A uniformly bright, incoherent disc."""
+
+    diameter: PositiveLength
+    distance: PositiveLength
+    x: Length = 0.0
+    y: Length = 0.0
+
+
+class PublishedTimePart(Part):
+    """What another computation of the same picture is said to have taken."""
+
+    method: MethodName
+    says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="In the words of its source.")
+    takes: PositiveDuration | None = Field(default=None, description="As a number, where one is stated.")
+    source: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class PointSpreadPart(Part):
+    """How far points spread behind each lens: one thing varied at a time from the lens as it stands."""
+
+    elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)]
+    lens_phase: LensPhaseName
+    pixel_pitch: PositiveLength = Field(description="Of the pixels whose neighbours are counted.")
+    window: PositiveNumber = Field(description="Half the side of the sampled window, in Airy radii of each lens.")
+    rms_radius: PositiveNumber = Field(description="Radius within which the rms width is taken, in Airy radii.")
+    f_numbers: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=20)]
+    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)]
+    field_angles: Annotated[tuple[NonNegativeAngle, ...], Field(min_length=1, max_length=20)]
+    defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
+        description="Distance of the object from focus, in waves of path at the rim of the pupil; > 0 is nearer."
+    )
+    tolerance: PositiveFraction
+
+
+class LightSpotPart(Part):
+    """A spot of light through main lens and microlenses, by several methods."""
+
+    main_lens: MainLensPart
+    array_distance: PositiveLength = Field(description="Main lens to microlens array.")
+    microlenses: SpotMicrolensesPart
+    detector: SpotDetectorPart
+    spot: SpotSourcePart
+    wavelength: PositiveWavelength
+    methods: Annotated[tuple[MethodName, ...], Field(min_length=1, max_length=4)]
+    tolerance: PositiveFraction = Field(description="Relative numerical error of each image that is aimed at.")
+    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    published: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = ()
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        if len(set(self.methods)) < len(self.methods):
+            raise MistakeAt(("methods",), "names one twice")
+        return self
