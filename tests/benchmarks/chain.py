@@ -45,7 +45,7 @@ KNOBS = (
 
 
 def scene() -> LightPath:
-    """Figure 7: f = 12.5 mm and f_L = 0.432 mm at f/3.8, 3 × 3 microlenses of 23 pixels of 5.5 µm, in focus at 150 mm."""
+    """Figure 7: f = 12.5 mm and f_L = 0.432 mm at f/3.8, 3 × 3 microlenses of 23 pixels, in focus at 150 mm."""
     return LightPath(
         main_lens=CircularLens(radius=12.5e-3 / 7.6, focal_length=12.5e-3, lens_phase="parabolic"),
         microlenses=Microlenses(
@@ -121,7 +121,8 @@ def spot() -> None:
         images[name] = image.pixels
         change = difference(image.pixels, images["Kirchhoff"])
         print(
-            f"  {name:18s}  {wall:7.1f}  {cpu:7.1f}  {image.numerical_error:.1e}  {change:.1e}            {memory():.2f}",
+            f"  {name:18s}  {wall:7.1f}  {cpu:7.1f}  {image.numerical_error:.1e}  "
+            f"{change:.1e}            {memory():.2f}",
             flush=True,
         )
 
@@ -133,7 +134,8 @@ def knobs() -> None:
     settings |= {knob: ChainAccuracy(tolerance=1e-2, **{knob: 2.0}) for knob in KNOBS}
     settings["all at once"] = ChainAccuracy(tolerance=1e-2, **dict.fromkeys(KNOBS, 2.0))
     print(
-        "4 mm spot, Kirchhoff on both legs, each knob refined 2 ×\n  knob               change   wall [s]  CPU [s]  stated  peak [GB]"
+    print("4 mm spot, Kirchhoff on both legs, each knob refined 2 ×")
+    print("  knob               change   wall [s]  CPU [s]  stated  peak [GB]")
     )
     base = None
     for name, accuracy in settings.items():
