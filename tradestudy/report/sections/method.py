@@ -150,7 +150,19 @@ def _uncertainty() -> Iterator[Block]:
 def _ranges() -> Iterator[Block]:
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
-        "A distance is usable where geometry (overlap), the estimator's lenses, focus, the share of failed "
-        "measurements and the relative uncertainty each meet the limit that the study declares. At each end of the "
-        "range the limit that binds is named."
+        "A distance is usable where every limit that the study declares holds. At each end of the range the limit that "
+        "binds is named."
+    )
+    yield Bullets(
+        (
+            say("**Overlap**: the share of each stereo picture that the other camera sees too."),
+            say(
+                "**Total covering plane**: the image of the main lens lies at least that virtual depth from the array."
+            ),
+            say("**Availability**: the share of points that two of the microlenses which the estimator uses do see."),
+            say("**Focus**: the geometric blur of the sharpest picture that the estimator needs, on the sensor."),
+            say("**Last disparity step**: the disparity still differs from that of infinity by more than one step."),
+            say("**Failed measurements**: the share that noise and calibration put beyond infinity."),
+            say("**Relative uncertainty**: the depth uncertainty as a share of the distance."),
+        )
     )
