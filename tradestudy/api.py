@@ -153,12 +153,19 @@ class Result:
 
     @property
     def unmet_requirements(self) -> list[str]:
-        """What the study requires and no camera gives."""
-        if "requirements" not in self.data.children:
-            return []
-        table = self.data["requirements"].to_dataset().to_dataframe()
-        missed = table[~table["met"].astype(bool)]
-        return [f"{name}: {row['says']} ({row['camera']}: {row['reason']})" for name, row in missed.iterrows()]
+        """What the study requires and no camera gives, and calibrations that were inferred and did not converge."""
+        missed = []
+        if "requirements" in self.data.children:
+            table = self.data["requirements"].to_dataset().to_dataframe()
+            unmet = table[~table["met"].astype(bool)]
+            missed += [f"{name}: {row['says']} ({row['camera']}: {row['reason']})" for name, row in unmet.iterrows()]
+        if "calibration" in self.data.children and "posterior_converged" in self.data["calibration"].data_vars:
+            chains = self.data["calibration"].to_dataset()
+            for name, converged in zip(chains["posterior"].values, chains["posterior_converged"].values, strict=True):
+                if not converged:
+                    why = str(chains["posterior_verdict"].sel(posterior=name).item())
+                    missed.append(f"{name}: its calibration did not converge ({why})")
+        return missed
 
     @property
     def figure_names(self) -> list[str]:
@@ -186,8 +193,10 @@ class Result:
         from tradestudy import report, storage
 
         target = Path(directory)
-        storage.write_results(self.data, target)
+        # Results come last: once they are there whole, a run is finished and its record is there too.
+        storage.remove_abandoned(target)
         storage.write_run(self.run_record, target)
+        storage.write_results(self.data, target)
         # Read back, so that a report made now and one made later from the files are the same bytes.
         report.write(storage.read_results(target), storage.read_run(target), target, pdf=pdf)
         return target
@@ -243,11 +252,17 @@ def open_result(directory: str | Path) -> Result:
     Raises
     ------
     ResultsError
-        Where there is nothing, or nothing that can be read.
+        Where there is nothing, or nothing that can be read, or a run was killed between its record and its results.
     """
     from tradestudy import storage
+    from tradestudy.errors import ResultsError
 
-    return Result(data=storage.read_results(Path(directory)), run_record=storage.read_run(Path(directory)))
+    data, record = storage.read_results(Path(directory)), storage.read_run(Path(directory))
+    if record.get("study_hash") != data.attrs.get("study_hash"):
+        raise ResultsError(
+            "the results and their record are of different studies", value=str(directory), remedy="run the study again"
+        )
+    return Result(data=data, run_record=record)
 
 
 def report(directory: str | Path, *, pdf: bool = True) -> None:

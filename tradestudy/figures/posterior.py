@@ -39,7 +39,7 @@ def corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
         scores = (draws - np.asarray(data["posterior_mean"].values)) / deviation
         laplace = np.asarray(data["laplace_deviation"].values, dtype=np.float64) / deviation
         size = len(names)
-        figure = new_figure(0.75 * size + 0.8)
+        figure = new_figure(0.6 * size + 0.8)
         grid = figure.subplots(size, size, sharex=True, squeeze=False)
         for row in range(size):
             for column in range(size):

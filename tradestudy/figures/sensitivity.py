@@ -76,6 +76,7 @@ def _bars(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
     axes.set_yticks(rows, [shortened(name, 26) for name in names], fontsize=6)
     axes.set_ylim(_MOST_BARS - 0.4, -0.6)
     log_axis(axes, "x", tick=length_tick)
+    axes.tick_params(axis="x", labelsize=5.5)
     axes.grid(visible=False, axis="y")
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 

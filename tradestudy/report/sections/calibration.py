@@ -10,7 +10,6 @@ import numpy as np
 from tradestudy.report import facts
 from tradestudy.report.document import (
     Block,
-    Callout,
     Column,
     Heading,
     Paragraph,
@@ -21,6 +20,7 @@ from tradestudy.report.document import (
 )
 from tradestudy.report.facts import distance, in_words, interval, length, share
 from tradestudy.report.sections.posterior import posteriors
+from tradestudy.report.sections.uncertain_decision import computed_places, crossovers, ranks, stability, verdict
 from tradestudy.units import significant
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ def calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[
     if not facts.has(tree, "calibration", "depth_quantile"):
         return
     yield Heading(text="Calibration errors through the exact models", anchor="calibration")
+    yield from verdict(tree)
     yield _how(tree)
     yield from posteriors(tree, drawings)
     yield Heading(text="What one reading is worth", anchor="calibration-depth", level=2)
@@ -61,9 +62,9 @@ def calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[
     if facts.has(tree, "decision", "rank_first"):
         yield Heading(text="Who errs less, with what probability", anchor="ranks", level=2)
         yield from _picture(drawings, "rank-probability")
-        yield _ranks(tree)
-        yield from _crossovers(tree)
-    yield from _stability(tree)
+        yield ranks(tree)
+        yield from crossovers(tree)
+    yield from stability(tree)
 
 
 def _picture(drawings: Mapping[str, Drawing], name: str) -> Iterator[Picture]:
@@ -87,59 +88,54 @@ def _how(tree: xr.DataTree) -> Paragraph:
     )
 
 
-def _places(tree: xr.DataTree) -> list[float]:
-    """Computed distances nearest to the declared ones, each once."""
-    grid = np.asarray(facts.dataset(tree, "calibration")["distance"].values, dtype=np.float64)
-    nearest = [float(grid[np.argmin(np.abs(np.log(grid / place)))]) for place in facts.places(tree)]
-    return list(dict.fromkeys(nearest))
-
-
 def _titles(tree: xr.DataTree) -> dict[str, str]:
     titles = facts.titles(tree)
     return {str(key): titles[str(key)] for key in facts.dataset(tree, "calibration")["camera"].values}
 
 
 def _intervals(tree: xr.DataTree) -> Table:
+    """One stretch of rows per camera and place in the field; distances that it does not see are left out."""
     data = facts.dataset(tree, "calibration").sel(way="both")
     rows: list[tuple[Text, ...]] = []
-    for place in _places(tree):
-        rows.append((f"At {distance(place)}",))
-        for key, title in _titles(tree).items():
-            for field, where in _FIELDS.items():
-                there = data.sel(camera=key, field=field, distance=place)
-                rows.append((title, where, *_interval_cells(there)))
+    for key, title in _titles(tree).items():
+        for field, where in _FIELDS.items():
+            one = data.sel(camera=key, field=field)
+            seen = [
+                place for place in computed_places(tree) if str(one["status"].sel(distance=place).item()) != "unranked"
+            ]
+            rows.append((f"{title}, {where}" + ("" if seen else ": sees none of these distances"),))
+            rows += [(distance(place), *_interval_cells(one.sel(distance=place))) for place in seen]
     return Table(
         name="calibration-table",
         caption="Depth read at a true distance, one reading by one rig: quantiles first, moments where they exist.",
         columns=(
-            Column(title="Camera", weight=1),
-            Column(title="where"),
-            Column(title="Median", align="right"),
-            Column(title="Central 95 %", align="right"),
-            Column(title="Shortest 95 %", align="right"),
-            Column(title="u (68 %)", align="right"),
-            Column(title="Bias", align="right"),
-            Column(title="St. dev.", align="right"),
-            Column(title="Linear u", align="right"),
+            Column(title="True distance", align="right"),
+            Column(title="Median", align="right", weight=1),
+            Column(title="Central 95 %", align="right", weight=2),
+            Column(title="Shortest 95 %", align="right", weight=2),
+            Column(title="u (68 %)", align="right", weight=1),
+            Column(title="Bias", align="right", weight=1),
+            Column(title="St. dev.", align="right", weight=1),
+            Column(title="Linear u", align="right", weight=1),
         ),
         rows=tuple(rows),
         notes=(
-            "u: half the central 68.27 % interval. —: the moment does not exist, or the point is not seen. ∞: no far "
-            "end. Linear u in brackets where its 95 % interval fails JCGM 101, clause 8, at two digits.",
+            "u: half the central 68.27 % interval. —: the moment does not exist. ∞: no far end. *: the quantiles did "
+            "not reach the accuracy asked for within the budget. Linear u stands in brackets unless its 95 % interval "
+            "passes JCGM 101, clause 8, at two digits. Distances at which the camera does not see the point are left "
+            "out.",
         ),
     )
 
 
 def _interval_cells(there: xr.Dataset) -> tuple[Text, ...]:
-    if str(there["status"].item()) == "unranked":
-        return ("not seen", *[""] * 6)
     quantile = there["depth_quantile"].values
     low, high = (float(value) for value in there["shortest_interval"].values)
     linear = length(float(there["linear_uncertainty"]))
     valid = str(there["linear_verdict"].item()) == "valid"
     return (
         distance(float(quantile[2])),
-        interval(float(quantile[0]), float(quantile[4])),
+        interval(float(quantile[0]), float(quantile[4])) + ("" if str(there["status"].item()) == "converged" else " *"),
         "none bounded" if np.isinf(high) else interval(low, high),
         length(float(there["depth_uncertainty"])),
         _moment(float(there["bias"])),
@@ -155,7 +151,7 @@ def _moment(value: float) -> str:
 def _classes(tree: xr.DataTree) -> Table:
     """Noise, calibration and both at the declared distances, on the axis."""
     data = facts.dataset(tree, "calibration").sel(field="axis")
-    places = _places(tree)
+    places = computed_places(tree)
     return Table(
         name="class-table",
         caption="Depth uncertainty (half the central 68.27 % interval) on the axis, by how often an error is drawn "
@@ -191,12 +187,8 @@ def _moments(tree: xr.DataTree) -> Table:
         caption="Up to where mean and standard deviation of depth exist: where infinity is six standard deviations of "
         "inverse depth away. Beyond, they would be set by how many draws happened to be taken.",
         columns=(
-            Column(title="Camera", weight=1),
-            *(
-                Column(title=f"{words_of_way}, {where}", align="right")
-                for words_of_way in _WAYS.values()
-                for where in ("axis", "edge")
-            ),
+            Column(title="Camera", weight=2),
+            *(Column(title=f"{way}, {where}", align="right", weight=1) for way in _WAYS for where in ("axis", "edge")),
         ),
         rows=tuple(
             (
@@ -288,115 +280,20 @@ def _milliseconds(seconds: float) -> str:
 
 def _refusals(tree: xr.DataTree) -> Iterator[Block]:
     """What was refused because it would mislead, with the reason."""
-    data, titles = facts.dataset(tree, "sensitivity"), _titles(tree)
-    for key, title in titles.items():
+    data, rows = facts.dataset(tree, "sensitivity"), []
+    status = facts.dataset(tree, "calibration")["status"].sel(way="both", field="axis")
+    for key, title in _titles(tree).items():
         reason = str(data["parameter_refused"].sel(camera=key).item())
         if reason:
-            yield Paragraph(say("No tornado by parameter for {title}: {reason}.", title=title, reason=reason))
-        why = {str(text) for text in data["index_refused"].sel(camera=key, field="axis").values if str(text)}
+            rows.append((title, "tornado by parameter", reason))
+        seen = status.sel(camera=key).values != "unranked"
+        why = sorted({str(text) for text in data["index_refused"].sel(camera=key, field="axis").values[seen]} - {""})
         if why:
-            yield Paragraph(
-                say("No Sobol indices for {title} at some distances: {why}.", title=title, why="; ".join(sorted(why))),
-            )
-
-
-def _ranks(tree: xr.DataTree) -> Table:
-    data, titles = facts.dataset(tree, "decision"), facts.titles(tree)
-    places = _places(tree)
-
-    def cell(there: xr.Dataset, place: float) -> str:
-        at = there.sel(rank_distance=place)
-        first, error = float(at["rank_first"]), 2.0 * float(at["rank_first_error"])
-        if first + float(at["rank_second"]) == 0.0:
-            return "—"
-        return f"{100 * first:.1f} ± {100 * error:.1f}\N{NO-BREAK SPACE}%"
-
-    rows: list[tuple[Text, ...]] = []
-    for way in data["rank_way"].values:
-        rows.append(("Calibration alone" if way == "calibration" else "Single readings, noise and calibration",))
-        for pair in data["pair"].values:
-            there = data.sel(pair=pair, rank_way=way, field="axis")
-            names = [titles[str(there[name].item())] for name in ("pair_first", "pair_second")]
-            rows.append((*names, *(cell(there, place) for place in places)))
-    return Table(
-        name="rank-table",
-        caption="Probability that the depth error of the first camera is smaller than that of the second, on the axis, "
-        "with two Monte Carlo standard errors. A camera that does not see the point loses.",
-        columns=(
-            Column(title="First", weight=1),
-            Column(title="Second", weight=1),
-            *(Column(title=distance(place), align="right") for place in places),
-        ),
-        rows=tuple(rows),
-    )
-
-
-def _crossovers(tree: xr.DataTree) -> Iterator[Block]:
-    data, titles = facts.dataset(tree, "decision"), facts.titles(tree)
-    rows: list[tuple[Text, ...]] = []
-    for pair in data["pair"].values:
-        one = data.sel(pair=pair)
-        names = [titles[str(one[name].item())] for name in ("pair_first", "pair_second")]
-        cells = [
-            _crossing(one.sel(rank_way=way, field=field))
-            for way in data["rank_way"].values
-            for field in data["field"].values
-        ]
-        rows.append((*names, *cells))
-    yield Table(
-        name="equal-table",
-        caption="Distances at which both are equally uncertain by the exact models, with twice the Monte Carlo "
-        "standard error. How far readings of the sources move a crossover is a range of assumptions, and stands "
-        "apart with the decision under every reading.",
-        columns=(
-            Column(title="First", weight=1),
-            Column(title="Second", weight=1),
-            *(
-                Column(title=f"{'calibration alone' if way == 'calibration' else 'both'}, {field}", weight=1)
-                for way in data["rank_way"].values
-                for field in data["field"].values
-            ),
-        ),
-        rows=tuple(rows),
-    )
-
-
-def _crossing(there: xr.Dataset) -> str:
-    values, errors = there["equal_distance"].values, there["equal_distance_error"].values
-    found = [
-        f"{significant(float(v), 4)} ± {significant(2.0 * float(e), 1)}\N{NO-BREAK SPACE}m"
-        for v, e in zip(values, errors, strict=True)
-        if np.isfinite(v)
-    ]
-    return ", ".join(found) or "nowhere"
-
-
-def _stability(tree: xr.DataTree) -> Iterator[Block]:
-    if not facts.has(tree, "decision", "stability_answer"):
-        return
-    rows = facts.records(tree, "decision", "stability")
-    yield Heading(text="What stability it takes", anchor="stability", level=2)
-    yield Callout(
-        title="Solved, not read off a chart",
-        blocks=(
-            Table(
-                name="stability-table",
-                caption="Which spread of one error gives the uncertainty asked for, all other errors as declared.",
-                columns=(
-                    Column(title="Question", weight=2),
-                    Column(title="Answer", weight=2),
-                    Column(title="Wanted", align="right"),
-                    Column(title="As declared", align="right"),
-                    Column(title="Without it", align="right"),
-                ),
-                rows=tuple(
-                    (
-                        str(row["stability_says"]),
-                        str(row["stability_answer"]),
-                        *(length(float(row[f"stability_{name}"])) for name in ("wanted", "as_declared", "without")),
-                    )
-                    for row in rows
-                ),
-            ),
-        ),
-    )
+            rows.append((title, "Sobol indices at some distances", "; ".join(why)))
+    if rows:
+        yield Table(
+            name="refused-table",
+            caption="What was refused because it would mislead.",
+            columns=(Column(title="Camera", weight=1), Column(title="What", weight=1), Column(title="Why", weight=4)),
+            rows=tuple(rows),
+        )

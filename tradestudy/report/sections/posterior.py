@@ -9,7 +9,7 @@ import numpy as np
 
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Picture, Table, Text, say
-from tradestudy.report.facts import in_words
+from tradestudy.report.facts import in_words, share
 from tradestudy.units import significant
 
 if TYPE_CHECKING:
@@ -91,7 +91,9 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows=tuple(rows),
         notes=(
             "Limits: N/τ ≥ 50, R-hat ≤ 1.01, effective sizes ≥ 400, acceptance 0.2 to 0.5; poses: share of the draws "
-            "that survives reweighting to poses settled anew at each draw, at least 0.9.",
+            "that survives reweighting to poses settled anew at each draw, at least 0.9. The finite number of draws "
+            "leaves a standard deviation, and a depth uncertainty that rests on it, uncertain by 1/√(2 ESS): at most "
+            f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.calibration.propagation import sampling_of
+from tradestudy.study.calibration.sources import SEPARATOR
 from tradestudy.study.calibration.uncertain_camera import UncertainCamera
 from tradestudy.uncertainty.sensitivity import SobolIndices, Tornado, parameter_tornado, sobol_indices, tornado
 
@@ -43,12 +44,12 @@ def sensitivity_of(camera: UncertainCamera, distance: FloatArray, field: float, 
             model, sources, sampling, seed=seed, point=f"{point}/parameter", inverse_depth=True
         )
     except OutOfRangeError as error:
-        refused = str(error)
+        refused = str(error).replace(camera.name + SEPARATOR, "")
     indices, no_indices = None, ""
     try:
         indices = sobol_indices(model, sources, sampling, draws=_SOBOL_DRAWS, seed=seed, point=f"{point}/sobol")
     except OutOfRangeError as error:
-        no_indices = str(error)
+        no_indices = str(error).replace(camera.name + SEPARATOR, "")
     return CameraSensitivity(
         groups=groups, parameters=parameters, refused=refused, indices=indices, no_indices=no_indices
     )

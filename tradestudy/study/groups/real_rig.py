@@ -6,8 +6,10 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.calibration.posteriors import RealRig
 from tradestudy.uncertainty.calibration.projection import INTRINSIC_NAMES
+from tradestudy.uncertainty.calibration.stereo_rig import depth_of_draws
 from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
 
@@ -45,6 +47,22 @@ def _rows(rig: RealRig) -> Iterator[tuple[str, str]]:
     for name, k in (("pitch", 12), ("yaw", 13), ("roll", 14)):
         spread = float(np.sqrt(covariance[k, k]))
         yield f"relative {name}", f"{pretty(float(shared[k]), ANGLE)} ± {pretty(spread, ANGLE)}"
+    with_term = _depth_deviation(shared, covariance)
+    without = _depth_deviation(fit.pair.shared, fit.pair.covariance)
+    yield "depth error at 1 m by the calibration, first order", pretty(with_term, LENGTH)
+    yield (
+        "the same as claimed without the term",
+        f"{pretty(without, LENGTH)} ({with_term / without:.1f} times too small)",
+    )
+
+
+def _depth_deviation(shared: FloatArray, covariance: FloatArray) -> float:
+    """Standard deviation of depth at 1 m on the left axis, to first order: √(gᵀ V g) by central differences."""
+    steps = np.diag(1e-3 * np.sqrt(np.diag(covariance)))
+    place = np.array([1.0])
+    above, below = (depth_of_draws(shared, shared + sign * steps, place)[:, 0] for sign in (1.0, -1.0))
+    gradient = (above - below) / (2.0 * np.diag(steps))
+    return float(np.sqrt(gradient @ covariance @ gradient))
 
 
 def _px(value: float) -> str:
