@@ -5,7 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import tempfile
+import platform
+import re
+import secrets
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -19,19 +21,43 @@ RESULTS = "results.nc"
 RUN = "run.json"
 
 
+_PART = re.compile(r"\..+\.[0-9a-f]{8}\.(?P<process>\d+)@(?P<machine>.+)\.part")
+
+
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary path beside ``path``; it takes the place of ``path`` only if the block ends well."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    os.close(handle)
-    temporary = Path(name)
+    owner = f"{os.getpid()}@{platform.node()}"
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.{owner}.part")
     try:
         yield temporary
-        temporary.chmod(0o644)
+        with temporary.open("rb") as file:
+            os.fsync(file.fileno())  # or a power failure could leave a whole name on half a content
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def remove_abandoned(directory: Path) -> None:
+    """Remove what killed processes of this machine have left half-written in a folder and the folders in it."""
+    for part in (*directory.glob(".*.part"), *directory.glob("*/.*.part")):
+        owner = _PART.fullmatch(part.name)
+        if owner and owner["machine"] == platform.node() and not _is_running(int(owner["process"])):
+            part.unlink(missing_ok=True)
+
+
+def _is_running(process: int) -> bool:
+    """Whether a process of this machine is alive; where that cannot be asked without harm it counts as alive."""
+    if os.name != "posix":
+        return True
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
 
 
 def write_results(tree: xr.DataTree, directory: Path) -> None:

@@ -49,4 +49,4 @@ def write(tree: xr.DataTree, run: Mapping[str, Any], directory: Path, *, pdf: bo
         files.replace_file(directory / name, content)
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
         if old.relative_to(directory).as_posix() not in made:
-            old.unlink()
+            old.unlink(missing_ok=True)  # another run on this folder may have been quicker
