@@ -133,10 +133,8 @@ def knobs() -> None:
     settings = {"as is": ChainAccuracy(tolerance=1e-2)}
     settings |= {knob: ChainAccuracy(tolerance=1e-2, **{knob: 2.0}) for knob in KNOBS}
     settings["all at once"] = ChainAccuracy(tolerance=1e-2, **dict.fromkeys(KNOBS, 2.0))
-    print(
     print("4 mm spot, Kirchhoff on both legs, each knob refined 2 ×")
     print("  knob               change   wall [s]  CPU [s]  stated  peak [GB]")
-    )
     base = None
     for name, accuracy in settings.items():
         image, wall, cpu = timed(source, KIRCHHOFF, accuracy)

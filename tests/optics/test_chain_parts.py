@@ -306,6 +306,22 @@ def test_rays_find_the_image_of_eq_4() -> None:
     assert np.all(reach.spread[lit] < 1e-12)
 
 
+@pytest.mark.parametrize("in_focus", [False, True])
+def test_rays_through_clear_gaps_keep_their_direction(in_focus: bool) -> None:
+    """Strong lenses bend their rim's rays; beside them a ray of the pupil's centre travels straight on."""
+    lenses = microlenses(gaps="clear", focal_lengths=np.full(9, 1.0))
+    strong = microlenses(gaps="clear", focal_lengths=np.full(9, 20e-6))
+    array = 24e-3 * 2e-3 / 22e-3 if in_focus else 2.5e-3
+    source = PointSource(distance=24e-3)
+    straight, bent = (ray_reach(small_path(microlenses=one, array_distance=array), source) for one in (lenses, strong))
+    # without power: landing = x (1 + b/z) − u b/z, so every ray moves by at most (|x| + R) b/z
+    farthest = np.linalg.norm(lenses.centres, axis=1) + PITCH / math.sqrt(2)
+    assert np.all(straight.travel <= (farthest + 0.15e-3) * 0.1e-3 / array * (1 + 1e-9))
+    np.testing.assert_allclose(straight.image, bent.image, atol=1e-12)
+    # a rim ray of the strong lens is bent by (w/2) b/f more
+    assert np.all(np.abs(bent.travel - 12e-6 * 0.1e-3 / 20e-6) <= straight.travel + 1e-12)
+
+
 @pytest.mark.parametrize(
     "changes",
     [

@@ -49,7 +49,7 @@ def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False
     offset = np.concatenate(rings)
     at = lenses.centres[:, None] + offset  # (lenses, points, 2)
     slope = _arriving_slope(path, source, at, rim, whole_pupil)  # (lenses, points, candidates, 2)
-    power = np.asarray(acting)[:, None] / lenses.focal_lengths[:, None, None, None]
+    power = np.asarray(acting)[:, None, None] / lenses.focal_lengths[:, None, None, None]
     behind = slope - power * offset[:, None, :]
     landing = at[:, :, None] + b * behind
     image = landing[:, 0].mean(axis=1)
