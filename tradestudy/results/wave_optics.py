@@ -198,6 +198,10 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     **_spread("rms_width", "m", "root-mean-square distance from the thin-lens image within the declared radius"),
     **_spread("strehl_ratio", "1", "largest intensity over that of the same pupil without aberration"),
     **_spread("transfer_half_nyquist", "1", "modulation transfer at half the Nyquist frequency of the pixels"),
-    **_spread("outside_geometric", "1", "share of the pupil's power outside the geometric footprint"),
+    **_spread(
+        "outside_geometric",
+        "1",
+        "share of the pupil's power outside the disc that paraxial rays fill; all of it in focus, where that is a point",
+    ),
     **_spread("neighbour_share", "1", "share of the pupil's power on the eight pixels around the central one"),
 }

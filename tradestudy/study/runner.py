@@ -14,6 +14,7 @@ from tradestudy.study.groups.depth_of_field import depth_of_field_group
 from tradestudy.study.groups.fresnel_validity import fresnel_validity_group
 from tradestudy.study.groups.hard_cases import hard_cases_group
 from tradestudy.study.groups.images import images_group
+from tradestudy.study.groups.point_spread import point_spread_group
 from tradestudy.study.groups.registers import assumptions_group, cameras_group, contradictions_group
 from tradestudy.study.groups.uncertain import uncertain_groups
 from tradestudy.study.progress import Progress
@@ -75,6 +76,8 @@ def compute(
         groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
     if file.light_spot is not None:
         groups["/images"] = images_group(file.light_spot, progress, seconds)
+    if file.point_spread is not None:
+        groups["/point_spread"] = point_spread_group(file.point_spread, progress, seconds)
     if file.hard_cases is not None:
         groups["/hard_cases"] = hard_cases_group(file.hard_cases, progress)
     progress("claims", 0.0)

@@ -175,6 +175,7 @@ class PointSpreadPart(Part):
     f_numbers: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=20)]
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)]
     field_angles: Annotated[tuple[NonNegativeAngle, ...], Field(min_length=1, max_length=20)]
+    standing_wavelength: PositiveWavelength = Field(description="While something else is varied.")
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
         description="Distance of the object from focus, in waves of path at the rim of the pupil; > 0 is nearer."
     )

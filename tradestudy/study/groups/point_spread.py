@@ -1,0 +1,90 @@
+"""/point_spread: how far points spread behind each lens, one thing varied at a time."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results import dataset
+from tradestudy.study.point_spreads import MEASURES, LensAndPoint, SpreadMethod, spread_measures
+from tradestudy.study.progress import Progress
+from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
+from tradestudy.study.timing import Seconds, timed
+
+METHODS: Final[tuple[SpreadMethod, ...]] = ("fresnel", "kirchhoff")
+_UNITS: Final = {"f_number": "1", "wavelength": "m", "field_angle": "rad", "defocus": "wave"}
+_STEP: Final = "point spread"
+
+
+def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
+    """/point_spread over (element, method, varied, step)."""
+    elements = list(part.elements.values())
+    varied = {
+        "f_number": part.f_numbers,
+        "wavelength": part.wavelengths,
+        "field_angle": part.field_angles,
+        "defocus": part.defocus,
+    }
+    steps = max(map(len, varied.values()))
+    shape = (len(elements), len(METHODS), len(varied), steps)
+    values = {name + suffix: np.full(shape, np.nan) for name in MEASURES for suffix in ("", "_error")}
+    places = [
+        place for place in itertools.product(*map(range, shape)) if place[3] < len(list(varied.values())[place[2]])
+    ]
+    with timed(seconds, _STEP):
+        for number, place in enumerate(places):
+            progress(_STEP, number / len(places))
+            element, method, what, step = place
+            name = list(varied)[what]
+            case = _case(part, elements[element], {name: varied[name][step]})
+            found = spread_measures(
+                case,
+                method=METHODS[method],
+                window=part.window,
+                rms_radius=part.rms_radius,
+                pixel_pitch=part.pixel_pitch,
+                tolerance=part.tolerance,
+            )
+            for measure, (value, error) in found.items():
+                values[measure][place], values[f"{measure}_error"][place] = value, error
+    progress(_STEP, 1.0)
+    padded = [[*chosen, *[np.nan] * (steps - len(chosen))] for chosen in varied.values()]
+    return dataset(
+        "point_spread",
+        {
+            "title": [element.title for element in elements],
+            "airy_radius": [_case(part, element, {}).airy_radius for element in elements],
+            "value": [padded] * len(elements),
+            "varied_units": [_UNITS[name] for name in varied],
+            "standing": [[_standing(part, element)[name] for name in varied] for element in elements],
+            **values,
+        },
+        {"element": list(part.elements), "method": list(METHODS), "varied": list(varied)},
+        attributes={"window": part.window, "rms_radius": part.rms_radius, "pixel_pitch": part.pixel_pitch},
+    )
+
+
+def _standing(part: PointSpreadPart, element: ElementPart) -> Mapping[str, float]:
+    return {
+        "f_number": element.f_number,
+        "wavelength": part.standing_wavelength,
+        "field_angle": 0.0,
+        "defocus": 0.0,
+    }
+
+
+def _case(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, float]) -> LensAndPoint:
+    chosen = {**_standing(part, element), **changed}
+    return LensAndPoint(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        f_number=chosen["f_number"],
+        wavelength=chosen["wavelength"],
+        lens_phase=part.lens_phase,
+        field_angle=chosen["field_angle"],
+        defocus_waves=chosen["defocus"],
+    )

@@ -1,0 +1,202 @@
+"""How far a point spreads behind one declared lens: a sampled point-spread function and its measures."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.point_spread import (
+    diffraction_limited_peak,
+    encircled_energy_radius,
+    full_width_at_half_maximum,
+    modulation_transfer,
+    rms_width,
+    share_on_neighbouring_pixels,
+    share_outside_disc,
+    strehl_ratio,
+)
+from tradestudy.optics.propagation import (
+    Accuracy,
+    CircularLens,
+    LensPhase,
+    PointSource,
+    TargetGrid,
+    aperture_field,
+    lens_wave,
+)
+from tradestudy.optics.psf_difference import FIRST_DARK_RING, airy_radius
+from tradestudy.optics.quadrature import disc_nodes
+from tradestudy.optics.sampled_point_spread import Measured, PointSpread
+
+SpreadMethod = Literal["fresnel", "kirchhoff"]
+MEASURES: Final = (
+    "full_width",
+    "half_energy_radius",
+    "energy_radius_80",
+    "rms_width",
+    "strehl_ratio",
+    "transfer_half_nyquist",
+    "outside_geometric",
+    "neighbour_share",
+)
+_SAMPLES_PER_PERIOD = 8.0  # of the shortest period λ N_w of an intensity
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensAndPoint:
+    """A lens, its image plane in focus on ``object_distance``, and a point that may stand elsewhere.
+
+    Parameters
+    ----------
+    focal_length, object_distance
+        f and the distance in focus a [m].
+    f_number, wavelength, lens_phase
+        Of lens and light.
+    field_angle
+        Direction of the point [rad].
+    defocus_waves
+        W: the point stands at 1/a' = 1/a + 2 W λ/R², so that its wave is W waves steeper at the rim of the pupil.
+    """
+
+    focal_length: float
+    object_distance: float
+    f_number: float
+    wavelength: float
+    lens_phase: LensPhase
+    field_angle: float
+    defocus_waves: float
+
+    @property
+    def image_distance(self) -> float:
+        """Distance of the image plane [m]."""
+        return self.object_distance * self.focal_length / (self.object_distance - self.focal_length)
+
+    @property
+    def radius(self) -> float:
+        """Radius of the pupil [m]."""
+        return self.focal_length / self.f_number / 2
+
+    @property
+    def airy_radius(self) -> float:
+        """Radius of the Airy disc in the image plane [m]."""
+        return airy_radius(
+            wavelength=self.wavelength, image_distance=self.image_distance, pupil_diameter=2 * self.radius
+        )
+
+    @property
+    def lens(self) -> CircularLens:
+        """The lens; a stigmatic one is made for the distance in focus."""
+        focus = self.object_distance if self.lens_phase == "stigmatic" else None
+        return CircularLens(
+            radius=self.radius, focal_length=self.focal_length, lens_phase=self.lens_phase, focus_distance=focus
+        )
+
+    @property
+    def source(self) -> PointSource:
+        """The point.
+
+        Raises
+        ------
+        OutOfRangeError
+            The defocus would put it beyond infinity.
+        """
+        vergence = 1 / self.object_distance + 2 * self.defocus_waves * self.wavelength / self.radius**2
+        if not vergence > 0:
+            raise OutOfRangeError(
+                "defocus that puts the object beyond infinity",
+                value=f"{self.defocus_waves:g} waves at f/{self.f_number:g}",
+                limit=f"> {-(self.radius**2) / (2 * self.object_distance * self.wavelength):.3g} waves",
+            )
+        return PointSource(x=math.tan(self.field_angle) / vergence, distance=1 / vergence)
+
+    @property
+    def chief_point(self) -> tuple[float, float]:
+        """Where the ray through the middle of the lens meets the image plane [m]."""
+        return -self.image_distance * math.tan(self.field_angle), 0.0
+
+    @property
+    def geometric_radius(self) -> float:
+        """Radius of the disc that paraxial rays fill [m]: R b |1/a' − 1/a|."""
+        return 2 * abs(self.defocus_waves) * self.wavelength * self.image_distance / self.radius
+
+
+def point_spread_of(case: LensAndPoint, *, method: SpreadMethod, window: float, tolerance: float) -> PointSpread:
+    """Sample a point-spread function about its chief ray, ``window`` Airy radii to every side."""
+    quarter = math.ceil(window * FIRST_DARK_RING * _SAMPLES_PER_PERIOD / 2)
+    half = window * case.airy_radius
+    grid = TargetGrid.centred(
+        centre=case.chief_point, pitch=half / (2 * quarter), count=4 * quarter + 1, distance=case.image_distance
+    )
+    field = aperture_field(
+        source=case.source,
+        lens=case.lens,
+        targets=grid,
+        wavelength=case.wavelength,
+        method=method,
+        accuracy=Accuracy(tolerance=tolerance),
+    )
+    wave = lens_wave(source=case.source, lens=case.lens, wavelength=case.wavelength, paraxial=method == "fresnel")
+    nodes = disc_nodes(radius=case.radius, radial_count=12, angular_count=24)
+    power = float(nodes.weights @ np.abs(wave.amplitude(nodes.x, nodes.y)) ** 2)
+    return PointSpread(x=grid.x_axis, y=grid.y_axis, intensity=field.intensity, pupil_power=power)
+
+
+def spread_measures(
+    case: LensAndPoint, *, method: SpreadMethod, window: float, rms_radius: float, pixel_pitch: float, tolerance: float
+) -> Mapping[str, tuple[float, float]]:
+    """Every measure with its numerical error; NaN where the window does not hold what it needs.
+
+    Parameters
+    ----------
+    case
+        Lens and point.
+    method
+        Law of propagation.
+    window, rms_radius
+        Half side of the sampled window, and radius of the rms width, in Airy radii.
+    pixel_pitch
+        Of the pixels whose neighbours and Nyquist frequency are meant [m].
+    tolerance
+        Of the intensity.
+    """
+    psf = point_spread_of(case, method=method, window=window, tolerance=tolerance)
+    centre, airy = case.chief_point, case.airy_radius
+    reference = diffraction_limited_peak(
+        pupil_power=psf.pupil_power,
+        pupil_area=math.pi * case.radius**2,
+        wavelength=case.wavelength,
+        distance=case.image_distance,
+    )
+    half_nyquist = np.array(1 / (4 * pixel_pitch))
+    everything = Measured(value=np.array(1.0), error=np.array(0.0))
+    measures: Mapping[str, Callable[[], Measured]] = {
+        "full_width": lambda: full_width_at_half_maximum(psf, angle=math.pi / 2),
+        "half_energy_radius": lambda: encircled_energy_radius(psf, centre=centre, share=0.5),
+        "energy_radius_80": lambda: encircled_energy_radius(psf, centre=centre, share=0.8),
+        "rms_width": lambda: rms_width(psf, centre=centre, radius=rms_radius * airy),
+        "strehl_ratio": lambda: strehl_ratio(psf, reference_peak=reference),
+        "transfer_half_nyquist": lambda: modulation_transfer(
+            psf, frequency_x=half_nyquist, frequency_y=np.zeros_like(half_nyquist)
+        ),
+        "outside_geometric": lambda: (
+            share_outside_disc(psf, centre=centre, radius=case.geometric_radius)
+            if case.geometric_radius > 0
+            else everything
+        ),
+        "neighbour_share": lambda: share_on_neighbouring_pixels(psf, pitch=pixel_pitch, centre=centre),
+    }
+    return {name: _or_nan(measures[name]) for name in MEASURES}
+
+
+def _or_nan(measure: Callable[[], Measured]) -> tuple[float, float]:
+    """A measure that the sampled window cannot give is NaN."""
+    try:
+        found = measure()
+    except OutOfRangeError:
+        return math.nan, math.nan
+    return float(found.value), float(found.error)
