@@ -23,7 +23,7 @@ def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
     """Parameters of a posterior that are drawn: those most correlated with another one, in their own order."""
     data = tree["calibration"].to_dataset().sel(posterior=posterior)
     known = np.flatnonzero(np.isfinite(data["posterior_mean"].values))
-    draws = data["posterior_draw"].values[:, known]
+    draws = _present(data["posterior_draw"].values[:, known])
     correlation = np.abs(np.corrcoef(draws.T) - np.eye(len(known)))
     chosen = np.sort(np.argsort(-correlation.max(axis=0), kind="stable")[:MOST_PARAMETERS])
     return tuple(str(name) for name in data["parameter"].values[known[chosen]])
@@ -34,7 +34,7 @@ def corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
     with styled():
         names = shown_parameters(tree, posterior)
         data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
-        draws = np.asarray(data["posterior_draw"].values, dtype=np.float64)
+        draws = _present(np.asarray(data["posterior_draw"].values, dtype=np.float64))
         deviation = np.asarray(data["posterior_deviation"].values, dtype=np.float64)
         scores = (draws - np.asarray(data["posterior_mean"].values)) / deviation
         laplace = np.asarray(data["laplace_deviation"].values, dtype=np.float64) / deviation
@@ -59,6 +59,11 @@ def corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
             grid[row, 0].set_ylabel(_lines(names[row]), fontsize=5, rotation=0, ha="right", va="center")
             grid[-1, row].set_xlabel(_lines(names[row]), fontsize=5)
     return figure
+
+
+def _present(draws: FloatArray) -> FloatArray:
+    """The draws that exist; short chains are padded with NaN."""
+    return np.asarray(draws[np.isfinite(draws).all(axis=1)])
 
 
 def _lines(name: str) -> str:

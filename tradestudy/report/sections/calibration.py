@@ -177,10 +177,11 @@ def _classes(tree: xr.DataTree) -> Table:
 
 
 def _moments(tree: xr.DataTree) -> Table:
-    data = facts.dataset(tree, "calibration")["moments_end"]
+    group = facts.dataset(tree, "calibration")
+    data, last = group["moments_end"], float(group["distance"].values[-1])
 
     def words(value: float) -> str:
-        return "nowhere" if np.isnan(value) else "beyond the range" if np.isinf(value) else distance(value)
+        return "nowhere" if np.isnan(value) else f"> {distance(last)}" if np.isinf(value) else distance(value)
 
     return Table(
         name="moments-table",

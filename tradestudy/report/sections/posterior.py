@@ -153,6 +153,7 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows=tuple((titles[str(camera)], str(quantity), str(value)) for camera, quantity, value in rows),
         notes=(
             "Residuals are root mean square lengths per corner. Without the term the residual of the pair is taken "
-            "for noise of its corners, and the standard deviations are too small by the factors in the table above.",
+            "for noise of its corners, and the standard deviations of the relative pose are too small by the factors "
+            "in the table above.",
         ),
     )

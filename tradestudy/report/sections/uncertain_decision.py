@@ -62,6 +62,7 @@ def _driver(tree: xr.DataTree, camera: str, place: float) -> str:
 
 
 def ranks(tree: xr.DataTree) -> Table:
+    """Probabilities of the ranks of every pair at the declared distances."""
     data, titles = facts.dataset(tree, "decision"), facts.titles(tree)
     places = computed_places(tree)
 
@@ -93,6 +94,7 @@ def ranks(tree: xr.DataTree) -> Table:
 
 
 def crossovers(tree: xr.DataTree) -> Iterator[Block]:
+    """Distances at which the cameras of a pair are equally uncertain, with their Monte Carlo error."""
     data, titles = facts.dataset(tree, "decision"), facts.titles(tree)
     rows: list[tuple[Text, ...]] = []
     for pair in data["pair"].values:
@@ -133,6 +135,7 @@ def _crossing(there: xr.Dataset) -> str:
 
 
 def stability(tree: xr.DataTree) -> Iterator[Block]:
+    """The inverse questions and their answers; nothing where none was asked."""
     if not facts.has(tree, "decision", "stability_answer"):
         return
     rows = facts.records(tree, "decision", "stability")

@@ -80,14 +80,16 @@ def _column(path: Path, name: str) -> FloatArray:
     """One column of numbers from a CSV file."""
     try:
         with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
-    except OSError as error:
-        raise OutOfRangeError("a file of draws cannot be read", value=f"{path.name}: {error.strerror}") from None
-    if not rows or name not in rows[0]:
+            reader = csv.DictReader(stream)
+            header, rows = list(reader.fieldnames or ()), list(reader)
+    except (OSError, UnicodeDecodeError) as error:
+        why = getattr(error, "strerror", None) or "no text"
+        raise OutOfRangeError("a file of draws cannot be read", value=f"{path.name}: {why}") from None
+    if name not in header:
         raise OutOfRangeError(
             f"{path.name} has no column of draws",
             value=name,
-            limit=", ".join(rows[0]) if rows else "no rows",
+            limit=", ".join(header) or "no columns",
             remedy="name the columns in the first line",
         )
     try:

@@ -172,12 +172,18 @@ def _posteriors(uncertain: UncertainCameras) -> tuple[dict[str, Any], list[str]]
         "posterior_r_hat": over_parameters(lambda one: one.sample.diagnostics.r_hat),
         "posterior_bulk_size": over_parameters(lambda one: one.sample.diagnostics.bulk_effective_size),
         "posterior_tail_size": over_parameters(lambda one: one.sample.diagnostics.tail_effective_size),
-        "posterior_draw": over_parameters(lambda one: one.sample.thinned(_SHOWN_DRAWS)),
+        "posterior_draw": over_parameters(_draws),
         "posterior_trace": over_parameters(lambda one: _trace(one, ensembles)),
         "rig_overconfidence": np.stack(
             [_spread(one, names, row) for one, row in zip(calibrations.values(), overconfidence, strict=True)]
         ),
     }, names
+
+
+def _draws(one: InferredCalibration) -> FloatArray:
+    """Draws spread over all chains, shape (draws, parameters); NaN where a short chain has no more."""
+    found = one.sample.thinned(min(_SHOWN_DRAWS, len(one.sample.draws)))
+    return np.pad(found, ((0, _SHOWN_DRAWS - len(found)), (0, 0)), constant_values=np.nan)
 
 
 def _trace(one: InferredCalibration, ensembles: int) -> FloatArray:
