@@ -71,7 +71,9 @@ class Study:
     @property
     def hash(self) -> str:
         """Of what the study says, with its cameras and overrides in place."""
-        return provenance.study_hash(self.definition.document.tree)
+        document = self.definition.document
+        notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
+        return provenance.study_hash({"says": document.tree, "notes": notes})
 
     def check_summary(self) -> str:
         """One line on what the study would compute."""

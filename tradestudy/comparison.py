@@ -67,6 +67,7 @@ def compare_runs(
 
 
 def _inputs(inputs: Sequence[Mapping[str, str]]) -> Iterator[Difference]:
+    inputs = [one if isinstance(one, Mapping) else {} for one in inputs]
     for path in dict.fromkeys(path for one in inputs for path in one):
         values = tuple(str(one.get(path, ABSENT)) for one in inputs)
         if len(set(values)) > 1:

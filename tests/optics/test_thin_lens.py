@@ -48,7 +48,7 @@ def test_limits() -> None:
     assert focus_shift(0.02, 0.05) < -0.05  # a virtual image, before the lens
 
 
-@pytest.mark.parametrize("a", [0.3, 0.96, 1.0, 1.04, 5.0, math.inf])
+@pytest.mark.parametrize("a", [0.01, 0.03, 0.0306, 0.3, 0.96, 1.0, 1.04, 5.0, math.inf])
 @pytest.mark.parametrize("a0", [0.5, 1.0, math.inf])
 def test_blur_is_where_the_edge_rays_meet_the_sensor(a: float, a0: float) -> None:
     f, pupil = 30.5e-3, 30.5e-3 / 4
@@ -63,3 +63,8 @@ def test_published_blur_of_the_printed_rig() -> None:
     # f = 30.5 mm at f/4 focused at 1 m: 24 pixels of 10 µm at 0.5 m, one pixel at 0.96 and 1.04 m.
     blur = blur_diameter([0.5, 0.96, 1.04], 1.0, 30.5e-3, 30.5e-3 / 4) / 10e-6
     assert blur == pytest.approx([24.0, 1.0, 0.92], abs=0.05)
+
+
+def test_an_object_in_the_front_focal_plane_fills_the_pupil() -> None:
+    assert float(blur_diameter(30.5e-3, 1.0, 30.5e-3, 7e-3)) == pytest.approx(7e-3, rel=1e-12)
+    assert blur_diameter(math.inf, math.inf, 30.5e-3, 7e-3) == 0.0

@@ -40,7 +40,7 @@ def test_accepts_studies_as_they_are_written(path: Path) -> None:
         ("unknown_key_at_the_top", "$"),
         ("missing_keys", "$"),
         ("list_for_a_mapping", "$.cameras"),
-        ("bare_number_for_a_length", "$.scene.distances"),
+        ("bare_number_for_a_length", "$.scene"),
         ("another_format", "$.format"),
         ("bad_basis", "$.usable.overlap"),
     ],

@@ -113,6 +113,10 @@ class DepthCamera(Protocol):
         """Standard deviation of the disparity of one measurement [px]."""
         ...
 
+    def images(self, distance: ArrayLike) -> BoolArray:
+        """Where objects are imaged at all: beyond the focal length."""
+        ...
+
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """The disparity that the estimator uses [m on the sensor], signed; it falls with distance."""
         ...

@@ -15,7 +15,7 @@ from tradestudy.cameras.focus import MicrolensTypesFocus
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
 from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.depth_of_field.microlens_relay import inverse_focus_virtual_depth, relay_blur_diameter
 from tradestudy.optics.microlens_coverage import (
     least_squares_baseline,
@@ -128,7 +128,8 @@ class FocusedPlenoptic:
         """The distance Δx [m] of two microlenses that would measure as well as the estimator.
 
         The pitch for neighbours; times √3 for neighbours of the same type of three on a hexagonal array; for the
-        widest pair and for least squares the mean over the places of a point in the lattice, which grows with the
+        widest pair and for least squares effective in the mean square of the error over the places of a point in the
+        lattice, which grows with the
         absolute v and with v². NaN where the microlenses it needs are never there.
         """
         p, array = self.microlenses.pitch, self.microlenses
@@ -165,6 +166,10 @@ class FocusedPlenoptic:
         crossed = np.sign(disparity) * np.sign(true_disparity) <= 0.0
         depth = np.where(crossed, np.where(np.asarray(true_disparity) > 0.0, np.inf, f), depth)
         return np.asarray(np.where(np.isnan(disparity), np.nan, depth))
+
+    def images(self, distance: ArrayLike) -> BoolArray:
+        """Where an object lies beyond the focal length of the main lens, so that this forms a real image of it."""
+        return np.asarray(np.asarray(distance, dtype=np.float64) > self.main_lens.focal_length)
 
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
         """Disparity [m] of infinity over the baseline that the estimator has at a distance.
@@ -288,7 +293,7 @@ class FocusedPlenoptic:
         """Real image, total covering plane, availability, focus and last disparity step, as far as asked for."""
         a = np.asarray(distance, dtype=np.float64)
         f = self.main_lens.focal_length
-        found = {"real_image": Limit(value=a, bound=f, met=a > f)}
+        found = {"real_image": Limit(value=a, bound=f, met=self.images(a))}
         if criteria.virtual_depth is not None:
             value = np.abs(self.virtual_depth(a))
             found["total_covering_plane"] = Limit(

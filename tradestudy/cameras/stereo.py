@@ -14,7 +14,7 @@ from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorSource, Limit, 
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.parts import Lens, Sensor, require_positive
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.thin_lens import blur_diameter
 from tradestudy.optics.triangulation import midpoint_depth, stereo_depth, stereo_disparity
 
@@ -117,6 +117,10 @@ class StereoRig:
             name="both lenses",
         )
 
+    def images(self, distance: ArrayLike) -> BoolArray:
+        """Where an object lies beyond the focal length, so that the lenses form a picture of it."""
+        return np.asarray(np.asarray(distance, dtype=np.float64) > self.lens.focal_length)
+
     @property
     def field_of_view(self) -> float:
         """Across, of one camera [rad]."""
@@ -194,7 +198,7 @@ class StereoRig:
         Returns
         -------
         FloatArray
-            Exact, not linearised; +infinity where the lines of sight diverge.
+            Exact, not linearised; +infinity where the lines of sight diverge or do not both look ahead.
         """
         known = {"pixel_noise", "yaw", "pitch", "roll", "baseline", "focal_length", "principal_point"}
         if unknown := set(errors) - known:
@@ -215,8 +219,10 @@ class StereoRig:
         if self.triangulation == "midpoint":
             centre = np.stack(np.broadcast_arrays(B / 2.0, 0.0, 0.0), axis=-1)
             return midpoint_depth(left, right, -centre, centre)
-        difference = left[..., 0] / left[..., 2] - right[..., 0] / right[..., 2]
-        in_front = difference > 0.0
+        ahead = (left[..., 2] > 0.0) & (right[..., 2] > 0.0)
+        slopes = [ray[..., 0] / np.where(ahead, ray[..., 2], 1.0) for ray in (left, right)]
+        difference = slopes[0] - slopes[1]
+        in_front = ahead & (difference > 0.0)
         return np.asarray(np.where(in_front, B / np.where(in_front, difference, 1.0), np.inf))
 
     def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
@@ -236,15 +242,25 @@ class StereoRig:
     def overlap(self, distance: ArrayLike) -> FloatArray:
         """Share of each picture's width at a distance that the other camera sees too; ``1 − B/W`` for parallel axes.
 
-        W = 2 Z tan(FOV/2). Zero where the views do not meet.
+        W = 2 Z tan(FOV/2). Zero where the views do not meet. Converging axes map a plane unevenly; the share is that of
+        the picture, not of the plane.
         """
         z = np.asarray(distance, dtype=np.float64)
         half, t = self.field_of_view / 2.0, self.convergence_angle / 2.0
-        # Divided by Z, so that infinity needs no special case.
-        left_edge = -self.baseline / (2.0 * z) + math.tan(t - half)
-        right_edge = -self.baseline / (2.0 * z) + math.tan(t + half)
-        shared = 2.0 * np.minimum(right_edge, -left_edge)
-        return np.asarray(np.clip(shared / (right_edge - left_edge), 0.0, 1.0))
+
+        def mirrored(edge: float) -> FloatArray:
+            """Direction from the left camera to where the right camera's edge of view meets the plane."""
+            if abs(edge) >= math.pi / 2.0:  # that edge never meets the plane: the view has no end on this side
+                return np.full(z.shape, -math.copysign(math.pi / 2.0, edge))
+            return np.arctan(self.baseline / z - math.tan(edge))
+
+        if abs(t) - half >= math.pi / 2.0:
+            return np.zeros_like(z)
+        low = np.maximum(max(t - half, -math.pi / 2.0), mirrored(t + half))
+        high = np.minimum(min(t + half, math.pi / 2.0), mirrored(t - half))
+        # From directions to the picture, where a direction beyond the picture's own edges does not occur.
+        shared = np.tan(np.clip(high - t, -half, half)) - np.tan(np.clip(low - t, -half, half))
+        return np.asarray(np.clip(shared / (2.0 * math.tan(half)), 0.0, 1.0))
 
     def blur_px(self, distance: ArrayLike) -> FloatArray:
         """Diameter of the geometric blur circle [px]; 0 for lenses that refocus."""
@@ -255,8 +271,9 @@ class StereoRig:
         return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
 
     def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Overlap, focus and last disparity step, as far as the criteria ask for them."""
-        found: dict[str, Limit] = {}
+        """Real image, overlap, focus and last disparity step, as far as the criteria ask for them."""
+        z, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
+        found = {"real_image": Limit(value=z, bound=f, met=self.images(z))}
         if criteria.overlap is not None:
             value = self.overlap(distance)
             found["overlap"] = Limit(value=value, bound=criteria.overlap, met=value >= criteria.overlap)

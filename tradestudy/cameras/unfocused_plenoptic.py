@@ -25,7 +25,7 @@ from tradestudy.cameras.focus import RefocusedViewsFocus
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
 from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.depth_of_field import refocus_distance, view_pupil_diameter
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 
@@ -184,6 +184,10 @@ class UnfocusedPlenoptic:
         """The disparity, in microlenses."""
         return self.disparity(distance) / self.microlenses.pitch
 
+    def images(self, distance: ArrayLike) -> BoolArray:
+        """Where an object lies beyond the focal length of the main lens, so that this forms a real image of it."""
+        return np.asarray(np.asarray(distance, dtype=np.float64) > self.main_lens.focal_length)
+
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
         """``−Δu z/a₀`` [m]."""
         return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
@@ -284,7 +288,7 @@ class UnfocusedPlenoptic:
         """Real image, focus of the single views and last disparity step, as far as asked for."""
         a = np.asarray(distance, dtype=np.float64)
         f = self.main_lens.focal_length
-        found = {"real_image": Limit(value=a, bound=f, met=a > f)}
+        found = {"real_image": Limit(value=a, bound=f, met=self.images(a))}
         if criteria.blur_px is not None:
             value = self.blur_px(a)
             found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)

@@ -85,14 +85,16 @@ def blur_diameter(
     Returns
     -------
     FloatArray
-        c [m] on the sensor. Written as ``A |s − s₀| / (f + s)``, the similar triangles behind the lens, with the
-        difference of the shifts taken through ``f² (a₀ − a) / ((a − f)(a₀ − f))`` so that it does not cancel.
+        c [m] on the sensor. With the sensor at S = f + s₀ it is ``A S |1/a − 1/a₀|``, the similar triangles behind the
+        lens: no pole, also not for an object in the front focal plane or nearer, whose rays leave the lens parallel
+        or apart.
     """
     a, a0, f, pupil = (
         np.asarray(value, dtype=np.float64) for value in (object_distance, focus_distance, focal_length, pupil_diameter)
     )
-    # s − s₀ = f (1/(1 − f/a) · 1/a − …): divided through by a a₀ so that either distance may be infinite.
-    with np.errstate(divide="ignore"):
-        inverse, inverse0 = 1.0 / a, 1.0 / a0
-    shift_difference = f * f * (inverse - inverse0) / ((1.0 - f * inverse) * (1.0 - f * inverse0))
-    return np.asarray(pupil * np.abs(shift_difference) / (f + focus_shift(a, f)))
+    sensor = f + focus_shift(a0, f)
+    # (a − a₀)/(a a₀) keeps the digits that 1/a − 1/a₀ loses near the focus; one infinite distance leaves the other's 1/a.
+    with np.errstate(invalid="ignore"):  # infinity less itself, sorted out below
+        difference = np.where(np.isinf(a0), 1.0 / a, np.where(np.isinf(a), 1.0 / a0, (a - a0) / a / a0))
+    both = np.isinf(a) & np.isinf(a0)
+    return np.asarray(np.where(both, 0.0, pupil * sensor * np.abs(difference)))

@@ -34,12 +34,11 @@ from tradestudy.study.schema.questions import (
     UncertaintyRatioClaim,
 )
 from tradestudy.study.usable import boundaries, evaluate_limits
-from tradestudy.study.wave_claims import wave_claim_value, wave_claim_words
 from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, parse, pretty
 
 # Enough for a smooth curve over two decades; ends of ranges are always among them.
 _POINTS = 801
-_FARTHEST = 1e5
+_NEAREST, _FARTHEST = 1e-3, 1e5
 
 
 def claim_dimension(claim: ClaimPart) -> Dimension:
@@ -65,7 +64,8 @@ def claim_quantity(claim: ClaimPart) -> str:
             return f"largest uncertainty of {claim.camera} over that of {claim.against}, {span} ({claim.way})"
         case ShareBetterClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
-            return f"share of {span} (log scale) where {claim.camera} is usable and {claim.against} is not, or is less certain"
+            other = f"{claim.against} is not, or is less certain"
+            return f"share of {span} (log scale) where {claim.camera} is usable and {other}"
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
             return f"distance where the uncertainty of {claim.camera} reaches {share} of it ({claim.way})"
@@ -74,6 +74,9 @@ def claim_quantity(claim: ClaimPart) -> str:
         case DepthOfFieldRatioClaim():
             return depth_of_field_ratio_words(claim)
         case _:
+            # Wave optics is loaded by the studies that ask for it alone.
+            from tradestudy.study.wave_claims import wave_claim_words
+
             return wave_claim_words(claim)
 
 
@@ -88,7 +91,13 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
                 for name in (claim.camera, claim.against)
             )
             with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
-                return float(np.max(first / second))
+                ratio = first / second
+            # Where both are unbounded neither is larger; where one camera forms no image there is nothing to compare.
+            return (
+                float(np.max(ratio, initial=-math.inf, where=~np.isnan(ratio)))
+                if np.isfinite(ratio).any()
+                else math.nan
+            )
         case ShareBetterClaim():
             return _share_better(claim, case)
         case RelativeUncertaintyDistanceClaim():
@@ -103,29 +112,33 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
         case DepthOfFieldRatioClaim():
             return depth_of_field_ratio(claim, case)
         case _:
+            from tradestudy.study.wave_claims import wave_claim_value
+
             return wave_claim_value(claim, case.fresnel_validity, case.light_spot)
 
 
 def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
-    """The nearest begin or the farthest end of one limit, looked for far beyond the study's own distances.
+    """Where one limit begins to hold, coming from near, or ceases to, going far.
 
-    The far end is infinite where the limit still holds at the end of the search, 100 km away.
+    A limit that holds at the study's first or last distance is followed beyond it, down to 1 mm and out to 100 km or
+    ten times the study's own reach; it is then 0 or infinite if it holds there still.
     """
-    camera = case.cameras[claim.camera]
+    camera, near = case.cameras[claim.camera], claim.end == "near"
     if claim.limit not in evaluate_limits(camera, case.criteria, case.distance[:1]):
         return math.nan
-    search = np.concatenate([case.distance, np.geomspace(case.distance[-1], _FARTHEST, _POINTS)[1:]])
 
     def holds(points: FloatArray) -> BoolArray:
         return evaluate_limits(camera, case.criteria, points)[claim.limit].met
 
-    if claim.end == "far" and holds(search[-1:])[0]:
-        return math.inf
-    ends = boundaries(holds, search)
-    found = [end.distance for end in ends if end.begins == (claim.end == "near")]
-    if not found:
-        return math.nan
-    return found[0] if claim.end == "near" else found[-1]
+    first, last = float(case.distance[0]), float(case.distance[-1])
+    if near and holds(case.distance[:1])[0]:
+        ends = boundaries(holds, np.geomspace(min(_NEAREST, first / 10.0), first, _POINTS))
+        return next((end.distance for end in reversed(ends) if end.begins), 0.0)
+    if not near and holds(case.distance[-1:])[0]:
+        ends = boundaries(holds, np.geomspace(last, max(_FARTHEST, 10.0 * last), _POINTS))
+        return next((end.distance for end in ends if not end.begins), math.inf)
+    found = [end.distance for end in boundaries(holds, case.distance) if end.begins == near]
+    return math.nan if not found else found[0] if near else found[-1]
 
 
 def _share_better(claim: ShareBetterClaim, case: Case) -> float:
@@ -138,6 +151,19 @@ def _share_better(claim: ShareBetterClaim, case: Case) -> float:
 
 def _span(over: tuple[float, ...]) -> FloatArray:
     return np.geomspace(over[0], over[1], _POINTS)
+
+
+def expectation_bounds(claim: ClaimPart) -> float:
+    """The expected value or bound of a claim in the SI unit of its quantity.
+
+    Raises
+    ------
+    UnitError
+        Where it does not read as that quantity.
+    """
+    expect = claim.expect
+    text = next(text for text in (expect.about, expect.above, expect.below) if text is not None)
+    return parse(text, claim_dimension(claim))
 
 
 def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | None:
@@ -165,17 +191,21 @@ def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
     A claim whose answer depends on assumptions that its source does not state cannot be decided from the source.
     """
     decided = {name: answer for name, answer in met.items() if answer is not None}
-    if not decided:
-        return "cannot be decided from the paper", "no reading gives a value"
+    silent = [name for name, answer in met.items() if answer is None]
     yes = [name for name, answer in decided.items() if answer]
     no = [name for name, answer in decided.items() if not answer]
-    if not no:
-        return "met", f"under every reading tried ({len(yes)})" if len(decided) > 1 else "no other reading was tried"
-    if not yes:
-        return "not met", f"under no reading tried ({len(no)})" if len(decided) > 1 else "no other reading was tried"
+    without = f"; no value under {', '.join(silent)}" if silent else ""
+    if not decided:
+        return "cannot be decided from the paper", "no reading gives a value"
+    if not (yes and no):
+        verdict, every = ("met", "every") if yes else ("not met", "no")
+        tried = f"under {every} reading tried ({len(decided)})" if len(met) > 1 else "no other reading was tried"
+        return verdict, tried + without
     if len(yes) <= len(no):
-        return "cannot be decided from the paper", f"met under {', '.join(yes)}; not under the other {len(no)} readings"
-    return "cannot be decided from the paper", f"not met under {', '.join(no)}; met under the other {len(yes)} readings"
+        reason = f"met under {', '.join(yes)}; not under the other {len(no)} readings"
+    else:
+        reason = f"not met under {', '.join(no)}; met under the other {len(yes)} readings"
+    return "cannot be decided from the paper", reason + without
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -123,6 +123,27 @@ class Solved:
     answer: str
 
 
+def question_ends(question: SolvePart) -> tuple[Dimension, float, float]:
+    """What an inverse question varies between, in SI.
+
+    Raises
+    ------
+    OutOfRangeError
+        Where the ends do not share a unit, or are not 0 < low < high.
+    """
+    dimension = common_dimension(question.low, question.high)
+    if dimension is None:
+        raise OutOfRangeError(
+            "the ends of an inverse question have no common unit", value=f"{question.low} … {question.high}"
+        )
+    low, high = parse(question.low, dimension), parse(question.high, dimension)
+    if not 0.0 < low < high < math.inf:
+        raise OutOfRangeError(
+            "the ends of an inverse question", value=f"{question.low} … {question.high}", limit="0 < low < high"
+        )
+    return dimension, low, high
+
+
 def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     """Find the value of one input that makes two cameras equally certain at a distance.
 
@@ -138,16 +159,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     """
     from scipy.optimize import brentq
 
-    dimension = common_dimension(question.low, question.high)
-    if dimension is None:
-        raise OutOfRangeError(
-            "the ends of an inverse question have no common unit", value=f"{question.low} … {question.high}"
-        )
-    low, high = parse(question.low, dimension), parse(question.high, dimension)
-    if not 0.0 < low < high < math.inf:
-        raise OutOfRangeError(
-            "the ends of an inverse question", value=f"{question.low} … {question.high}", limit="0 < low < high"
-        )
+    dimension, low, high = question_ends(question)
     distance = np.array([question.at])
 
     def log_ratio(log_value: float) -> float:

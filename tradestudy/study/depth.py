@@ -53,15 +53,18 @@ class DepthEvaluation:
 def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation:
     """Evaluate a camera at distances [m], shape (distance,).
 
+    Where the camera forms no image everything is NaN.
+
     All errors are added up as errors of disparity, an inverse depth in which pixel noise acts exactly and calibration
     almost linearly, and the quantiles are mapped back to depth; a standard deviation of depth, which often does not
     exist, is never formed.
     """
+    given, distance = distance, _imaged(camera, distance)
     parts = camera.depth_error_parts(distance)
     sums = [_sum(_of_way(parts, way), distance.shape) for way in WAYS]
     quantile = np.stack([np.stack([_depth_quantile(camera, distance, s, p) for p in QUANTILES], axis=-1) for s in sums])
     return DepthEvaluation(
-        distance=distance,
+        distance=given,
         discrimination=np.stack(camera.depth_discrimination(distance)),
         uncertainty=_half_width(quantile[..., 1], quantile[..., 3]),
         quantile=quantile,
@@ -75,12 +78,27 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation
 
 def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "both") -> FloatArray:
     """Half the central 68.27 % interval of depth [m], and nothing else: for root finding."""
+    distance = _imaged(camera, distance)
     return _uncertainty(camera, distance, _sum(_of_way(camera.depth_error_parts(distance), way), distance.shape))
 
 
 def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     """Share of measurements, noise and calibration together, that end beyond infinity."""
+    distance = _imaged(camera, distance)
     return _failed_fraction(camera, distance, _sum(camera.depth_error_parts(distance), distance.shape))
+
+
+def closed_form_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Estimated error of the depth uncertainty, as a share of it; NaN where either has no bound."""
+    distance = _imaged(camera, distance)
+    parts = camera.depth_error_parts(distance)
+    uncertainty = _uncertainty(camera, distance, _sum(parts, distance.shape))
+    return np.asarray(_linearisation_error(camera, distance, parts) / np.where(uncertainty > 0.0, uncertainty, np.nan))
+
+
+def _imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Distances with NaN where the camera forms no image, so that no number comes out there."""
+    return np.where(camera.images(distance), distance, np.nan)
 
 
 def _of_way(parts: tuple[DepthErrorPart, ...], way: str) -> tuple[DepthErrorPart, ...]:
@@ -90,9 +108,10 @@ def _of_way(parts: tuple[DepthErrorPart, ...], way: str) -> tuple[DepthErrorPart
 
 
 def _sum(parts: tuple[DepthErrorPart, ...], shape: tuple[int, ...]) -> SumOfErrors:
+    acting = [part for part in parts if np.any(part.disparity_error != 0.0)]
     return SumOfErrors.of(
-        [part.disparity_error for part in parts if part.shape == "normal"],
-        [part.disparity_error for part in parts if part.shape == "uniform"],
+        [part.disparity_error for part in acting if part.shape == "normal"],
+        [part.disparity_error for part in acting if part.shape == "uniform"],
         shape,
     )
 

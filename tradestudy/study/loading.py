@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 from tradestudy.errors import Problem, StudyError, TradestudyError
+from tradestudy.study.claims import expectation_bounds
+from tradestudy.study.decision import question_ends
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.reader import read
 from tradestudy.study.sweep import sweep_axes
@@ -27,7 +30,11 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
         definition.readings  # noqa: B018 - built here so that `check` sees their mistakes
     except StudyError as error:
         problems += error.problems
-    problems += _problems_of_changes(definition)
+    for search in (_problems_of_changes, _problems_of_questions):
+        try:
+            problems += search(definition)
+        except StudyError as error:
+            problems += error.problems
     if problems:
         raise StudyError(list(dict.fromkeys(problems)))
     return definition
@@ -43,6 +50,23 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
             for problem in error.problems:
                 path = ".".join(str(key) for key in where)
                 yield Problem(file=file, line=line, column=column, path=path, what=f"{problem.path}: {problem.what}")
+
+
+def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
+    """Expectations of claims and ends of inverse questions that do not read as what they are held against."""
+    checks: list[tuple[tuple[str, str, str], Callable[[], object]]] = [
+        *(
+            (("claims", name, "expect"), partial(expectation_bounds, claim))
+            for name, claim in definition.file.claims.items()
+        ),
+        *((("solve", name, "low"), partial(question_ends, one)) for name, one in definition.file.solve.items()),
+    ]
+    for where, check in checks:
+        try:
+            check()
+        except TradestudyError as error:
+            file, line, column = definition.document.locate(where)
+            yield Problem(file=file, line=line, column=column, path=".".join(where), what=str(error))
 
 
 def _changes(definition: StudyDefinition) -> Iterator[Change]:

@@ -34,6 +34,9 @@ class SweepAxis:
 
 def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
     """The axes that a study declares; none where it sweeps nothing."""
+    for path in definition.file.sweep:
+        if path.startswith("scene."):
+            raise UnitError(f"{path} cannot be swept: every design of a sweep is computed over the same scene")
     return tuple(
         _axis(
             path,
@@ -68,9 +71,13 @@ def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> li
 def _values_of_range(path: str, part: SweepRangePart) -> tuple[str, ...]:
     dimension = common_dimension(part.start, part.stop)
     if dimension is None:
-        raise UnitError(f"sweep of {path}: '{part.start}' and '{part.stop}' have no common unit")
-    space = np.geomspace if part.spacing == "log" else np.linspace
-    numbers = space(parse(part.start, dimension), parse(part.stop, dimension), part.points)
+        raise UnitError(f"{path}: '{part.start}' and '{part.stop}' have no common unit")
+    start, stop = parse(part.start, dimension), parse(part.stop, dimension)
+    if not (math.isfinite(start) and math.isfinite(stop)) or (
+        part.spacing == "log" and not (start > 0.0 and stop > 0.0)
+    ):
+        raise UnitError(f"{path}: a {part.spacing} range from '{part.start}' to '{part.stop}' is impossible")
+    numbers = (np.geomspace if part.spacing == "log" else np.linspace)(start, stop, part.points)
     return tuple(f"{float(number)!r} {dimension.unit}".strip() for number in numbers)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.study.depth import depth_uncertainty, failed_fraction
+from tradestudy.study.depth import closed_form_error, depth_uncertainty, failed_fraction
 
 LIMIT_NAMES: Final = (
     "real_image",
@@ -21,7 +21,10 @@ LIMIT_NAMES: Final = (
     "last_disparity_step",
     "failed_fraction",
     "relative_uncertainty",
+    "closed_form",
 )
+# An uncertainty that may be off by more than this share of itself must not name a usable distance.
+_LARGEST_ERROR: Final = 0.1
 END_OF_STUDY: Final = "range of the study"
 
 # Each round divides the bracket of every boundary by this number; ten rounds reach the last digits.
@@ -48,8 +51,14 @@ class Boundary:
 
 
 def evaluate_limits(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> Mapping[str, Limit]:
-    """All limits that the study declares and the camera knows, at distances [m]."""
+    """All limits that the study declares and the camera knows, at distances [m]; none holds where it forms no image.
+
+    ``closed_form`` is always among them: where the uncertainty is not known to a tenth of itself, it decides nothing.
+    """
+    distance = np.where(camera.images(distance), distance, np.nan)
     limits = dict(camera.limits(distance, criteria))
+    error = closed_form_error(camera, distance)
+    limits["closed_form"] = Limit(value=error, bound=_LARGEST_ERROR, met=~(error > _LARGEST_ERROR))
     if criteria.failed_fraction is not None:
         value = failed_fraction(camera, distance)
         limits["failed_fraction"] = Limit(

@@ -1,7 +1,8 @@
 """The distribution of a sum of independent, centred normal and uniform errors, in closed form.
 
 Enough for depth in inverse depth, where pixel noise and calibration add up: no draws, no seed, and quantiles where a
-standard deviation of depth does not exist.
+standard deviation of depth does not exist. scipy's special functions are imported where they are called: a study file
+is checked without them.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr, ndtri
 
 from tradestudy.errors import OutOfRangeError
 
@@ -22,7 +22,7 @@ FloatArray = NDArray[np.float64]
 _NARROW = 1e-3
 _NODES = 48
 _BISECTIONS = 200
-_MOST_UNIFORMS = 3
+_MOST_UNIFORMS = 2
 _TAIL = 40.0
 _DENSITY_ENDS = 37.0  # exp(−37²/2) is below every digit of what it is added to
 
@@ -49,7 +49,7 @@ class SumOfErrors:
         Raises
         ------
         OutOfRangeError
-            For more than three uniform errors, whose numerical convolution would take 48ⁿ⁻¹ nodes.
+            For more than two uniform errors, whose numerical convolution would take 48ⁿ⁻¹ nodes.
         """
         uniforms = list(uniforms)
         if len(uniforms) > _MOST_UNIFORMS:
@@ -93,6 +93,8 @@ class SumOfErrors:
 
         Closed form for normals alone; otherwise bisection of `cumulative` to the last digit.
         """
+        from scipy.special import ndtri
+
         if not np.any(self.half_widths > 0.0):
             return np.asarray(self.normal * ndtri(probability))
         reach = np.sum(self.half_widths, axis=0) + self.normal * max(10.0, 2.0 * abs(float(ndtri(probability))))
@@ -131,6 +133,8 @@ def _gauss_legendre() -> tuple[FloatArray, FloatArray]:
 
 def _normal_and_uniform(x: FloatArray, sigma: FloatArray, h: FloatArray) -> FloatArray:
     """P(N(0, σ²) + U(−h, h) ≤ x): the mean of Φ((x − t)/σ) over −h ≤ t ≤ h."""
+    from scipy.special import ndtr
+
     # Narrow uniforms are added in variance: their closed form would be a difference of nearly equal numbers.
     narrow = ~(h > _NARROW * sigma)  # so that NaN, too, goes the simple way and stays NaN
     width = np.where(narrow, np.sqrt(sigma**2 + h**2 / 3.0), sigma)
@@ -144,6 +148,8 @@ def _normal_and_uniform(x: FloatArray, sigma: FloatArray, h: FloatArray) -> Floa
 
 def _integral_of_phi(x: FloatArray) -> FloatArray:
     """``∫_{−∞}^x Φ = x Φ(x) + φ(x)``."""
+    from scipy.special import ndtr
+
     with np.errstate(under="ignore"):  # far in the tail the density is zero to every digit
         return np.asarray(
             x * ndtr(x) + np.exp(-0.5 * np.square(np.minimum(np.abs(x), _DENSITY_ENDS))) / np.sqrt(2.0 * np.pi)

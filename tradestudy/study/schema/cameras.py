@@ -260,7 +260,7 @@ class PlenopticCalibrationPart(Part):
 
     mla_distance: NormalLengthErrorPart
     focal_length: NormalLengthErrorPart
-    correlation: Annotated[float, Field(ge=-1.0, le=1.0)] = Field(
+    correlation: Annotated[float, Field(ge=-1.0, le=1.0, strict=True)] = Field(
         description="Between mla_distance and focal_length: calibration fixes their difference best."
     )
     microlens_gap: LengthErrorPart

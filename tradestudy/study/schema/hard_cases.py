@@ -8,11 +8,14 @@ from pydantic import Field
 
 from tradestudy.study.schema.base import Part
 
-FamilyName = Literal["thin-lens", "stereo", "phases", "equation-27", "depth-of-field", "propagation", "study-files"]
+FamilyName = Literal[
+    "thin-lens", "stereo", "phases", "fields", "equation-27", "depth-of-field", "propagation", "study-files"
+]
 EVERY_FAMILY: tuple[FamilyName, ...] = (
     "thin-lens",
     "stereo",
     "phases",
+    "fields",
     "equation-27",
     "depth-of-field",
     "propagation",

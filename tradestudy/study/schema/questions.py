@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
@@ -16,20 +16,38 @@ from tradestudy.study.schema.quantities import (
     PositivePixels,
     PositiveWavelength,
     QuantityText,
+    Share,
 )
 from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, MethodName, PositiveWaves, PsfMetric
 
+
+def increasing(span: tuple[float, ...]) -> tuple[float, ...]:
+    """Refuse a range that does not go from near to far."""
+    if not span[0] < span[-1]:
+        raise MistakeAt((), "a range goes from near to far")
+    return span
+
+
+def different(pair: tuple[str, ...]) -> tuple[str, ...]:
+    """Refuse to compare a camera with itself."""
+    if len(set(pair)) < len(pair):
+        raise MistakeAt((), "two different cameras are expected")
+    return pair
+
+
 Way = Literal["noise", "calibration", "both"]
+Span = Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2), AfterValidator(increasing)]
 Text = Annotated[str, Field(min_length=1, max_length=2000)]
 CameraName = Annotated[str, Field(min_length=1, max_length=80)]
+Pair = Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2), AfterValidator(different)]
 Scalar = str | int | float | bool | None
 
 
 class UsablePart(Part):
     """Limits of the usable range; one that is left out does not limit."""
 
-    overlap: PositiveFraction | None = Field(default=None, description="Least common share of the two stereo views.")
-    availability: PositiveFraction | None = Field(
+    overlap: Share | None = Field(default=None, description="Least common share of the two stereo views.")
+    availability: Share | None = Field(
         default=None, description="Least share of points seen by two of the estimator's microlenses."
     )
     virtual_depth: PositiveNumber | None = Field(
@@ -39,7 +57,7 @@ class UsablePart(Part):
     disparity_step: PositivePixels | None = Field(
         default=None, description="Disparity step that must still separate a distance from infinity."
     )
-    failed_fraction: PositiveFraction | None = Field(
+    failed_fraction: Share | None = Field(
         default=None, description="Largest share of measurements that end beyond infinity."
     )
     relative_uncertainty: PositiveFraction | None = Field(
@@ -50,11 +68,11 @@ class UsablePart(Part):
 class DecisionPart(Part):
     """The headline pair and the distances at which it is decided."""
 
-    between: Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2)]
+    between: Pair
     at: Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=20)]
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
-        description="Cameras among which the best is named; default: all. Other readings of one device are no candidates.",
+        description="Cameras among which the best is named; default: all. Other readings of one device are none.",
     )
 
 
@@ -72,7 +90,7 @@ class SolvePart(Part):
     vary: Text
     low: Text
     high: Text
-    equal: Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2)]
+    equal: Pair
     at: PositiveLength
     way: Way = "both"
 
@@ -125,7 +143,7 @@ class UncertaintyRatioClaim(_ClaimPart):
     of: Literal["uncertainty_ratio"]
     camera: CameraName
     against: CameraName
-    over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)]
+    over: Span
     way: Way = "both"
 
 
@@ -135,12 +153,12 @@ class ShareBetterClaim(_ClaimPart):
     of: Literal["share_better"]
     camera: CameraName
     against: CameraName
-    over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)]
+    over: Span
     way: Way = "both"
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
-    """The distance at which depth uncertainty reaches a share of the distance, coming from near."""
+    """The distance beyond which depth uncertainty stays above a share of the distance."""
 
     of: Literal["relative_uncertainty_distance"]
     camera: CameraName
@@ -166,9 +184,7 @@ class DepthOfFieldRatioClaim(_ClaimPart):
     resolution: PositiveLength | None = Field(
         default=None, description="Size of detail on the object that both must resolve, geometrically, instead of blur."
     )
-    over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)] | None = Field(
-        default=None, description="Only what lies in this range counts; default: everything."
-    )
+    over: Span | None = Field(default=None, description="Only what lies in this range counts; default: everything.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -257,7 +273,7 @@ class BoundOverPart(Part):
 
     below: PositiveLength | None = Field(default=None, description="Absolute bound.")
     below_relative: PositiveFraction | None = Field(default=None, description="Bound as a share of the distance.")
-    over: Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2)]
+    over: Span
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
