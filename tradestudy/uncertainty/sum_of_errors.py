@@ -86,7 +86,7 @@ class SumOfErrors:
         widest, others = _split(self.half_widths, self.normal.shape)
         points, weights = _mixture(others)
         inside = np.sum(weights * _normal_and_uniform(x - points, self.normal, widest), axis=0)
-        return np.asarray(np.select(outside, [0.0, 1.0], inside))
+        return np.asarray(np.where(np.isnan(value), np.nan, np.select(outside, [0.0, 1.0], inside)))
 
     def quantile(self, probability: float) -> FloatArray:
         """The value that the sum does not exceed with the given probability in (0, 1), shape (...).

@@ -1,0 +1,95 @@
+"""What cannot be answered is refused or left empty, and says so; what can be is followed beyond the study."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.cameras.builders import r5, stereo
+from tests.study.conftest import STUDIES
+from tradestudy.api import Study, load
+from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
+from tradestudy.cameras.stereo import StereoCalibration
+from tradestudy.errors import StudyError
+from tradestudy.study.claims import claim_value
+from tradestudy.study.depth import evaluate_depth
+from tradestudy.study.usable import evaluate_limits
+
+HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("sweep={scene.distances.from: [50 mm, 500 mm]}", "cannot be swept"),
+        ("sweep={stereo-short.baseline: {from: 0 mm, to: 5 mm, points: 3, spacing: log}}", "log range from '0 mm'"),
+        ("claims.C2.expect.below=1 m", "claims.C2.expect: '1 m' is a length"),
+        ("claims.C1.expect.about=0.5", "'0.5' has no unit"),
+        ("solve.yaw-at-half-metre.low=6 deg", "0 < low < high"),
+        ("decision.between=[stereo-short, stereo-short]", "two different cameras"),
+        ("claims.C2.over=[10 m, 0.5 m]", "from near to far"),
+        ("usable.overlap=120 %", "from 0 % to 100 %"),
+        ("raytrix-r5.calibration.correlation=true", "correlation"),
+    ],
+)
+def test_check_refuses(override: str, told: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        load(HEADLINE, (override,))
+    assert told in str(caught.value)
+
+
+def test_a_mistake_of_a_reading_names_the_reading() -> None:
+    with pytest.raises(StudyError, match="in reading 'adjacent-pair'"):
+        load(HEADLINE, ("raytrix-r5.depth.estimator=least-squares", "raytrix-r5.depth.lenses=all"))
+
+
+def test_notes_belong_to_the_study() -> None:
+    same, other = (
+        load(HEADLINE, (f"stereo-short.baseline={{value: 20 mm, note: {note}}}",)) for note in ("one", "two")
+    )
+    assert same.hash != other.hash
+
+
+@pytest.mark.parametrize(("start", "stop"), [("450 mm", "10 m"), ("50 mm", "10 m"), ("2 m", "10 m")])
+def test_limits_are_followed_beyond_the_distances_of_the_study(start: str, stop: str) -> None:
+    study = load(HEADLINE, (f"scene.distances.from={start}", f"scene.distances.to={stop}"))
+    claim = study.file.claims["C1"]
+    assert claim_value(claim, study.definition.case) == pytest.approx(
+        0.1 / (0.4 * math.tan(math.radians(32.62))), rel=1e-9
+    )
+
+
+def test_a_far_end_beyond_any_study_is_found(headline: Study) -> None:
+    values = {
+        "scene.distances.to": "1000 km",
+        "stereo-65-across.baseline": "50 m",
+        "stereo-65-across.sensor.pixel_pitch": "1 um",
+        "usable.disparity_step": "5 px",
+        "claims.C4.camera": "stereo-65-across",
+    }
+    study = headline.with_values(values)
+    # f B / step, with f from 65.24° across 1024 pixels of 1 µm.
+    f = 1.024e-3 / (2 * math.tan(math.radians(32.62)))
+    assert claim_value(study.file.claims["C4"], study.definition.case) == pytest.approx(f * 50 / 5e-6, rel=1e-9)
+
+
+def test_nothing_is_known_where_there_is_no_image() -> None:
+    for camera, f in ((r5(), 12.5e-3), (stereo(), 30.5e-3)):
+        evaluation = evaluate_depth(camera, np.array([0.5 * f, f, 0.5]))
+        assert np.isnan(evaluation.uncertainty[:, :2]).all()
+        assert np.isnan(evaluation.failed_fraction[:, :2]).all()
+        assert np.isfinite(evaluation.uncertainty[:, 2]).all()
+        limits = evaluate_limits(camera, UsableCriteria(blur_px=1e9), np.array([0.5 * f, f, 0.5]))
+        assert limits["real_image"].met.tolist() == [False, False, True]
+
+
+def test_an_uncertainty_that_the_closed_form_misses_names_no_usable_distance() -> None:
+    turned = StereoCalibration(
+        yaw=ErrorSource(standard_deviation=math.radians(0.2)), pitch=ErrorSource(standard_deviation=math.radians(0.2))
+    )
+    for rule, usable in (("disparity", [True, True]), ("midpoint", [True, False])):
+        rig = stereo(triangulation=rule, calibration=turned)
+        limits = evaluate_limits(rig, UsableCriteria(), np.array([0.5, 5.0]))
+        assert limits["closed_form"].met.tolist() == usable
