@@ -6,6 +6,7 @@ from tradestudy.study.hard_case_engines import check_file, load_plainly, propaga
 from tradestudy.verification.hard_cases.case import Family
 from tradestudy.verification.hard_cases.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.verification.hard_cases.equation_27 import EQUATION_27
+from tradestudy.verification.hard_cases.fields import FIELDS
 from tradestudy.verification.hard_cases.phases import PHASES
 from tradestudy.verification.hard_cases.propagation import propagation_family
 from tradestudy.verification.hard_cases.stereo import STEREO
@@ -19,6 +20,7 @@ def all_families() -> tuple[Family, ...]:
         THIN_LENS,
         STEREO,
         PHASES,
+        FIELDS,
         EQUATION_27,
         DEPTH_OF_FIELD,
         propagation_family(propagation_engine()),

@@ -1,0 +1,67 @@
+"""A sample of each long campaign: every kind of fault once, and a fixed few hundred bad inputs."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+
+from tests.campaigns import faults, fuzz
+
+INPUTS = 400
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> faults.Bench:
+    return faults.Bench(root=tmp_path_factory.mktemp("faults"), rng=random.Random(1))
+
+
+@pytest.mark.parametrize(
+    ("fault", "trials"),
+    [(faults.killed, 2), (faults.interrupted, 1), (faults.truncated, 1), (faults.two_at_once, 1)],
+    ids=lambda value: getattr(value, "__name__", None),
+)
+def test_a_fault_loses_nothing_and_the_rerun_resumes(bench: faults.Bench, fault: object, trials: int) -> None:
+    row = fault(bench, trials)
+    assert row.details == []
+    assert row.trials == trials
+
+
+@pytest.mark.parametrize("fault", [faults.disk_full, faults.file_too_large, faults.read_only], ids=lambda f: f.__name__)
+def test_a_folder_that_takes_no_more_keeps_what_it_has(bench: faults.Bench, fault: object) -> None:
+    row = fault(bench, 1)
+    assert row.details == []
+    if row.trials == 0:
+        pytest.skip(row.note)
+
+
+def test_the_look_through_a_folder_sees_what_is_broken(bench: faults.Bench, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    faults.finished(bench, out)
+    assert faults.half_written(out) == []
+    for name in ("results.nc", "run.json", "report.html", "report.pdf", "figures/whole_range.svg"):
+        whole = (out / name).read_bytes()
+        (out / name).write_bytes(whole[: len(whole) // 2])
+        assert len(faults.half_written(out)) == 1, name
+        (out / name).write_bytes(whole)
+
+
+def test_bad_input_is_refused_in_words(tmp_path: Path) -> None:
+    kept: list[int] = []
+    tally = fuzz.campaign(tmp_path, inputs=INPUTS, seed=2, keep=lambda _path, number: kept.append(number))
+    assert tally.findings == []
+    assert kept == []
+    assert tally.inputs == INPUTS
+    # A fuzzer that nothing survives, or that changes nothing, would test little.
+    assert INPUTS // 100 < tally.outcomes["accepted"] < INPUTS // 2
+
+
+def test_the_fuzzer_tells_a_breach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def crash(*_: object) -> None:
+        raise RuntimeError("boom")
+
+    monkeypatch.setattr(fuzz.api, "load", crash)
+    tally = fuzz.campaign(tmp_path, inputs=5, seed=0, keep=lambda _path, _number: None)
+    assert len(tally.findings) == 5
+    assert tally.outcomes["traceback"] == 5
