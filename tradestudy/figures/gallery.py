@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.figures import depth_curves, focus_gallery, readings, sweeps, uncertainty_parts
+from tradestudy.figures import (
+    depth_curves,
+    focus_gallery,
+    fresnel_validity,
+    light_spot,
+    readings,
+    sweeps,
+    uncertainty_parts,
+)
 from tradestudy.figures.calibration_gallery import calibration_drawings
 from tradestudy.figures.depth_data import (
     Camera,
@@ -47,6 +55,9 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if "decision" in tree.children and "uncertainty_ratio" in tree["decision"]:
         yield _readings(tree)
     yield from calibration_drawings(tree)
+    if "fresnel_validity" in tree.children:
+        yield from fresnel_validity.drawings(tree)
+    yield from light_spot.drawings(tree)
     if "hard_cases" in tree.children:
         yield hard_cases_drawing(tree)
 

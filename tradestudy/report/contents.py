@@ -11,7 +11,9 @@ from tradestudy.report.sections.answer import answer
 from tradestudy.report.sections.calibration import calibration
 from tradestudy.report.sections.cameras import cameras
 from tradestudy.report.sections.depth_of_field import depth_of_field, sharp_answer
+from tradestudy.report.sections.fresnel_validity import fresnel_answer, fresnel_validity
 from tradestudy.report.sections.hard_cases import hard_cases
+from tradestudy.report.sections.light_spot import light_spot, light_spot_answer
 from tradestudy.report.sections.method import method
 from tradestudy.report.sections.provenance import provenance
 from tradestudy.report.sections.registers import assumptions, claims, contradictions, criteria, requirements
@@ -43,7 +45,12 @@ def compose(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
 
 
 def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    first_page = (*sharp_answer(tree, drawings), *answer(tree, drawings))
+    first_page = (
+        *sharp_answer(tree, drawings),
+        *answer(tree, drawings),
+        *fresnel_answer(tree, drawings),
+        *light_spot_answer(tree, run, drawings),
+    )
     yield from first_page
     if first_page:
         yield PageBreak()
@@ -55,6 +62,8 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from calibration(tree, drawings)
     yield from depth_of_field(tree, drawings)
     yield from criteria(tree)
+    yield from fresnel_validity(tree, drawings)
+    yield from light_spot(tree, drawings)
     yield from hard_cases(tree, drawings)
     yield from claims(tree)
     yield from requirements(tree)

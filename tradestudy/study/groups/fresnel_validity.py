@@ -28,7 +28,7 @@ from tradestudy.study.progress import Progress
 from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart
 from tradestudy.study.timing import Seconds, timed
 
-_SWEEP_POINTS: Final = 257
+_SWEEP_POINTS: Final = 1025  # so that the smaller zero is followed up to twice its least value and more
 _STEP: Final = "Fresnel against Kirchhoff, on axis"
 _OFF_AXIS_STEP: Final = "Fresnel against Kirchhoff, off axis"
 

@@ -1,0 +1,326 @@
+"""Fresnel against Kirchhoff: measured error against f-number, criteria that would predict it, and the printed one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.style import (
+    FAINT,
+    INK,
+    SOFT,
+    StudyFigure,
+    legend,
+    line_style,
+    new_figure,
+    plain_number,
+    shortened,
+    styled,
+)
+from tradestudy.units import FRACTION, LENGTH, pretty, significant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = npt.NDArray[np.float64]
+_F_NUMBERS = (1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64)
+_PERCENT = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
+
+
+def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figures of ``/fresnel_validity``, with what they show in words."""
+    data = tree["fresnel_validity"].to_dataset()
+    window = plain_number(shown_window(data))
+    waves = _wavelength_words(data)
+    aside = ""
+    if "off_axis_error" in data:
+        aside = (
+            f" Below: the object point {np.degrees(data.attrs['field_angle']):.2g}° off the axis, "
+            f"{pretty(data.attrs['field_wavelength'], LENGTH)}; the fixed elements then have coma and distortion, "
+            "which Fresnel does not know."
+        )
+    yield Drawing(
+        name="fresnel_error",
+        caption=f"Measured error of Fresnel's point-spread function against f-number (the paper's Figure 6): summed "
+        f"difference from Kirchhoff's over {window} Airy radii, in focus on the axis. Bands: {waves}. Stars: the "
+        "paper's values." + aside,
+        alt="Log-log charts of error against f-number, one column per lens, one line per lens phase. " + _words(data),
+        draw=partial(fresnel_error, tree),
+    )
+    yield Drawing(
+        name="fresnel_criteria",
+        caption="From which f-number on Fresnel should be good enough: closed-form criteria, each over the wavelengths "
+        f"of the study, and the f-number from which the measured error (as above, parabolic phase) stays below "
+        f"{pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper.",
+        alt="Bar chart of least f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
+        draw=partial(fresnel_criteria, tree),
+    )
+    yield Drawing(
+        name="paper_eq27",
+        caption="Why the printed criterion (eq. 27) cannot be trusted: both of its zeros while object and image "
+        "distance together grow by a quarter of a wavelength, a fraction of a micrometre; then the picture repeats. "
+        f"Lines: {waves}. Dashed: the f-number printed in the paper.",
+        alt="Charts of minimal f-number against extra path within one quarter wave. The first zero falls from "
+        "infinity, the second one drifts by a fifth and jumps back. " + _sweep_words(data),
+        draw=partial(paper_eq27, tree),
+    )
+
+
+def shown_window(data: xr.Dataset) -> float:
+    """The window of the figures: the middle one."""
+    windows = data["window"].values
+    return float(windows[(len(windows) - 1) // 2])
+
+
+def _wavelength_words(data: xr.Dataset) -> str:
+    waves = [float(w) for w in data["wavelength"].values]
+    if len(waves) == 1:
+        return pretty(waves[0], LENGTH)
+    return f"wavelengths from {pretty(waves[0], LENGTH)} to {pretty(waves[-1], LENGTH)}"
+
+
+def _words(data: xr.Dataset) -> str:
+    sentences = []
+    point = data["published_point_error"].sel(metric="l1", window=shown_window(data), lens_phase="parabolic")
+    for element in data["element"].values:
+        values = np.asarray(point.sel(element=element).values, dtype=float)
+        place = _published_place(data, str(element))
+        title = str(data["title"].sel(element=element).item())
+        low, high = pretty(float(values.min()), FRACTION), pretty(float(values.max()), FRACTION)
+        sentences.append(f"{title} at f/{significant(place)}, parabolic phase: {low} to {high}. ")
+    return "".join(sentences)
+
+
+def _published_place(data: xr.Dataset, element: str) -> float:
+    """F-number of the published error, or of the camera."""
+    published = float(data["published_f_number"].sel(element=element))
+    return published if np.isfinite(published) else float(data["camera_f_number"].sel(element=element))
+
+
+def fresnel_error(tree: xr.DataTree) -> StudyFigure:
+    """Error against f-number; a column per lens, a second row for the point off axis."""
+    with styled():
+        data = tree["fresnel_validity"].to_dataset()
+        rows = 2 if "off_axis_error" in data else 1
+        elements = [str(name) for name in data["element"].values]
+        figure = new_figure(0.7 + 2.45 * rows)
+        panels = figure.subplots(rows, len(elements), squeeze=False, sharey="row", sharex=True)
+        window = shown_window(data)
+        for column, element in enumerate(elements):
+            on_axis = data["psf_error"].sel(element=element, metric="l1", window=window)
+            _error_panel(panels[0, column], data, element, on_axis, on_axis_too=True)
+            panels[0, column].set_title(shortened(str(data["title"].sel(element=element).item())))
+            if rows == 2:
+                off = data["off_axis_error"].sel(element=element, metric="l1", window=window)
+                _error_panel(panels[1, column], data, element, off, on_axis_too=False)
+            panels[-1, column].set_xlabel("f-number")
+        panels[0, 0].set_ylabel("error on the axis")
+        if rows == 2:
+            panels[1, 0].set_ylabel(f"error {np.degrees(data.attrs['field_angle']):.2g}° off the axis")
+        phases = [str(name) for name in data["lens_phase"].values]
+        handles: list[Line2D | Patch] = [
+            Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(phases))
+        ]
+        handles += [
+            Line2D([], [], linestyle="", marker="*", markersize=9, color=INK),
+            Line2D([], [], color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))),
+        ]
+        legend(figure, handles, [*phases, "published", "the camera's f-number"], columns=5)
+    return figure
+
+
+def _error_panel(axes: Axes, data: xr.Dataset, element: str, error: xr.DataArray, *, on_axis_too: bool) -> None:
+    """Lines over f-number, one per lens phase; bands where the error has a wavelength dimension."""
+    f_number = np.asarray(data["f_number"].values, dtype=float)
+    _f_number_axis(axes, f_number)
+    axes.set_yscale("log")
+    axes.yaxis.set_major_locator(FixedLocator(_PERCENT))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"{plain_number(value)} %"))
+    for order, phase in enumerate(data["lens_phase"].values):
+        style = line_style(order)
+        lines = 100 * np.asarray(error.sel(lens_phase=phase).values, dtype=float)
+        if lines.ndim == 2:
+            axes.fill_between(
+                f_number, lines.min(axis=0), lines.max(axis=0), color=style.color, alpha=0.18, linewidth=0
+            )
+            lines = lines[(len(lines) - 1) // 2]
+        axes.plot(f_number, lines, color=style.color, linestyle=style.dash)
+    limit = 100 * float(data.attrs["error_limit"])
+    axes.axhline(limit, color=INK, linewidth=0.7)
+    axes.annotate(
+        f"{plain_number(limit)} %", (f_number[-1], limit), xytext=(-2, 2), textcoords="offset points", ha="right",
+        fontsize=6.5, color=INK,
+    )  # fmt: skip
+    axes.axvline(
+        float(data["camera_f_number"].sel(element=element)), color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))
+    )
+    published = data[["published_f_number", "published_error"]].sel(element=element)
+    if on_axis_too and np.isfinite(float(published["published_error"])):
+        axes.plot(
+            float(published["published_f_number"]),
+            100 * float(published["published_error"]),
+            marker="*",
+            markersize=10,
+            color=INK,
+            markeredgecolor="white",
+            zorder=5,
+        )
+
+
+def _f_number_axis(axes: Axes, inside: FloatArray) -> None:
+    axes.set_xscale("log")
+    axes.set_xlim(float(inside.min()), float(inside.max()))
+    axes.xaxis.set_major_locator(FixedLocator(_F_NUMBERS))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"f/{plain_number(value)}"))
+
+
+def criteria_of(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, bool]]:
+    """Every criterion with its f-numbers over the wavelengths, and whether it was measured."""
+    one = data.sel(element=element)
+
+    def of(name: str, **where: Any) -> FloatArray:
+        return np.asarray(one[name].sel(**where).values, dtype=float)
+
+    zeros = [of("paper_eq27_sweep", zero=zero) for zero in ("first", "second")]
+    found = [
+        ("eq. 27, smaller zero", zeros[0].ravel(), False),
+        ("eq. 27, bigger zero", zeros[1].ravel(), False),
+        ("one radian a leg (Goodman)", of("goodman_f_number"), False),
+        *(
+            (f"{plain_number(float(waves))} waves of path", of("path_error_f_number", path_error=waves), False)
+            for waves in data["path_error"].values
+        ),
+        ("plane wave, bare hole (Southwell)", of("southwell_f_number"), False),
+    ]
+    limits = one["limit_f_number"].sel(lens_phase=data["lens_phase"].values[0])
+    found.append(("measured, peak", np.asarray(limits.sel(metric="peak").isel(window=0).values, dtype=float), True))
+    for window in data["window"].values:
+        values = np.asarray(limits.sel(metric="l1", window=window).values, dtype=float)
+        found.append((f"measured, {plain_number(float(window))} Airy radii", values, True))
+    return found
+
+
+def fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
+    """One row per criterion, a bar over the wavelengths; arrows where the range leaves the axis."""
+    with styled():
+        data = tree["fresnel_validity"].to_dataset()
+        elements = [str(name) for name in data["element"].values]
+        names = [name for name, _, _ in criteria_of(data, elements[0])]
+        figure = new_figure(1.0 + 0.24 * len(names))
+        panels = figure.subplots(1, len(elements), squeeze=False, sharey=True)[0]
+        for axes, element in zip(panels, elements, strict=True):
+            _criteria_panel(axes, data, element)
+            axes.set_title(shortened(str(data["title"].sel(element=element).item())))
+            axes.set_xlabel("least f-number")
+        panels[0].set_yticks(range(len(names)), names)
+        panels[0].set_ylim(len(names) - 0.4, -0.6)
+    return figure
+
+
+def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
+    f_number = np.asarray(data["f_number"].values, dtype=float)
+    low, high = min(1.0, float(f_number[0])), 24.0
+    _f_number_axis(axes, np.array([low, high]))
+    axes.xaxis.set_major_locator(FixedLocator(_F_NUMBERS[::2]))
+    axes.grid(visible=False, axis="y")
+    axes.axvline(
+        float(data["camera_f_number"].sel(element=element)), color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))
+    )
+    for row, (_, values, measured) in enumerate(criteria_of(data, element)):
+        color = line_style(0).color if measured else (line_style(1).color if row < 2 else SOFT)
+        if np.all(values == 0):  # below the limit wherever it was compared
+            axes.annotate(
+                "", (low, row), xytext=(float(f_number[0]), row), arrowprops={"arrowstyle": "->", "color": color}
+            )
+            axes.plot(float(f_number[0]), row, marker="|", color=color, markersize=7)
+            continue
+        start, end = max(float(values.min()), float(f_number[0])), float(values.max())
+        axes.plot([start, min(end, high)], [row, row], color=color, linewidth=4.5, solid_capstyle="butt")
+        if end > high:
+            axes.annotate("", (high, row), xytext=(high / 1.25, row), arrowprops={"arrowstyle": "->", "color": color})
+        if end / start < 1.02:
+            axes.plot(start, row, marker="o", markersize=4.5, color=color)
+    printed = float(data["published_minimum"].sel(element=element))
+    if np.isfinite(printed):
+        axes.plot([printed, printed], [0, 1], linestyle="", marker="D", markersize=4.5, color=INK, zorder=5)
+    axes.axhspan(-0.6, 1.5, color=FAINT, alpha=0.45, linewidth=0, zorder=0)
+
+
+def _criteria_words(data: xr.Dataset) -> str:
+    sentences = []
+    for element in data["element"].values:
+        title = str(data["title"].sel(element=element).item())
+        parts = [
+            f"{name} {significant(float(values.min()))} to "
+            f"{significant(float(values.max())) if np.isfinite(values.max()) else 'infinity'}"
+            for name, values, _ in criteria_of(data, str(element))
+            if values.max() > 0
+        ]
+        sentences.append(f"{title}: {'; '.join(parts)}. ")
+    return "".join(sentences)
+
+
+def paper_eq27(tree: xr.DataTree) -> StudyFigure:
+    """Both zeros over one quarter-wave period, two panels per lens would hide that they are one criterion."""
+    with styled():
+        data = tree["fresnel_validity"].to_dataset()
+        elements = [str(name) for name in data["element"].values]
+        figure = new_figure(2.9)
+        panels = figure.subplots(1, len(elements), squeeze=False)[0]
+        share = np.asarray(data["quarter_wave"].values, dtype=float)
+        waves = data["wavelength"].values
+        for axes, element in zip(panels, elements, strict=True):
+            sweep = data["paper_eq27_sweep"].sel(element=element)
+            printed = float(data["published_minimum"].sel(element=element))
+            top = 1.15 * max(float(sweep.sel(zero="second").max()) * 1.6, printed if np.isfinite(printed) else 0.0)
+            for number, wave in enumerate(waves):
+                for order, zero in enumerate(("first", "second")):
+                    values = np.asarray(sweep.sel(zero=zero, wavelength=wave).values, dtype=float)
+                    style, middle = line_style(order), number == (len(waves) - 1) // 2
+                    axes.plot(
+                        np.concatenate([share, 1 + share]),
+                        np.concatenate([values, values]),
+                        color=style.color,
+                        linestyle=style.dash,
+                        linewidth=1.7 if middle else 0.7,
+                        alpha=1.0 if middle else 0.6,
+                    )
+            if np.isfinite(printed):
+                axes.axhline(printed, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+                axes.annotate(
+                    f"printed: {plain_number(printed)}", (2, printed), xytext=(-2, 2), textcoords="offset points",
+                    ha="right", fontsize=6.5,
+                )  # fmt: skip
+            axes.set_xlim(0, 2)
+            axes.set_ylim(0, top)
+            axes.set_title(shortened(str(data["title"].sel(element=element).item())))
+            axes.set_xlabel("growth of object and image distance, in quarter waves")
+        panels[0].set_ylabel("minimal f-number of eq. 27")
+        handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(2)]
+        legend(figure, handles, ["smaller zero", "bigger zero, which the paper takes"], columns=2)
+    return figure
+
+
+def _sweep_words(data: xr.Dataset) -> str:
+    sentences = []
+    for element in data["element"].values:
+        second = data["paper_eq27_sweep"].sel(element=element, zero="second")
+        first = data["paper_eq27_f_number"].sel(element=element, zero="first")
+        title = str(data["title"].sel(element=element).item())
+        sentences.append(
+            f"{title}: the bigger zero lies between {significant(float(second.min()))} and "
+            f"{significant(float(second.max()))}; the smaller one, at the declared lengths, between "
+            f"{significant(float(first.min()))} and {significant(float(first.max()))}. "
+        )
+    return "".join(sentences)

@@ -1,0 +1,211 @@
+"""The light spot by every method side by side, and how far single points spread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.style import SOFT, StudyFigure, legend, line_style, new_figure, plain_number, shortened, styled
+from tradestudy.units import FRACTION, LENGTH, pretty, significant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+FloatArray = npt.NDArray[np.float64]
+TITLES = {
+    "geometric": "Rays",
+    "fresnel": "Fresnel",
+    "kirchhoff-fresnel": "Kirchhoff, then Fresnel",
+    "kirchhoff": "Kirchhoff",
+}
+_SPREADS = {
+    "half_energy_radius": "half the light",
+    "energy_radius_80": "80 % of the light",
+    "rms_width": "rms",
+    "full_width": "full width at half maximum",
+}
+_VARIED = {
+    "f_number": "f-number",
+    "wavelength": "wavelength (nm)",
+    "field_angle": "field angle (°)",
+    "defocus": "defocus (waves at the rim)",
+}
+_SHOWN_IN = {"f_number": 1.0, "wavelength": 1e9, "field_angle": 180.0 / np.pi, "defocus": 1.0}
+
+
+def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figures of ``/images`` and ``/point_spread``, with what they show in words."""
+    if "images" in tree.children:
+        data = tree["images"].to_dataset()
+        reference = reference_method(data)
+        yield Drawing(
+            name="light_spot",
+            caption="The light spot on the detector by every method (the paper's Figure 7), on one scale of "
+            f"brightness. Below: the difference from {TITLES[reference]}, in per cent of its brightest pixel, and a "
+            "cut through the middle row of pixels.",
+            alt="Images of a spot behind an array of microlenses. " + _image_words(data, reference),
+            draw=partial(light_spot, tree),
+        )
+    if "point_spread" in tree.children:
+        spread = tree["point_spread"].to_dataset()
+        yield Drawing(
+            name="point_spread",
+            caption="How far a point spreads behind each lens, one thing varied at a time: radii about the thin-lens "
+            "image that hold half and 80 % of the light, root-mean-square distance within "
+            f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Solid: "
+            "Kirchhoff; pale and dotted: Fresnel. Grey: one pixel.",
+            alt="Line charts of widths, one row per lens, one column per varied quantity. " + _spread_words(spread),
+            draw=partial(point_spread, tree),
+        )
+
+
+def reference_method(data: xr.Dataset) -> str:
+    """The method against which the others are held: Kirchhoff, or the last."""
+    methods = [str(name) for name in data["method"].values]
+    return "kirchhoff" if "kirchhoff" in methods else methods[-1]
+
+
+def _image_words(data: xr.Dataset, reference: str) -> str:
+    sentences = []
+    for method in data["method"].values:
+        one = data.sel(method=method)
+        text = f"{TITLES[str(method)]}: {int(one['lit_pixels'])} lit pixels"
+        if method != reference:
+            difference = float(one["difference"].sel(against=reference))
+            text += f", summed difference from {TITLES[reference]} {pretty(difference, FRACTION)}"
+        sentences.append(text + ". ")
+    return "".join(sentences)
+
+
+def light_spot(tree: xr.DataTree) -> StudyFigure:
+    """Images above, signed differences below; below the reference a cut through all of them."""
+    with styled():
+        data = tree["images"].to_dataset()
+        reference = reference_method(data)
+        others = [str(name) for name in data["method"].values if name != reference]
+        methods = [*others, reference]
+        image = data["image"]
+        exact = np.asarray(image.sel(method=reference).values, dtype=float)
+        brightest = float(max(image.sel(method=method).max() for method in methods))
+        changes = {m: 100 * (np.asarray(image.sel(method=m).values) - exact) / float(exact.max()) for m in others}
+        span = max((float(np.abs(change).max()) for change in changes.values()), default=1.0) or 1.0
+        figure = new_figure(4.3)
+        panels = figure.subplots(2, len(methods), squeeze=False)
+        for column, method in enumerate(methods):
+            shown = _picture(
+                panels[0, column], data, np.asarray(image.sel(method=method)) / brightest, "inferno", 0.0, 1.0
+            )
+            panels[0, column].set_title(TITLES[method])
+        figure.colorbar(shown, ax=panels[0, :].tolist(), label="light on a pixel", shrink=0.9, pad=0.01, aspect=16)
+        for column, method in enumerate(others):
+            changed = _picture(panels[1, column], data, changes[method], "RdBu_r", -span, span)
+            panels[1, column].set_title(f"less {TITLES[reference]}", fontweight="normal")
+        if others:
+            figure.colorbar(
+                changed, ax=panels[1, :-1].tolist(), label="% of the brightest", shrink=0.9, pad=0.02, aspect=16
+            )
+        _cut(panels[1, -1], data, methods)
+    return figure
+
+
+def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low: float, high: float) -> AxesImage:
+    """One image in micrometres with the edges of the microlens cells."""
+    x, y = (np.asarray(data[name].values, dtype=float) * 1e6 for name in ("column", "row"))
+    step = (x[1] - x[0]) / 2
+    extent = (x[0] - step, x[-1] + step, y[0] - step, y[-1] + step)
+    shown = axes.imshow(values, origin="lower", extent=extent, cmap=colors, vmin=low, vmax=high, interpolation="none")
+    axes.grid(visible=False)
+    pitch, count = 1e6 * float(data.attrs["microlens_pitch"]), int(data.attrs["microlenses_across"])
+    for edge in pitch * (np.arange(1, count) - count / 2):
+        for line in (axes.axvline, axes.axhline):
+            line(edge, color="white" if colors == "inferno" else SOFT, linewidth=0.35, alpha=0.6)
+    axes.set_xticks([x[0] - step, 0, x[-1] + step], [f"{x[0] - step:.0f}", "0", f"{x[-1] + step:.0f} µm"])
+    axes.set_yticks([])
+    for side in axes.spines.values():
+        side.set_visible(False)
+    return shown
+
+
+def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
+    """Brightness along the middle row, relative to the brightest pixel of the reference."""
+    x = np.asarray(data["column"].values, dtype=float) * 1e6
+    middle = data.sizes["row"] // 2
+    top = float(data["image"].sel(method=methods[-1]).max())
+    for method in methods:
+        style = line_style([str(name) for name in data["method"].values].index(method))
+        cut = np.asarray(data["image"].sel(method=method).isel(row=middle).values, dtype=float) / top
+        axes.plot(x, cut, color=style.color, linestyle=style.dash, linewidth=1.1, label=TITLES[method])
+    axes.set_title("middle row", fontweight="normal")
+    axes.set_ylim(bottom=0)
+    axes.set_xlim(x[0], x[-1])
+    axes.set_box_aspect(0.82)
+    axes.legend(fontsize=5.5, loc="upper center", bbox_to_anchor=(0.5, -0.14), handlelength=2.2, borderpad=0)
+
+
+def point_spread(tree: xr.DataTree) -> StudyFigure:
+    """Widths against each varied quantity; a row per lens."""
+    with styled():
+        data = tree["point_spread"].to_dataset()
+        elements, varied = ([str(v) for v in data[name].values] for name in ("element", "varied"))
+        figure = new_figure(0.9 + 1.9 * len(elements))
+        panels = figure.subplots(len(elements), len(varied), squeeze=False, sharey="row")
+        for row, element in enumerate(elements):
+            for column, what in enumerate(varied):
+                _spread_panel(panels[row, column], data.sel(element=element, varied=what), _SHOWN_IN[what])
+                if row == len(elements) - 1:
+                    panels[row, column].set_xlabel(_VARIED[what])
+            panels[row, 0].set_ylabel(f"{shortened(str(data['title'].sel(element=element).item()), 24)} (µm)")
+            panels[row, 0].set_ylim(bottom=0)
+        handles = [
+            Line2D([], [], color=line_style(k).color, marker=line_style(k).marker, markersize=3.5)
+            for k in range(len(_SPREADS))
+        ]
+        legend(figure, handles, list(_SPREADS.values()), columns=4)
+    return figure
+
+
+def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
+    place = scale * np.asarray(data["value"].values, dtype=float)
+    axes.axhline(1e6 * float(data.attrs["pixel_pitch"]), color=SOFT, linewidth=0.8)
+    for method in ("fresnel", "kirchhoff"):
+        exact = method == "kirchhoff"
+        for order, name in enumerate(_SPREADS):
+            style = line_style(order)
+            axes.errorbar(
+                place,
+                1e6 * np.asarray(data[name].sel(method=method).values, dtype=float),
+                yerr=1e6 * np.asarray(data[f"{name}_error"].sel(method=method).values, dtype=float) if exact else None,
+                color=style.color,
+                linestyle="-" if exact else (0, (1, 1.5)),
+                linewidth=1.2 if exact else 0.9,
+                alpha=1.0 if exact else 0.55,
+                marker=style.marker if exact else None,
+                markersize=3,
+                elinewidth=0.7,
+            )
+
+
+def _spread_words(data: xr.Dataset) -> str:
+    """Half-energy radius and Strehl ratio of every lens as it stands."""
+    sentences = []
+    for element in data["element"].values:
+        one = data.sel(element=element, varied="f_number")
+        values = np.asarray(one["value"].values, dtype=float)
+        step = int(np.nanargmin(np.abs(values - float(one["standing"]))))
+        for method in data["method"].values:
+            there = one.sel(method=method).isel(step=step)
+            radius = float(there["half_energy_radius"])
+            if np.isfinite(radius):
+                sentences.append(
+                    f"{one['title'].item()} at f/{significant(float(values[step]))}, {method}: half the light within "
+                    f"{pretty(radius, LENGTH)}, Strehl ratio {significant(float(there['strehl_ratio']))}. "
+                )
+    return "".join(sentences)

@@ -1,0 +1,325 @@
+"""Where Fresnel may stand for Kirchhoff: the answer, the measured errors by every measure, the criteria."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from tradestudy.report import facts
+from tradestudy.report.document import (
+    Block,
+    Bullets,
+    Callout,
+    Column,
+    Equation,
+    Heading,
+    Paragraph,
+    Picture,
+    Spans,
+    Table,
+    Text,
+    say,
+)
+from tradestudy.report.facts import length, share
+from tradestudy.units import significant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tradestudy.figures.drawing import Drawing
+
+FloatArray = npt.NDArray[np.float64]
+_METRICS = {"peak": "peak", "l1": "L1", "largest": "largest"}
+
+
+def fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Say from which f-number on Fresnel may be used, lens by lens, and what the lens phase does to that."""
+    if not facts.has(tree, "fresnel_validity", "psf_error"):
+        return
+    data = facts.dataset(tree, "fresnel_validity")
+    yield Heading(text="The answer", anchor="fresnel-answer")
+    yield Callout(
+        title="From which f-number on Fresnel may stand for Kirchhoff",
+        blocks=(Bullets(tuple(_findings(data))),),
+        tone="answer",
+    )
+    yield from _picture(drawings, "fresnel_error")
+
+
+def fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Write how the error is measured, its size by every measure, and what the criteria say."""
+    if not facts.has(tree, "fresnel_validity", "psf_error"):
+        return
+    data = facts.dataset(tree, "fresnel_validity")
+    yield Heading(text="Fresnel against Kirchhoff", anchor="fresnel-validity")
+    yield from _measures(data)
+    for element in data["element"].values:
+        yield _error_table(data, str(element))
+    yield _limit_table(data)
+    yield Heading(text="Criteria in closed form", anchor="fresnel-criteria", level=2)
+    yield from _picture(drawings, "fresnel_criteria")
+    yield _criteria_table(data)
+    yield from _printed_criterion(data, drawings)
+
+
+def _picture(drawings: Mapping[str, Drawing], name: str) -> Iterator[Picture]:
+    if name in drawings:
+        yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
+
+
+def _title(data: xr.Dataset, element: str) -> str:
+    return str(data["title"].sel(element=element).item())
+
+
+def _middle(data: xr.Dataset, name: str) -> float:
+    values = data[name].values
+    return float(values[(len(values) - 1) // 2])
+
+
+def _range(values: FloatArray) -> str:
+    """Two shares as a range; one where they read the same."""
+    low, high = share(float(np.min(values))), share(float(np.max(values)))
+    return low if low == high else f"{low} to {high}"
+
+
+def _findings(data: xr.Dataset) -> Iterator[Spans]:
+    window, limit = _middle(data, "window"), float(data.attrs["error_limit"])
+    first = str(data["lens_phase"].values[0])
+    over = f"over {significant(window)} Airy radii"
+    for element in data["element"].values:
+        one = data.sel(element=element)
+        limits = np.asarray(one["limit_f_number"].sel(lens_phase=first, metric="l1", window=window).values, dtype=float)
+        yield say(
+            "**{title}, {phase} phase: from {f_numbers} on** the summed difference {over} stays below {limit}, "
+            "in light from {start} to {end}.",
+            title=_title(data, str(element)),
+            phase=first,
+            f_numbers=_f_numbers(limits, data),
+            over=over,
+            limit=share(limit),
+            start=length(float(data["wavelength"].values[0])),
+            end=length(float(data["wavelength"].values[-1])),
+        )
+    yield say("As the camera uses them: {each}.", each=_as_used(data, window))
+    yield from _off_axis(data, window)
+
+
+def _as_used(data: xr.Dataset, window: float) -> str:
+    """Errors at the camera's f-number, interpolated along the straight lines of the logarithmic figure."""
+    sentences = []
+    for element in data["element"].values:
+        f_number = float(data["camera_f_number"].sel(element=element))
+        parts = []
+        for phase in data["lens_phase"].values:
+            lines = data["psf_error"].sel(element=element, lens_phase=phase, metric="l1", window=window)
+            there = [_at(data, np.asarray(line, dtype=float), f_number) for line in lines.values]
+            parts.append(f"{_range(np.array(there))} {phase}")
+        sentences.append(f"{_title(data, str(element)).lower()} at f/{significant(f_number)} {', '.join(parts)}")
+    return "; ".join(sentences)
+
+
+def _at(data: xr.Dataset, line: FloatArray, f_number: float) -> float:
+    places = np.log(np.asarray(data["f_number"].values, dtype=float))
+    return float(np.exp(np.interp(np.log(f_number), places, np.log(line))))
+
+
+def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
+    if "off_axis_error" not in data:
+        return
+    parts = []
+    for element in data["element"].values:
+        f_number = float(data["camera_f_number"].sel(element=element))
+        errors = data["off_axis_error"].sel(element=element, metric="l1", window=window)
+        each = [
+            f"{share(_at(data, np.asarray(errors.sel(lens_phase=phase).values, dtype=float), f_number))} {phase}"
+            for phase in data["lens_phase"].values
+        ]
+        parts.append(f"{_title(data, str(element)).lower()} {', '.join(each)}")
+    yield say(
+        "**The lens phase decides more than the propagator.** {angle}° off the axis, at the same f-numbers: {parts}; "
+        "Fresnel knows neither the coma nor the distortion of a fixed element.",
+        angle=significant(float(np.degrees(data.attrs["field_angle"])), 2),
+        parts="; ".join(parts),
+    )
+
+
+def _f_numbers(limits: FloatArray, data: xr.Dataset) -> str:
+    """F-numbers from which a limit holds, over wavelengths."""
+
+    def one(value: float) -> str:
+        if value == 0.0:
+            return f"below f/{significant(float(data['f_number'].values[0]))}"
+        return (
+            f"f/{significant(value)}" if np.isfinite(value) else f"beyond f/{significant(float(data['f_number'][-1]))}"
+        )
+
+    low, high = one(float(limits.min())), one(float(limits.max()))
+    return low if low == high else f"{high} (short waves) or {low} (long waves)"
+
+
+def _measures(data: xr.Dataset) -> Iterator[Block]:
+    yield Paragraph(
+        say(
+            "Both point-spread functions are computed in the plane of the thin-lens image, Fresnel's from paths to "
+            "second order and Kirchhoff's from exact paths and cosines, and compared as they are, without scaling one "
+            "to the other. The paper names neither the measure of its “percentage of error”, nor the window, nor the "
+            "wavelength; so all of them are shown:"
+        )
+    )
+    yield Equation(
+        typst='"peak" = abs(I_F (0) / I_K (0) - 1), quad'
+        ' "L1" = (integral abs(I_F - I_K) dif A) / (integral I_K dif A), quad'
+        ' "largest" = (max abs(I_F - I_K)) / (max I_K)',
+        alt="Peak is the absolute value of I F over I K at the image point, less one. L1 is the integral of the "
+        "absolute difference over the integral of I K, both over the window. Largest is the largest absolute "
+        "difference over the largest I K.",
+    )
+    yield Paragraph(
+        say(
+            "To second order every lens phase is the parabola, so that there is one Fresnel function and three of "
+            "Kirchhoff: behind the paper's *parabolic* phase the exact paths leave spherical aberration "
+            "*W* = *r*^4^/8 (1/*a*³ + 1/*b*³), a *stigmatic* element cancels them on the axis for its own object "
+            "distance, and a *perfect* lens does so for every point. On the axis the last two are one. At most "
+            "{error} of the numbers below are numerical error.",
+            error=share(_worst(data)),
+        )
+    )
+
+
+def _worst(data: xr.Dataset) -> float:
+    """Largest numerical error relative to its value, of those that the tables show."""
+    return float((data["published_point_error_numerical"] / data["published_point_error"]).max())
+
+
+def _error_table(data: xr.Dataset, element: str) -> Table:
+    one = data.sel(element=element)
+    published = float(one["published_f_number"])
+    place = published if np.isfinite(published) else float(one["camera_f_number"])
+    waves, windows = data["wavelength"].values, data["window"].values
+    columns = [("peak", windows[0])] + [(m, w) for m in ("l1", "largest") for w in windows]
+    rows: list[tuple[Text, ...]] = []
+    for phase in data["lens_phase"].values:
+        rows.append((f"{phase}",))
+        for wave in waves:
+            point = one["published_point_error"].sel(lens_phase=phase, wavelength=wave)
+            cells = [share(float(point.sel(metric=m, window=w))) for m, w in columns]
+            rows.append((length(float(wave)), *cells))
+    stated = float(one["published_error"])
+    note = f"Published for f/{significant(place)}: {share(stated)}." if np.isfinite(stated) else ""
+    return Table(
+        name=f"fresnel-error-{element}",
+        caption=f"{_title(data, element)} at f/{significant(place)}: error of Fresnel's point-spread function by every "
+        "measure, window (in Airy radii) and wavelength.",
+        columns=(
+            Column(title="Wavelength", weight=1),
+            *(
+                Column(title=_METRICS[m] if m == "peak" else f"{_METRICS[m]}, {significant(float(w))}", align="right")
+                for m, w in columns
+            ),
+        ),
+        rows=tuple(rows),
+        notes=(note,) if note else (),
+    )
+
+
+def _limit_table(data: xr.Dataset) -> Table:
+    limit, window = share(float(data.attrs["error_limit"])), _middle(data, "window")
+    columns = [("peak", float(data["window"].values[0])), ("l1", window), ("largest", window)]
+    rows: list[tuple[Text, ...]] = []
+    for element in data["element"].values:
+        rows.append((_title(data, str(element)),))
+        for phase in data["lens_phase"].values:
+            for wave in data["wavelength"].values:
+                at = data["limit_f_number"].sel(element=element, lens_phase=phase, wavelength=wave)
+                cells = (_least(float(at.sel(metric=m, window=w)), data) for m, w in columns)
+                rows.append((f"{phase}, {length(float(wave))}", *cells))
+    return Table(
+        name="fresnel-limits",
+        caption=f"Least f-number from which the error on the axis stays below {limit}, windows of "
+        f"{significant(window)} Airy radii.",
+        columns=(
+            Column(title="Lens phase and light", weight=1),
+            *(Column(title=_METRICS[metric], align="right") for metric, _ in columns),
+        ),
+        rows=tuple(rows),
+    )
+
+
+def _least(value: float, data: xr.Dataset) -> str:
+    first, last = (float(data["f_number"].values[end]) for end in (0, -1))
+    if value == 0.0:
+        return f"< {significant(first)}"
+    return significant(value) if np.isfinite(value) else f"> {significant(last)}"
+
+
+def _criteria_table(data: xr.Dataset) -> Table:
+    waves = data["wavelength"].values
+    rows: list[tuple[Text, ...]] = []
+    for element in data["element"].values:
+        one = data.sel(element=element)
+        printed = float(one["published_minimum"])
+        stated = f"; printed in the paper: {significant(printed)}" if np.isfinite(printed) else ""
+        rows.append((f"{_title(data, str(element))}{stated}",))
+        named: list[tuple[str, xr.DataArray]] = [
+            ("eq. 27, smaller zero", one["paper_eq27_f_number"].sel(zero="first")),
+            ("eq. 27, bigger zero", one["paper_eq27_f_number"].sel(zero="second")),
+            ("one radian a leg (Goodman)", one["goodman_f_number"]),
+            *(
+                (f"{significant(float(e))} waves of dropped path", one["path_error_f_number"].sel(path_error=e))
+                for e in data["path_error"].values
+            ),
+            ("plane wave behind a bare hole (Southwell)", one["southwell_f_number"]),
+        ]
+        rows += [(name, *(significant(float(values.sel(wavelength=w))) for w in waves)) for name, values in named]
+    return Table(
+        name="fresnel-criteria-table",
+        caption="Least f-number for Fresnel by closed-form criteria.",
+        columns=(
+            Column(title="Criterion", weight=1),
+            *(Column(title=length(float(w)), align="right") for w in waves),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Goodman's condition knows no lens and looks at the shorter leg alone; he calls it sufficient, not "
+            "necessary. Southwell's question, a uniformly lit hole on its axis, is asked at the image distance for an "
+            f"error of {share(float(data.attrs['error_limit']))} of the largest intensity.",
+        ),
+    )
+
+
+def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    yield Heading(text="The criterion as printed", anchor="paper-eq27", level=2)
+    yield Equation(
+        typst="F = gamma / (2 R), quad R^4 = (8 (alpha + beta) - 2 l) / (1 / alpha^3 + 1 / beta^3)",
+        alt="F equals gamma over two R; R to the fourth equals the quantity eight times alpha plus beta, less two l, "
+        "over the sum of one over alpha cubed and one over beta cubed.",
+        reference="paper, eq. 27; lengths in wavelengths, l an integer next to 4 (α + β)",
+    )
+    yield from _picture(drawings, "paper_eq27")
+    second = data["paper_eq27_sweep"].sel(zero="second")
+    spans = "; ".join(
+        f"{_title(data, str(e)).lower()} {significant(float(second.sel(element=e).min()))} to "
+        f"{significant(float(second.sel(element=e).max()))}"
+        + (f" (printed: {significant(p)})" if np.isfinite(p := float(data["published_minimum"].sel(element=e))) else "")
+        for e in data["element"].values
+    )
+    yield Paragraph(
+        say(
+            "Its numerator is twice the fractional part of 4 (α + β), for the bigger zero plus 2: how many quarter "
+            "waves fit between object and image decides it. Whatever the wavelength within the study, the bigger zero "
+            "lies within {spans}; the smaller zero takes any value above its own least one. A relative change of a "
+            "length comes back up to {condition} times larger in that fractional part. So no reproducible reading "
+            "gives the printed numbers, and nothing was tuned towards them. The bounded criterion, at most ε waves of "
+            "dropped path, is smooth and monotone:",
+            spans=spans,
+            condition=significant(float(data["paper_eq27_condition"].max()), 2),
+        )
+    )
+    yield Equation(
+        typst="F_min = f / 2 [(1 / a^3 + 1 / b^3) / (8 lambda epsilon)]^(1/4)",
+        alt="F min equals f over two, times the fourth root of the sum of one over a cubed and one over b cubed, over "
+        "eight lambda epsilon.",
+    )

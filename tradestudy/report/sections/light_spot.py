@@ -1,0 +1,228 @@
+"""The light spot by every method: the answer, the images, what each cost, and how far points spread."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tradestudy.report import facts
+from tradestudy.report.document import (
+    Block,
+    Bullets,
+    Callout,
+    Column,
+    Heading,
+    Paragraph,
+    Picture,
+    Spans,
+    Table,
+    Text,
+    say,
+)
+from tradestudy.report.facts import length, share
+from tradestudy.units import significant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tradestudy.figures.drawing import Drawing
+
+_METHODS = {
+    "geometric": "Rays",
+    "fresnel": "Fresnel on both legs",
+    "kirchhoff-fresnel": "Kirchhoff to the array, Fresnel behind it",
+    "kirchhoff": "Kirchhoff on both legs",
+}
+_NOT_STATED = (
+    "The discretisation and the machine behind the published times are not known, so that the two columns compare two "
+    "reports, not two methods on one machine."
+)
+_VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
+
+
+def light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Say how far the methods differ on the detector and what each took."""
+    if not facts.has(tree, "images", "image"):
+        return
+    data = facts.dataset(tree, "images")
+    yield Heading(text="The answer", anchor="light-spot-answer")
+    yield Callout(
+        title="How far the methods differ, and what each costs",
+        blocks=(Bullets(tuple(_findings(data, run))),),
+        tone="answer",
+    )
+    yield from _picture(drawings, "light_spot")
+    yield _comparison(data, run)
+
+
+def light_spot(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Write how the images are made and how far single points spread."""
+    if facts.has(tree, "images", "image"):
+        yield Heading(text="How the light spot is computed", anchor="light-spot")
+        yield from _method(facts.dataset(tree, "images"))
+    if facts.has(tree, "point_spread", "value"):
+        yield Heading(text="How far points spread", anchor="point-spread")
+        yield from _picture(drawings, "point_spread")
+        data = facts.dataset(tree, "point_spread")
+        for element in data["element"].values:
+            yield _spread_table(data, str(element))
+
+
+def _picture(drawings: Mapping[str, Drawing], name: str) -> Iterator[Picture]:
+    if name in drawings:
+        yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
+
+
+def _seconds(run: Mapping[str, Any], name: str) -> float:
+    """Measured seconds from the record of the run; NaN where it holds none."""
+    seconds = run.get("seconds")
+    value = seconds.get(name) if isinstance(seconds, Mapping) else None
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _duration(seconds: float) -> str:
+    return f"{significant(seconds, 2)}\N{NO-BREAK SPACE}s" if np.isfinite(seconds) else "—"
+
+
+def _against(data: xr.Dataset) -> str:
+    methods = [str(name) for name in data["method"].values]
+    return "kirchhoff" if "kirchhoff" in methods else methods[-1]
+
+
+def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
+    reference = _against(data)
+    for method in (str(name) for name in data["method"].values):
+        one = data.sel(method=method)
+        took = _duration(_seconds(run, f"image: {method}"))
+        if method == reference:
+            yield say("**{method}** is the reference: {took}.", method=_METHODS[method], took=took)
+        else:
+            yield say(
+                "**{method}: {difference}** summed difference from {reference}; {took}.",
+                method=_METHODS[method],
+                difference=share(float(one["difference"].sel(against=reference))),
+                reference=_METHODS[reference].lower().replace("kirchhoff", "Kirchhoff"),
+                took=took,
+            )
+
+
+def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
+    reference = _against(data)
+    rows: list[tuple[Text, ...]] = []
+    for method in (str(name) for name in data["method"].values):
+        one = data.sel(method=method)
+        dark = share(float(one["outside_geometric"])) if "outside_geometric" in data else "—"
+        rows.append(
+            (
+                _METHODS[method],
+                _duration(_seconds(run, f"image: {method}")),
+                str(one["published_words"].item()) or "—",
+                share(float(one["numerical_error"])),
+                *(
+                    "—" if method == reference else share(float(one[name].sel(against=reference)))
+                    for name in ("difference", "difference_l2")
+                ),
+                str(int(one["lit_pixels"])),
+                dark,
+                share(float(one["power"])),
+            )
+        )
+    return Table(
+        name="light-spot-table",
+        caption="The images in numbers: time here and as published, stated numerical error (relative L2 over pixels), "
+        "differences from the reference, lit pixels (above 1 % of the brightest), light where rays leave it dark, and "
+        "share of the pupil's light on the detector.",
+        columns=(
+            Column(title="Method", weight=3),
+            Column(title="Time here", align="right"),
+            Column(title="Published", align="right", weight=1),
+            Column(title="Error", align="right"),
+            Column(title="L1", align="right"),
+            Column(title="L2", align="right"),
+            Column(title="Lit", unit="px", align="right"),
+            Column(title="In the dark", align="right"),
+            Column(title="Power", align="right"),
+        ),
+        rows=tuple(rows),
+        notes=(_NOT_STATED,),
+    )
+
+
+def _method(data: xr.Dataset) -> Iterator[Block]:
+    yield Paragraph(
+        say(
+            "Every point of the spot radiates on its own. Its spherical wave passes the pupil and phase of the main "
+            "lens, travels to the array, passes the aperture and phase of every microlens about the lens's own centre, "
+            "and travels to the detector, where the waves behind all microlenses add as fields. The intensity is "
+            "integrated over each pixel, and the intensities of all points of the spot are averaged. Light: {wave}; "
+            "main lens {main}, microlenses {micro}.",
+            wave=length(float(data.attrs["wavelength"])),
+            main=str(data.attrs["main_lens_phase"]),
+            micro=str(data.attrs["microlens_phase"]),
+        )
+    )
+    yield Bullets(
+        (
+            say("**Rays** are paraxial; areas of the pupil that a pixel sees are exact in one direction."),
+            say(
+                "**Kirchhoff** keeps the exact path and the cosine on each leg (eqs. 9 to 16), **Fresnel** the paths "
+                "to second order and no cosines (eqs. 17 to 22)."
+            ),
+            say(
+                "**Error**: source angles and radii against fewer of them, single points against a computation of its "
+                "own, and the integration over pixels. Methods share their nodes, so that their difference is known "
+                "better than each image."
+            ),
+        )
+    )
+
+
+def _spread_table(data: xr.Dataset, element: str) -> Table:
+    one = data.sel(element=element, method="kirchhoff")
+    rows: list[tuple[Text, ...]] = []
+    for what, unit in zip(data["varied"].values, data["varied_units"].values, strict=True):
+        rows.append((_VARIED[str(what)].capitalize(),))
+        for step in range(data.sizes["step"]):
+            there = one.sel(varied=what).isel(step=step)
+            if np.isfinite(float(there["value"])):
+                rows.append((_value(float(there["value"]), str(unit)), *_measures(there)))
+    return Table(
+        name=f"point-spread-{element}",
+        caption=f"{one['title'].item()!s}, Kirchhoff: spread of a point, one thing varied at a time.",
+        columns=(
+            Column(title="Varied", weight=1),
+            *(
+                Column(title=title, align="right")
+                for title in ("FWHM", "50 %", "80 %", "rms", "Strehl", "MTF", "outside rays", "neighbours")
+            ),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "50 %, 80 %: radii that hold these shares of the pupil's light. MTF: at half the Nyquist frequency of the "
+            "pixels, along the field angle. Outside rays: share of the light outside the disc that paraxial rays fill, "
+            "which in focus is a point. Neighbours: share on the eight pixels around the one centred on the image. "
+            "Defocus in waves of path at the rim of the pupil, positive for a nearer object. —: not within the window.",
+        ),
+    )
+
+
+def _value(value: float, unit: str) -> str:
+    if unit == "m":
+        return length(value)
+    if unit == "rad":
+        return f"{significant(float(np.degrees(value)))}°"
+    return f"f/{significant(value)}" if unit == "1" else f"{significant(value)} waves"
+
+
+def _measures(there: xr.Dataset) -> Iterator[str]:
+    for name in ("full_width", "half_energy_radius", "energy_radius_80", "rms_width"):
+        yield _or_dash(float(there[name]), length)
+    yield _or_dash(float(there["strehl_ratio"]), significant)
+    for name in ("transfer_half_nyquist", "outside_geometric", "neighbour_share"):
+        yield _or_dash(float(there[name]), share)
+
+
+def _or_dash(value: float, write: Any) -> str:
+    return str(write(value)) if np.isfinite(value) else "—"
