@@ -62,8 +62,9 @@ def _is_running(process: int) -> bool:
 
 def write_results(tree: xr.DataTree, directory: Path) -> None:
     """Write ``results.nc`` whole or not at all."""
+    content = tree.to_netcdf(engine="h5netcdf")  # in memory: HDF5 brings the process down where a disk is full
     with replacing(directory / RESULTS) as temporary:
-        tree.to_netcdf(temporary, engine="h5netcdf", mode="w")
+        temporary.write_bytes(content)
 
 
 def read_results(directory: Path) -> xr.DataTree:
