@@ -72,6 +72,30 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
         long_name="numerical error of published_point_error",
         error="an estimate itself",
     ),
+    "camera_point_error": Variable(
+        dims=("element", "lens_phase", "wavelength", "metric", "window"),
+        units="1",
+        long_name="error of Fresnel's point-spread function on axis at the f-number of the camera",
+        error="see camera_point_error_numerical",
+    ),
+    "camera_point_error_numerical": Variable(
+        dims=("element", "lens_phase", "wavelength", "metric", "window"),
+        units="1",
+        long_name="numerical error of camera_point_error",
+        error="an estimate itself",
+    ),
+    "off_axis_camera_error": Variable(
+        dims=("element", "lens_phase", "metric", "window"),
+        units="1",
+        long_name="the same away from the axis",
+        error="see off_axis_camera_error_numerical",
+    ),
+    "off_axis_camera_error_numerical": Variable(
+        dims=("element", "lens_phase", "metric", "window"),
+        units="1",
+        long_name="numerical error of off_axis_camera_error",
+        error="an estimate itself",
+    ),
     "limit_f_number": _f_number(
         ("element", "lens_phase", "wavelength", "metric", "window"),
         "least f-number from which the error on axis stays below the limit of the study; 0 where it does so over the "
@@ -201,7 +225,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
     **_spread(
         "outside_geometric",
         "1",
-        "share of the pupil's power outside the disc that paraxial rays fill; all of it in focus, where that is a point",
+        "share of the pupil's power outside the disc that paraxial rays fill; all of it in focus, where it is a point",
     ),
     **_spread("neighbour_share", "1", "share of the pupil's power on the eight pixels around the central one"),
 }

@@ -52,9 +52,8 @@ def wave_claim_words(claim: WaveClaim) -> str:
         case PsfErrorClaim():
             return f"{_measure(claim)} of Fresnel for the {claim.element} at f/{significant(claim.f_number)}"
         case FresnelFNumberClaim():
-            return (
-                f"f-number from which the {_measure(claim)} for the {claim.element} stays below {_share(claim.error)}"
-            )
+            limit = f"{_share(claim.error)} (0: at every f-number compared)"
+            return f"f-number from which the {_measure(claim)} for the {claim.element} stays below {limit}"
         case CriterionFNumberClaim():
             bound = f" of {significant(claim.path_error)} waves" if claim.path_error is not None else ""
             return f"least f-number for the {claim.element} by {claim.criterion}{bound}"

@@ -108,35 +108,22 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
 
 
 def _as_used(data: xr.Dataset, window: float) -> str:
-    """Errors at the camera's f-number, interpolated along the straight lines of the logarithmic figure."""
     sentences = []
     for element in data["element"].values:
-        f_number = float(data["camera_f_number"].sel(element=element))
-        parts = []
-        for phase in data["lens_phase"].values:
-            lines = data["psf_error"].sel(element=element, lens_phase=phase, metric="l1", window=window)
-            there = [_at(data, np.asarray(line, dtype=float), f_number) for line in lines.values]
-            parts.append(f"{_range(np.array(there))} {phase}")
-        sentences.append(f"{_title(data, str(element)).lower()} at f/{significant(f_number)} {', '.join(parts)}")
+        at = data["camera_point_error"].sel(element=element, metric="l1", window=window)
+        parts = [f"{_range(np.asarray(at.sel(lens_phase=p).values))} {p}" for p in data["lens_phase"].values]
+        f_number = significant(float(data["camera_f_number"].sel(element=element)))
+        sentences.append(f"{_title(data, str(element)).lower()} at f/{f_number} {', '.join(parts)}")
     return "; ".join(sentences)
 
 
-def _at(data: xr.Dataset, line: FloatArray, f_number: float) -> float:
-    places = np.log(np.asarray(data["f_number"].values, dtype=float))
-    return float(np.exp(np.interp(np.log(f_number), places, np.log(line))))
-
-
 def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
-    if "off_axis_error" not in data:
+    if "off_axis_camera_error" not in data:
         return
     parts = []
     for element in data["element"].values:
-        f_number = float(data["camera_f_number"].sel(element=element))
-        errors = data["off_axis_error"].sel(element=element, metric="l1", window=window)
-        each = [
-            f"{share(_at(data, np.asarray(errors.sel(lens_phase=phase).values, dtype=float), f_number))} {phase}"
-            for phase in data["lens_phase"].values
-        ]
+        at = data["off_axis_camera_error"].sel(element=element, metric="l1", window=window)
+        each = [f"{share(float(at.sel(lens_phase=phase)))} {phase}" for phase in data["lens_phase"].values]
         parts.append(f"{_title(data, str(element)).lower()} {', '.join(each)}")
     yield say(
         "**The lens phase decides more than the propagator.** {angle}° off the axis, at the same f-numbers: {parts}; "
@@ -170,7 +157,7 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
         )
     )
     yield Equation(
-        typst='"peak" = abs(I_F (0) / I_K (0) - 1), quad'
+        typst='"peak" = abs((I_F (0)) / (I_K (0)) - 1), quad'
         ' "L1" = (integral abs(I_F - I_K) dif A) / (integral I_K dif A), quad'
         ' "largest" = (max abs(I_F - I_K)) / (max I_K)',
         alt="Peak is the absolute value of I F over I K at the image point, less one. L1 is the integral of the "
@@ -296,7 +283,7 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
         typst="F = gamma / (2 R), quad R^4 = (8 (alpha + beta) - 2 l) / (1 / alpha^3 + 1 / beta^3)",
         alt="F equals gamma over two R; R to the fourth equals the quantity eight times alpha plus beta, less two l, "
         "over the sum of one over alpha cubed and one over beta cubed.",
-        reference="paper, eq. 27; lengths in wavelengths, l an integer next to 4 (α + β)",
+        reference="paper, eq. 27",
     )
     yield from _picture(drawings, "paper_eq27")
     second = data["paper_eq27_sweep"].sel(zero="second")
@@ -308,7 +295,8 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
     )
     yield Paragraph(
         say(
-            "Its numerator is twice the fractional part of 4 (α + β), for the bigger zero plus 2: how many quarter "
+            "Lengths are in wavelengths, *l* is an integer next to 4 (α + β). So the numerator is twice the "
+            "fractional part of 4 (α + β), for the bigger zero plus 2: how many quarter "
             "waves fit between object and image decides it. Whatever the wavelength within the study, the bigger zero "
             "lies within {spans}; the smaller zero takes any value above its own least one. A relative change of a "
             "length comes back up to {condition} times larger in that fractional part. So no reproducible reading "

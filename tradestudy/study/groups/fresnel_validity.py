@@ -41,31 +41,30 @@ def fresnel_validity_group(asked: FresnelValidityPart, progress: Progress, secon
         errors, numerical = _swept(
             asked, elements, f_numbers, progress, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths
         )
-        published, published_numerical = _at_published(asked, elements)
+        published = {e: e.published_error.f_number if e.published_error else e.f_number for e in elements}
+        used = {e: e.f_number for e in elements}
+        points = {
+            **_at_points(asked, "published_point_error", published, field_angle=0.0, wavelengths=asked.wavelengths),
+            **_at_points(asked, "camera_point_error", used, field_angle=0.0, wavelengths=asked.wavelengths),
+        }
         limits = _limits(asked, elements, f_numbers, progress)
     attributes: dict[str, Any] = {"error_limit": asked.error_limit}
     off_axis: dict[str, FloatArray] = {}
     if asked.off_axis is not None:
         attributes |= {"field_angle": asked.off_axis.field_angle, "field_wavelength": asked.off_axis.wavelength}
+        aside, waves = asked.off_axis.field_angle, (asked.off_axis.wavelength,)
         with timed(seconds, _OFF_AXIS_STEP):
-            aside = _swept(
-                asked,
-                elements,
-                f_numbers,
-                progress,
-                step=_OFF_AXIS_STEP,
-                field_angle=asked.off_axis.field_angle,
-                wavelengths=(asked.off_axis.wavelength,),
+            swept = _swept(
+                asked, elements, f_numbers, progress, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves
             )
-        off_axis = {
-            name: one[:, :, 0] for name, one in zip(("off_axis_error", "off_axis_error_numerical"), aside, strict=True)
-        }
+            there = _at_points(asked, "off_axis_camera_error", used, field_angle=aside, wavelengths=waves)
+        off_axis = {name: one[:, :, 0] for name, one in there.items()}
+        off_axis |= {"off_axis_error": swept[0][:, :, 0], "off_axis_error_numerical": swept[1][:, :, 0]}
     values = {
         **_declared(elements),
         "psf_error": errors,
         "psf_error_numerical": numerical,
-        "published_point_error": published,
-        "published_point_error_numerical": published_numerical,
+        **points,
         "limit_f_number": limits,
         **off_axis,
         **_criteria(asked, elements),
@@ -155,15 +154,23 @@ def _swept(
     return np.moveaxis(errors, 3, 1), np.moveaxis(numerical, 3, 1)
 
 
-def _at_published(asked: FresnelValidityPart, elements: list[ElementPart]) -> tuple[FloatArray, FloatArray]:
-    """On axis, shape (element, lens phase, wavelength, metric, window)."""
-    values, errors = [], []
-    for element in elements:
-        place = element.published_error.f_number if element.published_error else element.f_number
-        found = [_differences(asked, element, place, 0.0, wavelength) for wavelength in asked.wavelengths]
-        values.append(np.stack([_stacked(asked, one, "") for one in found], axis=1))
-        errors.append(np.stack([_stacked(asked, one, "_error") for one in found], axis=1))
-    return np.array(values), np.array(errors)
+def _at_points(
+    asked: FresnelValidityPart,
+    name: str,
+    places: Mapping[ElementPart, float],
+    *,
+    field_angle: float,
+    wavelengths: tuple[float, ...],
+) -> Mapping[str, FloatArray]:
+    """At one f-number of each element, shape (element, lens phase, wavelength, metric, window)."""
+    found = [
+        [_differences(asked, element, place, field_angle, wavelength) for wavelength in wavelengths]
+        for element, place in places.items()
+    ]
+    return {
+        name + label: np.array([np.stack([_stacked(asked, one, suffix) for one in row], axis=1) for row in found])
+        for label, suffix in (("", ""), ("_numerical", "_error"))
+    }
 
 
 def _limits(
