@@ -92,7 +92,8 @@ def plenoptic_depth(
         disparity, microlens_baseline, mla_distance=mla_distance, microlens_gap=microlens_gap, focal_length=f
     )
     with np.errstate(divide="ignore"):
-        return np.asarray(np.where(s > 0.0, f + f * (f / np.where(s > 0.0, s, 1.0)), np.inf))
+        depth = np.where(s > 0.0, f + f * (f / np.where(s > 0.0, s, 1.0)), np.inf)
+    return np.asarray(np.where(np.isnan(s), np.nan, depth))
 
 
 def plenoptic_depth_condition(
@@ -171,7 +172,8 @@ def stereo_depth(
     """
     inverse = stereo_inverse_depth(disparity, baseline, focal_length, convergence_angle=convergence_angle)
     with np.errstate(over="ignore"):  # beyond the largest number is infinitely far
-        return np.asarray(np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf))
+        depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
+    return np.asarray(np.where(np.isnan(inverse), np.nan, depth))
 
 
 def midpoint_depth(
