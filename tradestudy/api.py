@@ -116,7 +116,7 @@ class Study:
             "study": self.name,
             "study_hash": self.hash,
             "code_hash": provenance.code_hash(),
-            "seed": None,
+            "seed": None if self.file.calibration is None else self.file.calibration.seed,
             "inputs": provenance.flattened(self.definition.document.tree),
             "started": started.isoformat(timespec="seconds"),
             "versions": provenance.versions(),

@@ -58,8 +58,10 @@ def bands(tree: xr.DataTree) -> StudyFigure:
         shown = propagated_cameras(tree)
         data = tree["calibration"].to_dataset()
         figure = new_figure(0.7 + 1.75 * -(-len(shown) // _COLUMNS))
+        reach = _reach(data.sel(way="both"))
         for order, (axes, camera) in enumerate(zip(panels_of(figure, len(shown)), shown, strict=True)):
             _band(axes, data.sel(camera=camera.key, way="both"), camera)
+            axes.set_ylim(max(0.0, 1.0 - reach), 1.0 + reach)
             if order % _COLUMNS == 0:
                 axes.set_ylabel("depth / distance")
         handles: list[Line2D | Patch] = [
@@ -76,6 +78,13 @@ def bands(tree: xr.DataTree) -> StudyFigure:
         ]  # fmt: skip
         legend(figure, handles, labels, columns=3)
     return figure
+
+
+def _reach(data: xr.Dataset) -> float:
+    """How far the panels go above and below the truth: as far as the widest 95 % interval, within limits."""
+    ratio = np.asarray((data["depth_quantile"] / data["distance"]).values, dtype=np.float64)
+    ratio = ratio[~np.isnan(ratio)]
+    return float(np.clip(1.2 * np.abs(ratio - 1.0).max(), 0.01, _TOP - 1.0)) if ratio.size else _TOP - 1.0
 
 
 def _band(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
@@ -99,7 +108,6 @@ def _band(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
         axes.axvline(end, color=INK, linewidth=0.6)
     log_axis(axes, "x")
     axes.set_xlim(distance[0], distance[-1])
-    axes.set_ylim(0.0, _TOP)
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 
 

@@ -35,7 +35,7 @@ def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
     document = definition.document
     written: dict[tuple[Place, tuple[str | int, ...]], list[tuple[str | int, ...]]] = {}
     for path in document.annotations:
-        tail = path[2:] if path[0] == "cameras" else path
+        _, tail = _camera_and_tail(path)
         written.setdefault((document.locate(path), tail), []).append(path)
     annotations: list[Annotation] = [document.annotations[paths[0]] for paths in written.values()]
     return dataset(
@@ -45,11 +45,20 @@ def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
             "basis": [annotation.basis for annotation in annotations],
             "note": [annotation.note or "" for annotation in annotations],
             "cameras": [
-                ", ".join(str(path[1]) for path in paths if path[0] == "cameras") for paths in written.values()
+                ", ".join(camera for path in paths if (camera := _camera_and_tail(path)[0]))
+                for paths in written.values()
             ],
         },
         {"path": [".".join(str(key) for key in tail) for _, tail in written]},
     )
+
+
+def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int, ...]]:
+    """The camera that a value belongs to, "" for none, and the path without it; for its calibration errors likewise."""
+    for head in (("cameras",), ("calibration", "cameras")):
+        if path[: len(head)] == head:
+            return str(path[len(head)]), path[len(head) + 1 :]
+    return "", path
 
 
 def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
