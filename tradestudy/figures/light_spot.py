@@ -9,11 +9,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.gridspec import SubplotSpec
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.style import SOFT, StudyFigure, legend, line_style, new_figure, plain_number, shortened, styled
+from tradestudy.figures.style import (
+    SOFT,
+    StudyFigure,
+    legend,
+    line_style,
+    log_axis,
+    new_figure,
+    plain_number,
+    shortened,
+    styled,
+)
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 if TYPE_CHECKING:
@@ -23,9 +34,10 @@ FloatArray = npt.NDArray[np.float64]
 TITLES = {
     "geometric": "Rays",
     "fresnel": "Fresnel",
-    "kirchhoff-fresnel": "Kirchhoff, then Fresnel",
+    "kirchhoff-fresnel": "Kirchhoff + Fresnel",
     "kirchhoff": "Kirchhoff",
 }
+_DARKEST = 1e-4  # of the cut
 _SPREADS = {
     "half_energy_radius": "half the light",
     "energy_radius_80": "80 % of the light",
@@ -69,14 +81,14 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 
 def reference_method(data: xr.Dataset) -> str:
     """The method against which the others are held: Kirchhoff, or the last."""
-    methods = [str(name) for name in data["method"].values]
+    methods = [str(name) for name in data["propagator"].values]
     return "kirchhoff" if "kirchhoff" in methods else methods[-1]
 
 
 def _image_words(data: xr.Dataset, reference: str) -> str:
     sentences = []
-    for method in data["method"].values:
-        one = data.sel(method=method)
+    for method in data["propagator"].values:
+        one = data.sel(propagator=method)
         text = f"{TITLES[str(method)]}: {int(one['lit_pixels'])} lit pixels"
         if method != reference:
             difference = float(one["difference"].sel(against=reference))
@@ -86,34 +98,41 @@ def _image_words(data: xr.Dataset, reference: str) -> str:
 
 
 def light_spot(tree: xr.DataTree) -> StudyFigure:
-    """Images above, signed differences below; below the reference a cut through all of them."""
+    """Images above, signed differences from the reference below them, and a cut through all at the foot."""
     with styled():
         data = tree["images"].to_dataset()
         reference = reference_method(data)
-        others = [str(name) for name in data["method"].values if name != reference]
+        others = [str(name) for name in data["propagator"].values if name != reference]
         methods = [*others, reference]
         image = data["image"]
-        exact = np.asarray(image.sel(method=reference).values, dtype=float)
-        brightest = float(max(image.sel(method=method).max() for method in methods))
-        changes = {m: 100 * (np.asarray(image.sel(method=m).values) - exact) / float(exact.max()) for m in others}
-        span = max((float(np.abs(change).max()) for change in changes.values()), default=1.0) or 1.0
-        figure = new_figure(4.3)
-        panels = figure.subplots(2, len(methods), squeeze=False)
+        exact = np.asarray(image.sel(propagator=reference).values, dtype=float)
+        brightest = float(max(image.sel(propagator=method).max() for method in methods))
+        figure = new_figure(5.6 if others else 3.9)
+        grid = figure.add_gridspec(3 if others else 2, len(methods) + 1, width_ratios=[*[1.0] * len(methods), 0.07])
         for column, method in enumerate(methods):
-            shown = _picture(
-                panels[0, column], data, np.asarray(image.sel(method=method)) / brightest, "inferno", 0.0, 1.0
-            )
-            panels[0, column].set_title(TITLES[method])
-        figure.colorbar(shown, ax=panels[0, :].tolist(), label="light on a pixel", shrink=0.9, pad=0.01, aspect=16)
-        for column, method in enumerate(others):
-            changed = _picture(panels[1, column], data, changes[method], "RdBu_r", -span, span)
-            panels[1, column].set_title(f"less {TITLES[reference]}", fontweight="normal")
+            axes = figure.add_subplot(grid[0, column])
+            shown = _picture(axes, data, np.asarray(image.sel(propagator=method)) / brightest, "inferno", 0.0, 1.0)
+            axes.set_title(TITLES[method], fontsize=7.5)
+        _scale(figure, shown, grid[0, -1], "light on a pixel")
         if others:
-            figure.colorbar(
-                changed, ax=panels[1, :-1].tolist(), label="% of the brightest", shrink=0.9, pad=0.02, aspect=16
-            )
-        _cut(panels[1, -1], data, methods)
+            changes = {
+                one: 100 * (np.asarray(image.sel(propagator=one).values) - exact) / float(exact.max()) for one in others
+            }
+            span = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
+            for column, method in enumerate(others):
+                axes = figure.add_subplot(grid[1, column])
+                changed = _picture(axes, data, changes[method], "RdBu_r", -span, span)
+                axes.set_title(f"less {TITLES[reference]}", fontsize=7, fontweight="normal")
+            _scale(figure, changed, grid[1, len(others)].subgridspec(1, 12)[0], "% of the brightest pixel")
+        _cut(figure.add_subplot(grid[-1, :]), data, methods)
     return figure
+
+
+def _scale(figure: StudyFigure, shown: AxesImage, place: SubplotSpec, label: str) -> None:
+    bar = figure.colorbar(shown, cax=figure.add_subplot(place))
+    bar.set_label(label, fontsize=6.5)
+    bar.ax.tick_params(labelsize=6)
+    bar.outline.set_visible(False)
 
 
 def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low: float, high: float) -> AxesImage:
@@ -135,19 +154,23 @@ def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low:
 
 
 def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
-    """Brightness along the middle row, relative to the brightest pixel of the reference."""
+    """Light along the middle row of pixels, over four decades: where rays leave it dark, waves do not."""
     x = np.asarray(data["column"].values, dtype=float) * 1e6
     middle = data.sizes["row"] // 2
-    top = float(data["image"].sel(method=methods[-1]).max())
+    top = float(data["image"].sel(propagator=methods[-1]).max())
+    names = [str(name) for name in data["propagator"].values]
     for method in methods:
-        style = line_style([str(name) for name in data["method"].values].index(method))
-        cut = np.asarray(data["image"].sel(method=method).isel(row=middle).values, dtype=float) / top
-        axes.plot(x, cut, color=style.color, linestyle=style.dash, linewidth=1.1, label=TITLES[method])
-    axes.set_title("middle row", fontweight="normal")
-    axes.set_ylim(bottom=0)
+        style = line_style(names.index(method))
+        cut = np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top
+        axes.plot(x, np.maximum(cut, _DARKEST), color=style.color, linestyle=style.dash, linewidth=1.2)
+    log_axis(axes, "y")
+    axes.set_ylim(_DARKEST, 2)
     axes.set_xlim(x[0], x[-1])
-    axes.set_box_aspect(0.82)
-    axes.legend(fontsize=5.5, loc="upper center", bbox_to_anchor=(0.5, -0.14), handlelength=2.2, borderpad=0)
+    axes.set_xlabel("place along the middle row of pixels (µm)")
+    axes.set_ylabel("light, brightest = 1")
+    handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
+    axes.legend(handles, [TITLES[name] for name in names], ncols=len(names), loc="upper center",
+                bbox_to_anchor=(0.5, 1.22))  # fmt: skip
 
 
 def point_spread(tree: xr.DataTree) -> StudyFigure:
@@ -181,8 +204,10 @@ def _spread_panel(axes: Axes, data: xr.Dataset, scale: float) -> None:
             style = line_style(order)
             axes.errorbar(
                 place,
-                1e6 * np.asarray(data[name].sel(method=method).values, dtype=float),
-                yerr=1e6 * np.asarray(data[f"{name}_error"].sel(method=method).values, dtype=float) if exact else None,
+                1e6 * np.asarray(data[name].sel(propagator=method).values, dtype=float),
+                yerr=1e6 * np.asarray(data[f"{name}_error"].sel(propagator=method).values, dtype=float)
+                if exact
+                else None,
                 color=style.color,
                 linestyle="-" if exact else (0, (1, 1.5)),
                 linewidth=1.2 if exact else 0.9,
@@ -200,8 +225,8 @@ def _spread_words(data: xr.Dataset) -> str:
         one = data.sel(element=element, varied="f_number")
         values = np.asarray(one["value"].values, dtype=float)
         step = int(np.nanargmin(np.abs(values - float(one["standing"]))))
-        for method in data["method"].values:
-            there = one.sel(method=method).isel(step=step)
+        for method in data["propagator"].values:
+            there = one.sel(propagator=method).isel(step=step)
             radius = float(there["half_energy_radius"])
             if np.isfinite(radius):
                 sentences.append(

@@ -137,58 +137,58 @@ FRESNEL_VALIDITY: Final[Mapping[str, Variable]] = {
 
 IMAGES: Final[Mapping[str, Variable]] = {
     "image": Variable(
-        dims=("method", "row", "column"),
+        dims=("propagator", "row", "column"),
         units="1",
         long_name="share of the power in the main pupil that falls on a pixel",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
         error="see numerical_error",
     ),
     "numerical_error": Variable(
-        dims=("method",),
+        dims=("propagator",),
         units="1",
         long_name="relative L2 error over the pixels",
         error="an estimate itself",
     ),
     "power": Variable(
-        dims=("method",),
+        dims=("propagator",),
         units="1",
         long_name="share of the power in the main pupil that falls on the detector",
         error="at most numerical_error relative",
     ),
     "lit_pixels": Variable(
-        dims=("method",),
+        dims=("propagator",),
         units="1",
         long_name="pixels that hold more than a hundredth of the brightest pixel's light",
         error="a count",
     ),
     "outside_geometric": Variable(
-        dims=("method",),
+        dims=("propagator",),
         units="1",
         long_name="share of the light on the detector that falls on pixels that rays leave dark",
         error="at most numerical_error",
     ),
     "difference": Variable(
-        dims=("method", "against"),
+        dims=("propagator", "against"),
         units="1",
         long_name="sum over pixels of |difference| over the sum of the image against which it is held",
         error="at most the numerical errors of both images together; less where they share it",
     ),
     "difference_l2": Variable(
-        dims=("method", "against"),
+        dims=("propagator", "against"),
         units="1",
         long_name="relative L2 difference over pixels",
         error="at most the numerical errors of both images together; less where they share it",
     ),
     "published_seconds": Variable(
-        dims=("method",), units="s", long_name="time that a publication states; NaN for none", error="as published"
+        dims=("propagator",), units="s", long_name="time that a publication states; NaN for none", error="as published"
     ),
     "published_words": Variable(
-        dims=("method",), units="", long_name="that time in the words of its source; empty for none"
+        dims=("propagator",), units="", long_name="that time in the words of its source; empty for none"
     ),
-    "published_source": Variable(dims=("method",), units="", long_name="where that time is stated"),
+    "published_source": Variable(dims=("propagator",), units="", long_name="where that time is stated"),
 }
 
-_SPREAD = ("element", "method", "varied", "step")
+_SPREAD = ("element", "propagator", "varied", "step")
 _SPREAD_ERROR = "see its namesake with _error"
 
 

@@ -87,14 +87,14 @@ def _duration(seconds: float) -> str:
 
 
 def _against(data: xr.Dataset) -> str:
-    methods = [str(name) for name in data["method"].values]
+    methods = [str(name) for name in data["propagator"].values]
     return "kirchhoff" if "kirchhoff" in methods else methods[-1]
 
 
 def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
     reference = _against(data)
-    for method in (str(name) for name in data["method"].values):
-        one = data.sel(method=method)
+    for method in (str(name) for name in data["propagator"].values):
+        one = data.sel(propagator=method)
         took = _duration(_seconds(run, f"image: {method}"))
         if method == reference:
             yield say("**{method}** is the reference: {took}.", method=_METHODS[method], took=took)
@@ -111,8 +111,8 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
 def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
     reference = _against(data)
     rows: list[tuple[Text, ...]] = []
-    for method in (str(name) for name in data["method"].values):
-        one = data.sel(method=method)
+    for method in (str(name) for name in data["propagator"].values):
+        one = data.sel(propagator=method)
         dark = share(float(one["outside_geometric"])) if "outside_geometric" in data else "—"
         rows.append(
             (
@@ -180,7 +180,7 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
 
 
 def _spread_table(data: xr.Dataset, element: str) -> Table:
-    one = data.sel(element=element, method="kirchhoff")
+    one = data.sel(element=element, propagator="kirchhoff")
     rows: list[tuple[Text, ...]] = []
     for what, unit in zip(data["varied"].values, data["varied_units"].values, strict=True):
         rows.append((_VARIED[str(what)].capitalize(),))

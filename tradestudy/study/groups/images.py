@@ -20,7 +20,7 @@ LIT_ABOVE = 0.01
 
 
 def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
-    """/images over (method, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``."""
+    """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``."""
     found = []
     for number, method in enumerate(part.methods):
         progress("image of the spot", number / len(part.methods))
@@ -46,7 +46,7 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> x
     result = dataset(
         "images",
         values,
-        {"method": methods, "against": methods, "row": centres, "column": centres},
+        {"propagator": methods, "against": methods, "row": centres, "column": centres},
         attributes={
             "wavelength": part.wavelength,
             "microlenses_across": part.microlenses.across,

@@ -21,7 +21,7 @@ _STEP: Final = "point spread"
 
 
 def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
-    """/point_spread over (element, method, varied, step)."""
+    """/point_spread over (element, propagator, varied, step)."""
     elements = list(part.elements.values())
     varied = {
         "f_number": part.f_numbers,
@@ -63,7 +63,7 @@ def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Secon
             "standing": [[_standing(part, element)[name] for name in varied] for element in elements],
             **values,
         },
-        {"element": list(part.elements), "method": list(METHODS), "varied": list(varied)},
+        {"element": list(part.elements), "propagator": list(METHODS), "varied": list(varied)},
         attributes={"window": part.window, "rms_radius": part.rms_radius, "pixel_pitch": part.pixel_pitch},
     )
 
