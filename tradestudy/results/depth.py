@@ -14,7 +14,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_discrimination": Variable(
         dims=("camera", "distance", "side"),
         units="m",
-        long_name="change of true depth that moves the estimator's disparity by the declared step",
+        long_name="change of true depth that moves the estimator's disparity by the declared step; "
+        "infinite where infinity is nearer than that",
         symbol="Δa",
         reference=_EIGHT,
         error=DEPTH_ROUNDING,
@@ -22,7 +23,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="half the central 68.27 % interval of one measured depth, noise and calibration",
+        long_name="half the central 68.27 % interval of one measured depth, noise and calibration; "
+        "infinite where the interval has no far end",
         symbol="u(a)",
         reference="JCGM 101:2008, 7.7",
         error=SEE_ERROR,
@@ -36,14 +38,16 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_way": Variable(
         dims=("camera", "distance", "way"),
         units="m",
-        long_name="depth uncertainty from noise only, calibration only, and both",
+        long_name="depth uncertainty from noise only, calibration only, and both; infinite where the interval has no far "
+        "end",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
     "depth_uncertainty_part": Variable(
         dims=("camera", "distance", "part"),
         units="m",
-        long_name="depth uncertainty from one part alone; NaN where a camera has no such part",
+        long_name="depth uncertainty from one part alone; infinite where the interval has no far end; "
+        "NaN where a camera has no such part",
         symbol="u_i(a)",
         error=SEE_ERROR,
     ),
@@ -92,7 +96,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "limit_value": Variable(
         dims=("camera", "distance", "limit"),
         units="mixed",
-        long_name="value that is held against a limit, in the unit of limit_units; NaN where it does not apply",
+        long_name="value that is held against a limit, in the unit of limit_units; infinite where what it measures is; "
+        "NaN where it does not apply",
         error=DEPTH_ROUNDING,
     ),
     "limit_met": Variable(
@@ -110,13 +115,13 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_near": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="near end of a usable interval",
+        long_name="near end of a usable interval; NaN where a camera has fewer of them than another",
         error="bracketed to the last digits",
     ),
     "usable_far": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="far end of a usable interval",
+        long_name="far end of a usable interval; NaN where a camera has fewer of them than another",
         error="bracketed to the last digits",
     ),
     "near_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the near end"),

@@ -34,13 +34,28 @@ DEPTH_OF_FIELD: Final[Mapping[str, Variable]] = {
         long_name="image of a stack, type of microlens, or lens; empty for none",
     ),
     "slice_near": _length(("camera", "sharp", "slice"), "near limit of a slice; NaN where nothing is sharp"),
-    "slice_far": _length(("camera", "sharp", "slice"), "far limit of a slice; NaN where nothing is sharp"),
-    "sharp_near": _length(("camera", "sharp", "stretch"), "near end of a stretch that some slice keeps sharp"),
-    "sharp_far": _length(("camera", "sharp", "stretch"), "far end of a stretch that some slice keeps sharp"),
-    "gap_near": _length(("camera", "sharp", "gap"), "near end of a gap between slices"),
-    "gap_far": _length(("camera", "sharp", "gap"), "far end of a gap between slices"),
-    "overlap_near": _length(("camera", "sharp", "overlap"), "near end of a stretch that two slices or more keep sharp"),
-    "overlap_far": _length(("camera", "sharp", "overlap"), "far end of a stretch that two slices or more keep sharp"),
+    "slice_far": _length(
+        ("camera", "sharp", "slice"),
+        "far limit of a slice; infinite from the hyperfocal distance on; NaN where nothing is sharp",
+    ),
+    "sharp_near": _length(
+        ("camera", "sharp", "stretch"), "near end of a stretch that some slice keeps sharp; NaN beyond the last one"
+    ),
+    "sharp_far": _length(
+        ("camera", "sharp", "stretch"),
+        "far end of a stretch that some slice keeps sharp; infinite where a far limit is; NaN beyond the last one",
+    ),
+    "gap_near": _length(("camera", "sharp", "gap"), "near end of a gap between slices; NaN beyond the last one"),
+    "gap_far": _length(("camera", "sharp", "gap"), "far end of a gap between slices; NaN beyond the last one"),
+    "overlap_near": _length(
+        ("camera", "sharp", "overlap"),
+        "near end of a stretch that two slices or more keep sharp; NaN beyond the last one",
+    ),
+    "overlap_far": _length(
+        ("camera", "sharp", "overlap"),
+        "far end of a stretch that two slices or more keep sharp; infinite where a far limit is; NaN beyond the last "
+        "one",
+    ),
     "extent": _length(("camera", "sharp"), "length of all sharp stretches together; infinite where a far limit is"),
     "scene_share": Variable(
         dims=("camera", "sharp"), units="1", long_name="share of the scene that is sharp", error=ROUNDING

@@ -26,7 +26,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "uncertainty_ratio": Variable(
         dims=("reading", "place", "way"),
         units="1",
-        long_name="depth uncertainty of the first camera of the headline pair over that of the second",
+        long_name="depth uncertainty of the first camera of the headline pair over that of the second; "
+        "infinite where only the first has no far end, NaN where both have none",
         error=SEE_ERROR,
     ),
     "flips": Variable(
