@@ -63,7 +63,7 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from depth_of_field(tree, drawings)
     yield from criteria(tree)
     yield from fresnel_validity(tree, drawings)
-    yield from light_spot(tree, drawings)
+    yield from light_spot(tree, run, drawings)
     yield from hard_cases(tree, drawings)
     yield from claims(tree)
     yield from requirements(tree)

@@ -179,6 +179,12 @@ IMAGES: Final[Mapping[str, Variable]] = {
         long_name="relative L2 difference over pixels",
         error="at most the numerical errors of both images together; less where they share it",
     ),
+    "benchmark_error": Variable(
+        dims=("benchmark",),
+        units="1",
+        long_name="stated relative L2 error of the intensities; the seconds stand in the record of the run",
+        error="an estimate itself",
+    ),
     "published_seconds": Variable(
         dims=("propagator",), units="s", long_name="time that a publication states; NaN for none", error="as published"
     ),

@@ -82,7 +82,7 @@ def compute(
         groups["/hard_cases"] = hard_cases_group(file.hard_cases, progress)
     progress("claims", 0.0)
     if file.claims:
-        groups["/claims"] = claims_group(definition, readings)
+        groups["/claims"] = claims_group(definition, readings, progress)
     if file.requirements:
         groups["/requirements"] = requirements_group(definition)
     progress("claims", 1.0)

@@ -65,7 +65,7 @@ def light_path(part: LightSpotPart) -> LightPath:
 
 def spot_image(part: LightSpotPart, method: MethodName) -> ChainImage:
     """Image of the declared spot by one method; what does not touch the image does not compute it again."""
-    return _spot_image(part.model_copy(update={"methods": (), "published": ()}), method)
+    return _spot_image(part.model_copy(update={"methods": (), "published": (), "benchmarks": False}), method)
 
 
 @lru_cache(maxsize=64)

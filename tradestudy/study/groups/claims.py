@@ -18,10 +18,15 @@ from tradestudy.study.claims import (
     verdict_over_readings,
 )
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.progress import Progress
 from tradestudy.units import pretty
 
 
-def claims_group(definition: StudyDefinition, readings: Mapping[str, StudyDefinition]) -> xr.Dataset:
+def claims_group(
+    definition: StudyDefinition,
+    readings: Mapping[str, StudyDefinition],
+    progress: Progress = lambda _step, _share: None,
+) -> xr.Dataset:
     """/claims: value and answer under each reading that a claim names, and the verdict."""
     claims = definition.file.claims
     names = list(readings)
@@ -31,6 +36,7 @@ def claims_group(definition: StudyDefinition, readings: Mapping[str, StudyDefini
     text = np.full(value.shape, "", dtype=object)
     verdicts = []
     for row, (key, claim) in enumerate(claims.items()):
+        progress("claims", row / len(claims))
         dimension = claim_dimension(claim)
         answers: dict[str, bool | None] = {}
         own = claim.reading or declared

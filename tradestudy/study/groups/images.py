@@ -11,6 +11,7 @@ import xarray as xr
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
+from tradestudy.study.light_benchmarks import light_benchmarks
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.wave_optics import LightSpotPart
 from tradestudy.study.spot_images import image_difference, lit_pixels, spot_image
@@ -27,6 +28,10 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> x
         with timed(seconds, f"image: {method}"):
             found.append(spot_image(part, method))
     progress("image of the spot", 1.0)
+    benchmarks: dict[str, float] = {}
+    if part.benchmarks:
+        progress("benchmarks of light", 0.0)
+        benchmarks = light_benchmarks(part, seconds)
     images = np.stack([one.pixels for one in found])
     pitch, count = part.detector.pixel_pitch, part.detector.pixels
     centres = pitch * (np.arange(count) - (count - 1) / 2)
@@ -40,13 +45,20 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> x
         "difference_l2": [
             [float(np.linalg.norm(image - other) / np.linalg.norm(other)) for other in images] for image in images
         ],
+        **({"benchmark_error": list(benchmarks.values())} if benchmarks else {}),
         **_published(part),
     }
     methods = list(part.methods)
     result = dataset(
         "images",
         values,
-        {"propagator": methods, "against": methods, "row": centres, "column": centres},
+        {
+            "propagator": methods,
+            "against": methods,
+            "row": centres,
+            "column": centres,
+            **({"benchmark": list(benchmarks)} if benchmarks else {}),
+        },
         attributes={
             "wavelength": part.wavelength,
             "microlenses_across": part.microlenses.across,

@@ -194,6 +194,9 @@ class LightSpotPart(Part):
     methods: Annotated[tuple[MethodName, ...], Field(min_length=1, max_length=4)]
     tolerance: PositiveFraction = Field(description="Relative numerical error of each image that is aimed at.")
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    benchmarks: bool = Field(
+        default=False, description="Whether to time one aperture and one source point too, whatever the methods."
+    )
     published: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = ()
 
     @model_validator(mode="after")
