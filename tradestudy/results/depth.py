@@ -38,8 +38,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_way": Variable(
         dims=("camera", "distance", "way"),
         units="m",
-        long_name="depth uncertainty from noise only, calibration only, and both; infinite where the interval has no far "
-        "end",
+        long_name="depth uncertainty from noise only, calibration only, and both; "
+        "infinite where the interval has no far end",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
