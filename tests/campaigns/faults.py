@@ -37,7 +37,6 @@ from tradestudy.verification.hard_cases.study_files import study
 
 PATIENCE = 240.0  # s, for one run on a busy machine
 STUDY = study(scene="{distances: {from: 1 m, to: 4 m, points: 30}, wavelength: 550 nm}", name="faults")
-OTHER = STUDY.replace("title: T", "title: Another")
 DISK = 8 * 1024 * 1024
 BROKEN = ("half-written", "lost", "recomputed", "different", "badly ended")
 
@@ -65,13 +64,14 @@ class Bench:
 
     root: Path
     rng: random.Random
+    text: str = STUDY
     pdf: bool = True
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
         self.study, self.other = self.root / "study.yaml", self.root / "other.yaml"
-        self.study.write_text(STUDY, encoding="utf-8")
-        self.other.write_text(OTHER, encoding="utf-8")
+        self.study.write_text(self.text, encoding="utf-8")
+        self.other.write_text(self.text.replace("title: T", "title: Another"), encoding="utf-8")
         self.right = self.root / "right"
         begin = time.monotonic()
         assert self.run(self.right).returncode == 0
