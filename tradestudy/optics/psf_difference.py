@@ -28,6 +28,7 @@ from tradestudy.optics.propagation import (
     aperture_field,
     image_distance,
 )
+from tradestudy.optics.quadrature import gauss_legendre
 
 FIRST_DARK_RING = float(jn_zeros(1, 1)[0]) / math.pi  # 1.2197: of the Airy pattern, in λ N_w
 _INTERVALS = 16  # of a panel at most one Airy radius long; its 1.2 periods then are resolved to 1e-9
@@ -195,8 +196,8 @@ class _Annulus:
 
 
 def _gauss(*, coarse: bool) -> tuple[FloatArray, FloatArray]:
-    nodes, weights = np.polynomial.legendre.leggauss(_FINE_POINTS // 2 if coarse else _FINE_POINTS)
-    return np.asarray(nodes), np.asarray(weights)
+    nodes, weights = gauss_legendre(_FINE_POINTS // 2 if coarse else _FINE_POINTS)
+    return 2 * nodes - 1, 2 * weights
 
 
 def _refinement(*, coarse: bool) -> int:
