@@ -1,0 +1,70 @@
+"""The report of hard cases: every case with both errors, its bound and its verdict; what is not met is said first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from tradestudy import api, figures
+from tradestudy.report.contents import compose
+from tradestudy.report.document import Callout, Paragraph, Table, flattened, spans
+
+STUDY = Path(__file__).parents[2] / "studies" / "hard_cases.yaml"
+
+
+@pytest.fixture(scope="module")
+def tree() -> xr.DataTree:
+    return api.load(STUDY, ("hard_cases.families=[thin-lens, stereo]",)).run().data
+
+
+def tables(tree: xr.DataTree) -> dict[str, Table]:
+    blocks = flattened(compose(tree, {}, figures.build(tree)).blocks)
+    return {block.name: block for block in blocks if isinstance(block, Table) and block.name.startswith("hard-cases")}
+
+
+def verdict(tree: xr.DataTree) -> tuple[str, str]:
+    blocks = flattened(compose(tree, {}, figures.build(tree)).blocks)
+    box = next(block for block in blocks if isinstance(block, Callout) and block.title == "Where formulas break")
+    assert isinstance(box.blocks[0], Paragraph)
+    return box.tone, "".join(span.text for span in spans(box.blocks[0].text))
+
+
+def test_every_case_has_both_errors_a_bound_and_a_verdict(tree: xr.DataTree) -> None:
+    made = tables(tree)
+    assert [column.title for column in made["hard-cases-thin-lens-numbers"].columns] == [
+        *("Case", "Law", "κ", "Naive error", "Our error", "Bound", "Verdict")
+    ]
+    assert sum(len(table.rows) for table in made.values()) == tree["hard_cases"].sizes["case"]
+    rows = {row[0]: row for row in made["hard-cases-thin-lens-numbers"].rows}
+    # b f/(b − f) of an object at 10⁸ m: eight of sixteen digits are gone.
+    _, law, condition, naive, ours, bound, met = rows["there and back from 10⁸ m"]
+    assert (law, condition, bound, met) == ("object → image → object", "1", "1.0e-12", "met")
+    assert 1e-9 < float(naive) < 1e-5
+    assert float(ours) < 1e-15
+    assert rows["shift of infinity"][3] == "wrong: nan"
+
+
+def test_the_figure_tells_its_numbers_in_words(tree: xr.DataTree) -> None:
+    drawing = figures.build(tree)["hard_cases"]
+    data = tree["hard_cases"].to_dataset()
+    numbers = int((~data["outcome"].values.astype(bool)).sum())
+    assert f"Scatter chart of {numbers} hard cases" in drawing.alt
+    axes = drawing.draw().axes[0]
+    marks = sum(line.get_xdata().size for line in axes.lines if line.get_linestyle() == "None")
+    assert marks == numbers
+
+
+def test_what_is_not_met_is_named_first(tree: xr.DataTree) -> None:
+    tone, words = verdict(tree)
+    count = tree["hard_cases"].sizes["case"]
+    assert tone == "answer"
+    assert f"{count} of {count} hard cases are met." in words
+    data = tree["hard_cases"].to_dataset().copy(deep=True)
+    data["met"][3] = False
+    wrong = xr.DataTree.from_dict({"/": tree.to_dataset(), "/hard_cases": data})
+    tone, words = verdict(wrong)
+    assert tone == "warning"
+    assert f"{count - 1} of {count} hard cases are met." in words
+    assert f"Not met: {data['case'].values[3]}." in words
