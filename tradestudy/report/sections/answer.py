@@ -156,9 +156,9 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
 
     yield Table(
         name="verdict-table",
-        caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: which of the two is usable "
-        "and better, and under which other readings of the open questions another answer comes out. Beside it, which is "
-        "more certain whether it is usable or not.",
+        caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: which of the two is "
+        "usable and better, and under which other readings of the open questions another answer comes out. Beside it, "
+        "which is more certain whether it is usable or not.",
         columns=(
             Column(title="At", align="right"),
             Column(title="Better usable"),
