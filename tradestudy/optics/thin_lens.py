@@ -93,7 +93,7 @@ def blur_diameter(
         np.asarray(value, dtype=np.float64) for value in (object_distance, focus_distance, focal_length, pupil_diameter)
     )
     sensor = f + focus_shift(a0, f)
-    # (a − a₀)/(a a₀) keeps the digits that 1/a − 1/a₀ loses near the focus; an infinite distance leaves the other's 1/a.
+    # (a − a₀)/(a a₀) keeps digits that 1/a − 1/a₀ loses near the focus; an infinite distance leaves the other's 1/a.
     with np.errstate(invalid="ignore"):  # infinity less itself, sorted out below
         difference = np.where(np.isinf(a0), 1.0 / a, np.where(np.isinf(a), 1.0 / a0, (a - a0) / a / a0))
     both = np.isinf(a) & np.isinf(a0)
