@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from tradestudy import units
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.quantities import (
@@ -20,12 +21,16 @@ from tradestudy.study.schema.quantities import (
     PositiveNumber,
     PositiveWavelength,
     Waves,
+    quantity,
 )
 
 ElementName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
 LensPhaseName = Literal["parabolic", "stigmatic", "perfect"]
 PsfMetric = Literal["peak", "l1", "largest"]
 MethodName = Literal["geometric", "fresnel", "kirchhoff-fresnel", "kirchhoff"]
+# What the propagators accept; double precision ends below, and beyond a picture is no result.
+ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=0.2)]
+IntensityTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-10, at_most=0.1)]
 PositiveWaves = Annotated[Waves, Field(gt=0)]
 
 
@@ -100,7 +105,7 @@ class FresnelValidityPart(Part):
         description="Bounds of the dropped path for the bounded criterion."
     )
     error_limit: PositiveFraction = Field(description="Error up to which Fresnel counts as good enough.")
-    tolerance: PositiveFraction = Field(description="Relative numerical error of each computed intensity.")
+    tolerance: IntensityTolerance = Field(description="Relative numerical error of each computed intensity.")
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -179,7 +184,7 @@ class PointSpreadPart(Part):
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
         description="Distance of the object from focus, in waves of path at the rim of the pupil; > 0 is nearer."
     )
-    tolerance: PositiveFraction
+    tolerance: IntensityTolerance
 
 
 class LightSpotPart(Part):
@@ -192,7 +197,7 @@ class LightSpotPart(Part):
     spot: SpotSourcePart
     wavelength: PositiveWavelength
     methods: Annotated[tuple[MethodName, ...], Field(min_length=1, max_length=4)]
-    tolerance: PositiveFraction = Field(description="Relative numerical error of each image that is aimed at.")
+    tolerance: ImageTolerance = Field(description="Relative numerical error of each image that is aimed at.")
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
     benchmarks: bool = Field(
         default=False, description="Whether to time one aperture and one source point too, whatever the methods."

@@ -1,0 +1,234 @@
+"""The light spot and the spread of points: closed forms, the scene's closure, and what reaches report and record."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import j0, j1
+
+import tradestudy
+from tradestudy.api import Result
+from tradestudy.errors import OutOfRangeError, StudyError
+from tradestudy.study import spot_images
+from tradestudy.study.point_spreads import LensAndPoint, spread_measures
+
+STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
+# One microlens of the scene, and a spot of which it sees the whole.
+SMALL = [
+    "light_spot.microlenses.across=1",
+    "light_spot.detector.pixels=23",
+    "light_spot.spot.diameter=2 mm",
+    "light_spot.tolerance=5 %",
+    "light_spot.methods=[geometric, kirchhoff-fresnel, kirchhoff]",
+    "light_spot.benchmarks=false",
+    "point_spread.f_numbers=[3.8]",
+    "point_spread.wavelengths=[550 nm]",
+    "point_spread.field_angles=[0 deg]",
+    "point_spread.defocus=[0 waves, 0.5 waves]",
+    "point_spread.window=6",
+    "point_spread.rms_radius=5",
+    "claims.S4.method=kirchhoff-fresnel",
+    "claims.S3.under=[]",
+    "claims.S2.under=[]",
+]
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    return tradestudy.load(STUDY, SMALL).run()
+
+
+def image(result: Result, propagator: str) -> np.ndarray:
+    return np.asarray(result.data["images"]["image"].sel(propagator=propagator).values)
+
+
+def test_the_scene_is_closed_as_declared() -> None:
+    """Microlenses in focus at 150 mm and f-numbers matched: z 15.271 mm, b_L 0.587 mm, |v| 2.78."""
+    spot = tradestudy.load(STUDY).file.light_spot
+    assert spot is not None
+    lens, array = spot.main_lens, spot.microlenses
+    main_image = 1 / (1 / lens.focal_length - 1 / spot.spot.distance)
+    depth = spot.array_distance - main_image
+    assert 1 / depth + 1 / array.gap == pytest.approx(1 / array.focal_length, rel=1e-3)
+    assert array.gap / array.pitch == pytest.approx(spot.array_distance / (lens.focal_length / lens.f_number), rel=1e-3)
+    assert depth / array.gap == pytest.approx(2.78, abs=0.01)
+    assert array.pitch == pytest.approx(23 * spot.detector.pixel_pitch)
+
+
+@pytest.mark.parametrize("propagator", ["geometric", "kirchhoff-fresnel", "kirchhoff"])
+def test_the_image_is_as_large_as_two_thin_lenses_make_it(result: Result, propagator: str) -> None:
+    """Diameter 2 mm × (b_M/a) × (b_L/a_L); the area above half of the plateau is that of this disc."""
+    pixels = image(result, propagator)
+    main_image = 1 / (1 / 12.5e-3 - 1 / 0.150)
+    diameter = 2e-3 * main_image / 0.150 * 0.587e-3 / (15.271e-3 - main_image)
+    plateau = float(np.median(pixels[9:14, 9:14]))
+    share = np.clip(pixels / plateau, 0, 1)  # a pixel cut by the rim counts by the part of it that is lit
+    assert share.sum() * 5.5e-6**2 == pytest.approx(math.pi / 4 * diameter**2, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("propagator", "within"), [("geometric", 0.002), ("kirchhoff-fresnel", 0.05), ("kirchhoff", 0.05)]
+)
+def test_the_power_is_that_of_the_cone_through_the_microlens(result: Result, propagator: str, within: float) -> None:
+    """Each point lights a disc A |a_L|/b_M wide on the array; the microlens, inside it, takes its area's share."""
+    main_image = 1 / (1 / 12.5e-3 - 1 / 0.150)
+    lit = 12.5e-3 / 3.8 * (15.271e-3 - main_image) / main_image
+    assert image(result, propagator).sum() == pytest.approx((0.432e-3 / 3.8 / lit) ** 2, rel=within)
+
+
+def test_images_keep_the_symmetry_of_the_scene(result: Result) -> None:
+    rays_error = float(result.data["images"]["numerical_error"].sel(propagator="geometric"))
+    for propagator, within in (("geometric", rays_error), ("kirchhoff", 1e-6)):
+        pixels = image(result, propagator)
+        for turned in (pixels.T, pixels[::-1], pixels[:, ::-1]):
+            assert np.linalg.norm(turned - pixels) < within * np.linalg.norm(pixels)
+
+
+def test_a_spot_off_the_axis_is_imaged_on_the_side_where_it_stands() -> None:
+    """Twice inverted is upright; rows count along y, columns along x."""
+    part = tradestudy.load(STUDY, [*SMALL, "light_spot.spot.x=0.5 mm", "light_spot.spot.y=-0.25 mm"]).file.light_spot
+    assert part is not None
+    pixels = spot_images.spot_image(part, "geometric").pixels
+    place = 5.5 * (np.arange(23) - 11)
+    scale = 12.5 / (150 - 12.5) * 0.587 / (15.271 - 1 / (1 / 12.5 - 1 / 150))
+    assert pixels.sum(axis=0) @ place / pixels.sum() == pytest.approx(500 * scale, abs=1.0)
+    assert pixels.sum(axis=1) @ place / pixels.sum() == pytest.approx(-250 * scale, abs=1.0)
+
+
+def test_measures_of_the_images_are_what_they_say(result: Result) -> None:
+    data = result.data["images"].to_dataset()
+    exact, rays = image(result, "kirchhoff"), image(result, "geometric")
+    difference = data["difference"].sel(propagator="geometric", against="kirchhoff")
+    assert float(difference) == pytest.approx(np.abs(rays - exact).sum() / exact.sum(), rel=1e-12)
+    dark = float(data["outside_geometric"].sel(propagator="kirchhoff"))
+    assert dark == pytest.approx(exact[rays == 0].sum() / exact.sum(), rel=1e-12)
+    assert 0 < dark < 0.1
+    assert int(data["lit_pixels"].sel(propagator="geometric")) == int((rays > 0.01 * rays.max()).sum())
+    assert float(data["numerical_error"].max()) < 0.1
+    assert float(data["difference"].sel(propagator="kirchhoff-fresnel", against="kirchhoff")) < 0.05
+
+
+def test_claims_of_figure_7_are_answered_from_the_same_images(result: Result) -> None:
+    claims, data = result.data["claims"].to_dataset(), result.data["images"].to_dataset()
+    declared = claims["value"].sel(reading="as declared")
+    lit = data["lit_pixels"]
+    assert float(declared.sel(claim="S1")) == float(lit.sel(propagator="kirchhoff") / lit.sel(propagator="geometric"))
+    for claim, propagator in (("S2", "geometric"), ("S3", "kirchhoff-fresnel")):
+        against = data["difference"].sel(propagator=propagator, against="kirchhoff")
+        assert float(declared.sel(claim=claim)) == float(against)
+
+
+def test_seconds_stand_in_the_record_and_never_in_the_results(result: Result) -> None:
+    for propagator in ("geometric", "kirchhoff-fresnel", "kirchhoff"):
+        assert result.run_record["seconds"][f"image: {propagator}"] > 0
+    hours = result.data["images"]["published_seconds"]
+    assert float(hours.sel(propagator="kirchhoff")) == 50 * 3600
+    assert float(hours.sel(propagator="kirchhoff-fresnel")) == 26 * 3600
+    assert np.isnan(float(hours.sel(propagator="geometric")))
+    part = tradestudy.load(STUDY, SMALL).file.light_spot
+    assert part is not None
+    spot_images._spot_image.cache_clear()
+    pixels = spot_images.spot_image(part, "kirchhoff").pixels
+    assert np.array_equal(pixels, image(result, "kirchhoff"))
+
+
+def test_report_shows_seconds_hours_and_why_they_do_not_compare(result: Result, tmp_path: Path) -> None:
+    assert {"light_spot", "point_spread"} <= set(result.figure_names)
+    page = (result.write(tmp_path, pdf=False) / "report.html").read_text(encoding="utf-8")
+    for words in ("just a few seconds", "26 hours", "about 50 hours", "discretisation and the machine"):
+        assert words in page
+
+
+def case(**changes: float | str) -> LensAndPoint:
+    usual = {
+        "focal_length": 12.5e-3,
+        "object_distance": 0.150,
+        "f_number": 8.0,
+        "wavelength": 550e-9,
+        "lens_phase": "perfect",
+        "field_angle": 0.0,
+        "defocus_waves": 0.0,
+    }
+    return LensAndPoint(**(usual | changes))  # type: ignore[arg-type]  # fields of two kinds in one mapping
+
+
+@pytest.fixture(scope="module")
+def focused() -> dict[str, tuple[float, float]]:
+    return dict(
+        spread_measures(case(), method="fresnel", window=9.0, rms_radius=5.0, pixel_pitch=5.5e-6, tolerance=1e-7)
+    )
+
+
+def test_in_focus_the_measures_are_those_of_the_airy_pattern(focused: dict[str, tuple[float, float]]) -> None:
+    working = 8.0 * 0.150 / (0.150 - 12.5e-3)
+    unit = 550e-9 * working / math.pi  # v = π r/(λ N_w)
+    half = brentq(lambda v: (2 * j1(v) / v) ** 2 - 0.5, 1.0, 2.0)
+    value, error = focused["full_width"]
+    assert value == pytest.approx(2 * half * unit, abs=3 * error + 1e-5 * value)
+    for name, share in (("half_energy_radius", 0.5), ("energy_radius_80", 0.8)):
+        radius = brentq(lambda v, s=share: 1 - j0(v) ** 2 - j1(v) ** 2 - s, 0.5, 6.0)
+        value, error = focused[name]
+        assert value == pytest.approx(radius * unit, abs=3 * error + 1e-4 * value)
+    assert focused["strehl_ratio"][0] == pytest.approx(1, abs=1e-5)
+    s = 550e-9 * working / (4 * 5.5e-6)
+    transfer, error = focused["transfer_half_nyquist"]
+    assert transfer == pytest.approx(2 / math.pi * (math.acos(s) - s * math.sqrt(1 - s**2)), abs=error)
+    v = np.linspace(1e-6, 5 * 1.2196698912665045 * math.pi, 200_001)
+    weight = (2 * j1(v) / v) ** 2 * v
+    assert focused["rms_width"][0] == pytest.approx(unit * math.sqrt(np.sum(weight * v**2) / np.sum(weight)), rel=1e-3)
+
+
+def test_half_a_wave_of_defocus_follows_the_sinc() -> None:
+    """On axis (sin πW/πW)², and paraxial rays fill R b |1/a' − 1/a|; Kirchhoff at f/8 differs by cosines."""
+    moved = case(defocus_waves=0.5)
+    assert moved.geometric_radius == pytest.approx(
+        moved.radius * moved.image_distance * abs(1 / moved.source.distance - 1 / 0.150), rel=1e-9
+    )
+    found = spread_measures(moved, method="kirchhoff", window=6.0, rms_radius=5.0, pixel_pitch=5.5e-6, tolerance=1e-6)
+    assert found["strehl_ratio"][0] == pytest.approx((2 / math.pi) ** 2, rel=0.01)
+    assert 0 < found["outside_geometric"][0] < 1
+
+
+def test_what_the_window_does_not_hold_is_nan() -> None:
+    found = spread_measures(
+        case(lens_phase="parabolic", f_number=2.8), method="kirchhoff", window=3.0, rms_radius=2.0, pixel_pitch=5.5e-6,
+        tolerance=1e-4,
+    )  # fmt: skip
+    assert math.isnan(found["energy_radius_80"][0])
+    assert math.isnan(found["neighbour_share"][0])
+    assert found["strehl_ratio"][0] < 0.2
+
+
+def test_defocus_beyond_infinity_is_refused() -> None:
+    with pytest.raises(OutOfRangeError, match="beyond infinity"):
+        case(f_number=16.0, defocus_waves=-3.0).source  # noqa: B018
+
+
+def test_the_spread_group_varies_one_thing_at_a_time(result: Result) -> None:
+    data = result.data["point_spread"].to_dataset()
+    radius = data["half_energy_radius"].sel(propagator="kirchhoff")
+    for element in ("main-lens", "microlens"):
+        one = radius.sel(element=element).isel(step=0)
+        assert np.ptp(one.values) == 0.0  # the first step of everything varied is the lens as it stands
+    assert np.isnan(radius.sel(varied="f_number").isel(step=1)).all()
+    assert float(
+        data["strehl_ratio"].sel(element="main-lens", propagator="fresnel", varied="defocus")[0]
+    ) == pytest.approx(1, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("override", "complaint"),
+    [
+        ("light_spot.microlenses.f_number=2", "wider than their pitch"),
+        ("light_spot.methods=[kirchhoff, kirchhoff]", "names one twice"),
+        ("light_spot.methods=[kirchhoff, geometric]", "none of the methods of light_spot"),
+        ("light_spot.tolerance=50 %", "out of range"),
+    ],
+)
+def test_mistakes_are_told(override: str, complaint: str) -> None:
+    with pytest.raises(StudyError, match=complaint):
+        tradestudy.load(STUDY, [override])
