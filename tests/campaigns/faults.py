@@ -415,7 +415,11 @@ def campaign(root: Path, *, kills: int, others: int, seed: int) -> list[Row]:
     """All faults."""
     bench = Bench(root=root, rng=random.Random(seed))
     faults = (interrupted, disk_full, file_too_large, read_only, truncated, another_version, two_at_once)
-    return [killed(bench, kills), *(fault(bench, others) for fault in faults)]
+    rows = []
+    for fault in (killed, *faults):
+        rows.append(fault(bench, kills if fault is killed else others))
+        print(f"{rows[-1].fault}: {rows[-1].trials} trials, {sum(rows[-1].wrong.values())} wrong", file=sys.stderr)
+    return rows
 
 
 def main() -> None:
