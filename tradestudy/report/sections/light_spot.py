@@ -36,8 +36,8 @@ _METHODS = {
     "kirchhoff": "Kirchhoff on both legs",
 }
 _NOT_STATED = (
-    "The discretisation and the machine behind the published times are not known, so that the two columns compare two "
-    "reports, not two methods on one machine."
+    "The discretisation and the machine behind the published times are not known: two computations are told apart by "
+    "them, not two methods on one machine."
 )
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
 
@@ -54,7 +54,7 @@ def light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mappi
         tone="answer",
     )
     yield from _picture(drawings, "light_spot")
-    yield _comparison(data, run)
+    yield Paragraph(_NOT_STATED)
 
 
 def light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -62,6 +62,7 @@ def light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str,
     if facts.has(tree, "images", "image"):
         yield Heading(text="How the light spot is computed", anchor="light-spot")
         yield from _method(facts.dataset(tree, "images"))
+        yield _comparison(facts.dataset(tree, "images"), run)
         yield from _benchmarks(facts.dataset(tree, "images"), run)
     if facts.has(tree, "point_spread", "value"):
         yield Heading(text="How far points spread", anchor="point-spread")
@@ -96,7 +97,8 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
     reference = _against(data)
     for method in (str(name) for name in data["propagator"].values):
         one = data.sel(propagator=method)
-        took = _duration(_seconds(run, f"image: {method}"))
+        published = str(one["published_words"].item())
+        took = _duration(_seconds(run, f"image: {method}")) + (f" here (published: {published})" if published else "")
         if method == reference:
             yield say("**{method}** is the reference: {took}.", method=_METHODS[method], took=took)
         else:
@@ -147,7 +149,6 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
             Column(title="Power", align="right"),
         ),
         rows=tuple(rows),
-        notes=(_NOT_STATED,),
     )
 
 
