@@ -139,7 +139,12 @@ def test_seconds_stand_in_the_record_and_never_in_the_results(result: Result) ->
 def test_report_shows_seconds_hours_and_why_they_do_not_compare(result: Result, tmp_path: Path) -> None:
     assert {"light_spot", "point_spread"} <= set(result.figure_names)
     page = (result.write(tmp_path, pdf=False) / "report.html").read_text(encoding="utf-8")
-    for words in ("just a few seconds", "26 hours", "about 50 hours", "discretisation and the machine"):
+    for words in (
+        "just a few seconds",
+        "26 hours",
+        "about 50 hours",
+        "discretisation and the machine behind the published times",
+    ):
         assert words in page
 
 

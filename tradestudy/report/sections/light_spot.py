@@ -36,8 +36,8 @@ _METHODS = {
     "kirchhoff": "Kirchhoff on both legs",
 }
 _NOT_STATED = (
-    "The discretisation and the machine behind the published times are not known: two computations are told apart by "
-    "them, not two methods on one machine."
+    "The discretisation and the machine behind the published times are not known, so that published and own times "
+    "compare two computations, not two methods on one machine."
 )
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
 
