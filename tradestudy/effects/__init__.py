@@ -1,1 +1,1 @@
-"""Physical effects as slots: one model is chosen for each."""
+"""What a scene calls for: slots of effects, models with bounds and costs, and the choice among them."""

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from tradestudy.study.mistakes import MistakeAt, nearest_name
+from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.calibration import CalibrationStudyPart, calibration_mistakes
 from tradestudy.study.schema.cameras import CameraPart, measures_depth
@@ -44,6 +45,8 @@ class StudyFile(Part):
     question: Text
     cameras: Annotated[dict[Name, CameraPart], Field(max_length=100)] = {}
     scene: ScenePart | None = None
+    accuracy: AccuracyPart = AccuracyPart()
+    effects: EffectsPart = EffectsPart()
     usable: UsablePart = UsablePart()
     depth_of_field: DepthOfFieldPart | None = None
     criteria: CriteriaPart | None = None

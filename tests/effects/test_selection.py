@@ -1,0 +1,115 @@
+"""The choice of models against a search by hand, and what it says when nothing fits."""
+
+from __future__ import annotations
+
+import itertools
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tradestudy.accuracy import Accuracy
+from tradestudy.effects.base import Bound, Model, Slot, SlotName
+from tradestudy.effects.selection import select
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+
+
+def bound(change: float) -> Bound:
+    return Bound(relative_change=change, criterion="a ratio", number=change, reason="because")
+
+
+def slot(name: SlotName, *models: tuple[str, float, float]) -> Slot:
+    return Slot(
+        name=name,
+        models=tuple(Model(name=m, bounds={"depth_uncertainty": bound(c)}, seconds=s) for m, c, s in models),
+    )
+
+
+TWO = (
+    slot("defocus_blur", ("off", 0.04, 0.0), ("disc", 0.0, 1.0)),
+    slot("sensor_noise", ("off", 0.5, 0.0), ("shot", 0.008, 0.5), ("shot+read", 0.0, 3.0)),
+)
+
+
+def test_the_cheapest_set_within_the_accuracy_is_taken() -> None:
+    chosen = select(TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.05))
+    assert (chosen.name_of("defocus_blur"), chosen.name_of("sensor_noise"), chosen.seconds) == ("off", "shot", 0.5)
+    chosen = select(TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.01))
+    assert (chosen.name_of("defocus_blur"), chosen.name_of("sensor_noise"), chosen.seconds) == ("disc", "shot", 1.5)
+
+
+def test_omissions_count_together() -> None:
+    """4 % and 0.8 % are each below 4.5 %, their sum is not."""
+    chosen = select(TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.045))
+    assert (chosen.name_of("defocus_blur"), chosen.name_of("sensor_noise")) == ("disc", "shot")
+    why = next(d.why for d in chosen.decisions if d.slot == "defocus_blur" and d.model.name == "off")
+    assert "4 %" in why
+    assert "4.8 %" in why
+
+
+def test_a_forced_model_stands_and_its_bound_is_told() -> None:
+    chosen = select(
+        TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.01), forced={"sensor_noise": "off"}
+    )
+    assert chosen.name_of("sensor_noise") == "off"
+    assert chosen.bounds["depth_uncertainty"] == pytest.approx(0.5)
+    forced = [d for d in chosen.decisions if d.forced]
+    assert [(d.slot, d.model.name) for d in forced] == [("sensor_noise", "off")]
+    assert forced[0].why.startswith("forced by the study; ")
+
+
+def test_what_does_not_fit_the_budget_names_the_nearest_affordable_accuracy() -> None:
+    with pytest.raises(UnaffordableError) as error:
+        select(TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.01, budget=0.9))
+    assert "takes 1.5 s" in str(error.value)
+    assert "4.8 % can be had in 0.5 s" in str(error.value)
+    offered = select(TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.0481, budget=0.9))
+    assert offered.seconds == 0.5
+
+
+def test_models_that_cannot_be_combined_are_never_chosen() -> None:
+    chosen = select(
+        TWO,
+        quantities=("depth_uncertainty",),
+        accuracy=Accuracy.of_all(0.05),
+        seconds=lambda models: float("inf") if models["defocus_blur"].name == "off" else 1.0,
+    )
+    assert chosen.name_of("defocus_blur") == "disc"
+
+
+def test_an_unknown_forced_model_is_refused() -> None:
+    with pytest.raises(OutOfRangeError, match=r"model of sensor_noise: magic \(allowed: off \| shot \| shot\+read\)"):
+        select(TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.01), forced={"sensor_noise": "magic"})
+
+
+models = st.lists(
+    st.tuples(st.floats(0.0, 0.1), st.floats(0.0, 0.1), st.integers(0, 5)), min_size=1, max_size=3
+)  # bound on one quantity, on the other, seconds
+
+
+@settings(max_examples=60, deadline=None)
+@given(table=st.lists(models, min_size=1, max_size=4), wanted=st.floats(0.01, 0.3))
+def test_the_choice_is_a_search_by_hand(table: list[list[tuple[float, float, int]]], wanted: float) -> None:
+    names: tuple[SlotName, ...] = ("defocus_blur", "crosstalk", "spectrum", "vignetting")
+    slots = [
+        Slot(
+            name=name,
+            models=tuple(
+                Model(name=str(i), bounds={"depth_uncertainty": bound(a), "psf_width": bound(b)}, seconds=float(s))
+                for i, (a, b, s) in enumerate(rows)
+            ),
+        )
+        for name, rows in zip(names, table, strict=False)
+    ]
+    fitting = [
+        sum(row[2] for row in rows)
+        for rows in itertools.product(*table)
+        if max(sum(row[0] for row in rows), sum(row[1] for row in rows)) <= wanted * (1 - 1e-12)
+    ]
+    try:
+        chosen = select(slots, quantities=("depth_uncertainty", "psf_width"), accuracy=Accuracy.of_all(wanted))
+    except UnaffordableError:
+        assert not fitting
+    else:
+        assert max(chosen.bounds.values()) <= wanted * (1 + 1e-9)
+        assert not fitting or chosen.seconds <= min(fitting)

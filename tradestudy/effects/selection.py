@@ -1,0 +1,246 @@
+"""The cheapest set of models whose omissions together stay within the accuracy wanted."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.accuracy import Accuracy, Quantity
+from tradestudy.effects.base import Model, Slot, SlotName
+from tradestudy.errors import UnaffordableError
+
+Chosen = Mapping[SlotName, Model]
+_MOST_SETS = 200_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Decision:
+    """What became of one model, and why."""
+
+    slot: SlotName
+    model: Model
+    chosen: bool
+    forced: bool
+    why: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Selection:
+    """One model for every slot.
+
+    Parameters
+    ----------
+    chosen
+        The model of each slot.
+    decisions
+        Every model of every slot, accepted or refused.
+    bounds
+        Sum of the bounds of the chosen models, for each quantity that was asked for; forced models included.
+    seconds
+        Predicted cost of the set [s].
+    """
+
+    chosen: Chosen
+    decisions: tuple[Decision, ...]
+    bounds: Mapping[Quantity, float]
+    seconds: float
+
+    def name_of(self, slot: SlotName) -> str:
+        """Name of the chosen model of a slot."""
+        return self.chosen[slot].name
+
+
+def sum_of_seconds(chosen: Chosen) -> float:
+    """Cost of a set whose models do not share work."""
+    return math.fsum(model.seconds for model in chosen.values())
+
+
+def select(
+    slots: Sequence[Slot],
+    *,
+    quantities: Sequence[Quantity],
+    accuracy: Accuracy,
+    forced: Mapping[SlotName, str] | None = None,
+    seconds: Callable[[Chosen], float] = sum_of_seconds,
+) -> Selection:
+    """Choose the cheapest set of models whose bounds, added up, fit the accuracy of every quantity and the budget.
+
+    The search is over every combination; among equally cheap sets the one with the smallest bounds wins, then the one
+    that is simpler in the earlier slots, so that the outcome depends on nothing but the arguments.
+
+    Parameters
+    ----------
+    slots
+        Each at most once.
+    quantities
+        What is asked for.
+    accuracy
+        What omissions may change, and the time.
+    forced
+        Models that the study insists on; their own bounds are reported but held against nothing.
+    seconds
+        Predicted cost of a set, where the costs of its models do not just add up; infinite for models that cannot be
+        combined.
+
+    Raises
+    ------
+    UnaffordableError
+        If no set fits; names what is missing and the nearest accuracy that can be afforded.
+    OutOfRangeError
+        If a forced model does not exist.
+    """
+    forced = {} if forced is None else forced
+    open_models = [(slot.model(forced[slot.name]),) if slot.name in forced else slot.models for slot in slots]
+    count = math.prod(map(len, open_models))
+    if count > _MOST_SETS:
+        raise UnaffordableError("sets of models", value=str(count), limit=str(_MOST_SETS), remedy="force some effects")
+    wanted = np.array([accuracy.relative[quantity] for quantity in quantities])
+    changes = _joint_changes(slots, open_models, quantities, forced)  # (sets, quantities)
+    sets = list(itertools.product(*open_models))
+    names = [slot.name for slot in slots]
+
+    def cost(index: int) -> float:
+        return seconds(dict(zip(names, sets[index], strict=True)))
+
+    shortfall = (changes / wanted).max(axis=1) if wanted.size else np.zeros(len(sets))
+    fitting = np.flatnonzero(shortfall <= 1.0)
+    costs = _costs(open_models)[fitting] if seconds is sum_of_seconds else np.array([cost(int(i)) for i in fitting])
+    affordable = (costs <= accuracy.budget) & np.isfinite(costs)
+    if not affordable.any():
+        raise _nothing_fits(sets, shortfall, cost, accuracy, costs)
+    order = np.lexsort((fitting[affordable], shortfall[fitting[affordable]], costs[affordable]))
+    best = int(fitting[affordable][order[0]])
+    chosen: Chosen = dict(zip(names, sets[best], strict=True))
+    totals = {q: math.fsum(model.change_of(q) for model in chosen.values()) for q in quantities}
+    return Selection(
+        chosen=chosen,
+        decisions=tuple(_decisions(slots, chosen, totals, accuracy, forced)),
+        bounds=totals,
+        seconds=float(costs[affordable][order[0]]),
+    )
+
+
+def _joint_changes(
+    slots: Sequence[Slot],
+    open_models: Sequence[tuple[Model, ...]],
+    quantities: Sequence[Quantity],
+    forced: Mapping[SlotName, str],
+) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Summed bounds of every combination, in the order of `itertools.product`; forced models count nothing."""
+    total = np.zeros((1, len(quantities)))
+    for slot, models in zip(slots, open_models, strict=True):
+        own = np.array([[0.0 if slot.name in forced else m.change_of(q) for q in quantities] for m in models])
+        total = (total[:, np.newaxis] + own.reshape(1, len(models), -1)).reshape(-1, len(quantities))
+    return total
+
+
+def _costs(open_models: Sequence[tuple[Model, ...]]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    """Summed costs of every combination, in the order of `itertools.product`."""
+    total = np.zeros(1)
+    for models in open_models:
+        total = np.add.outer(total, [model.seconds for model in models]).ravel()
+    return total
+
+
+def _decisions(
+    slots: Sequence[Slot],
+    chosen: Chosen,
+    totals: Mapping[Quantity, float],
+    accuracy: Accuracy,
+    forced: Mapping[SlotName, str],
+) -> list[Decision]:
+    found = []
+    for slot in slots:
+        own = chosen[slot.name]
+        for model in slot.models:
+            is_forced = slot.name in forced and model is own
+            found.append(
+                Decision(
+                    slot=slot.name,
+                    model=model,
+                    chosen=model is own,
+                    forced=is_forced,
+                    why=_why(model, own, totals, accuracy, is_forced=is_forced, slot_forced=slot.name in forced),
+                )
+            )
+    return found
+
+
+def _why(
+    model: Model,
+    own: Model,
+    totals: Mapping[Quantity, float],
+    accuracy: Accuracy,
+    *,
+    is_forced: bool,
+    slot_forced: bool,
+) -> str:
+    """One sentence with the number and the limit that it was held against."""
+    quantity, change = _worst(model, totals, accuracy)
+    wanted = accuracy.relative[quantity] if totals else math.nan
+    held = f"changes {_words(quantity)} by at most {_share(change)}, {_share(wanted)} wanted" if totals else "not asked"
+    if is_forced:
+        return f"forced by the study; {held}"
+    if slot_forced:
+        return f"the study forces {own.name}; {held}"
+    if model is own:
+        return f"accepted: {held}"
+    if change > wanted:
+        return f"refused: {held}"
+    joint = max(
+        ((total - own.change_of(q) + model.change_of(q)) / accuracy.relative[q] for q, total in totals.items()),
+        default=0.0,
+    )
+    if joint > 1.0:
+        return f"refused: {held}, but with the other omissions {_share(joint * wanted)}"
+    return f"not needed: {held}, and {own.name} suffices"
+
+
+def _worst(model: Model, totals: Mapping[Quantity, float], accuracy: Accuracy) -> tuple[Quantity, float]:
+    if not totals:
+        return "depth_uncertainty", 0.0
+    quantity = max(totals, key=lambda q: model.change_of(q) / accuracy.relative[q])
+    return quantity, model.change_of(quantity)
+
+
+def _nothing_fits(
+    sets: Sequence[tuple[Model, ...]],
+    shortfall: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+    cost: Callable[[int], float],
+    accuracy: Accuracy,
+    fitting_costs: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
+) -> UnaffordableError:
+    """Say what is missing and the nearest accuracy that can be had within the budget."""
+    nearest = next(
+        (int(i) for i in np.argsort(shortfall, kind="stable") if cost(int(i)) <= min(accuracy.budget, 1e300)), None
+    )
+    if nearest is None:
+        least = min(cost(i) for i in range(len(sets)))
+        offer = f"even the cheapest set takes {least:.3g} s; raise the budget"
+    elif math.isinf(shortfall[nearest]):
+        offer = "no set within the budget has a finite bound; raise the budget"
+    else:
+        factor = float(shortfall[nearest]) * 1.000001
+        loosest = ", ".join(dict.fromkeys(_share(value * factor) for value in accuracy.relative.values()))
+        offer = f"{loosest} can be had in {cost(nearest):.3g} s; ask for that, or raise the budget"
+    if fitting_costs.size:
+        short = f"the cheapest set that is accurate enough takes {fitting_costs.min():.3g} s"
+    else:
+        short = "no set of models is accurate enough"
+    return UnaffordableError(
+        f"the accuracy wanted cannot be had: {short}",
+        limit=f"within {accuracy.budget:g} s" if math.isfinite(accuracy.budget) else "",
+        remedy=offer,
+    )
+
+
+def _share(value: float) -> str:
+    return "without bound" if math.isinf(value) else f"{100.0 * value:.2g} %"
+
+
+def _words(quantity: Quantity) -> str:
+    return {"psf_width": "the width of a point's image"}.get(quantity, "the " + quantity.replace("_", " "))

@@ -1,0 +1,60 @@
+"""How accurate a study wants its answers, how long they may take, and which models it insists on."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from tradestudy import accuracy, units
+from tradestudy.accuracy import QUANTITIES, Quantity
+from tradestudy.effects.base import SlotName
+from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.quantities import PositiveDuration, quantity
+
+# Beyond the whole of a value, or below what any propagator states, an accuracy says nothing.
+RelativeError = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.0)]
+
+
+class AccuracyPart(Part):
+    """Relative errors that simplifications may make, and the time that all may take."""
+
+    relative: RelativeError = Field(default=0.01, description="For every quantity that is not named itself.")
+    depth_uncertainty: RelativeError | None = None
+    depth_of_field: RelativeError | None = Field(default=None, description="Of its near and far ends.")
+    pixel_intensity: RelativeError | None = Field(default=None, description="L2 over the pixels of a picture.")
+    psf_width: RelativeError | None = Field(default=None, description="Of the width of a point's image.")
+    budget: PositiveDuration | None = Field(default=None, description="Default: as long as it takes.")
+
+    def wanted(self) -> accuracy.Accuracy:
+        """The accuracy of every quantity."""
+        own: dict[Quantity, float | None] = {name: getattr(self, name) for name in QUANTITIES}
+        return accuracy.Accuracy(
+            relative={name: self.relative if value is None else value for name, value in own.items()},
+            budget=math.inf if self.budget is None else self.budget,
+        )
+
+
+class EffectsPart(Part):
+    """Models that stand whatever the selection would choose; each replaces the choice of its slot."""
+
+    defocus_blur: Literal["off", "disc"] | None = None
+    main_lens_diffraction: Literal["off", "airy", "boundary-wave", "fresnel", "kirchhoff"] | None = None
+    microlens_diffraction: Literal["off", "airy", "boundary-wave", "fresnel", "kirchhoff"] | None = None
+    crosstalk: Literal["off", "coherent"] | None = None
+    pixel_integration: Literal["off", "square"] | None = None
+    source_extent: Literal["off", "disc"] | None = None
+    spectrum: Literal["off", "weighted"] | None = None
+    vignetting: Literal["off", "cos4"] | None = None
+    sensor_noise: Literal["off", "shot", "shot+read", "shot+read+quantisation"] | None = None
+    calibration: Literal["off", "linear", "exact"] | None = None
+    temperature: Literal["off", "expansion"] | None = None
+
+    def forced(self) -> dict[SlotName, str]:
+        """The models that the study insists on, by slot."""
+        slots: tuple[SlotName, ...] = (
+            "defocus_blur", "main_lens_diffraction", "microlens_diffraction", "crosstalk", "pixel_integration",
+            "source_extent", "spectrum", "vignetting", "sensor_noise", "calibration", "temperature",
+        )  # fmt: skip
+        return {slot: name for slot in slots if (name := getattr(self, slot)) is not None}

@@ -1,0 +1,38 @@
+"""One piece of a study that effects are chosen for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from tradestudy.accuracy import Accuracy, Quantity
+from tradestudy.effects.base import Slot, SlotName
+from tradestudy.effects.selection import Chosen, Selection, select, sum_of_seconds
+
+
+@dataclass(frozen=True, kw_only=True)
+class Situation:
+    """A camera, a light path or a lens, what is asked of it, and the models that could answer.
+
+    Parameters
+    ----------
+    name, title
+        Name in the results and words in reports.
+    quantities
+        What is asked for.
+    slots
+        Bounds hold for the worst place of the study: every distance, every design of its sweep.
+    seconds
+        Predicted cost of a set of models [s].
+    """
+
+    name: str
+    title: str
+    quantities: tuple[Quantity, ...]
+    slots: tuple[Slot, ...]
+    seconds: Callable[[Chosen], float] = sum_of_seconds
+
+    def select(self, accuracy: Accuracy, forced: dict[SlotName, str]) -> Selection:
+        """Choose its models; what the study forces elsewhere and this piece does not have is no concern here."""
+        own = {slot.name: forced[slot.name] for slot in self.slots if forced.get(slot.name) in slot.model_names}
+        return select(self.slots, quantities=self.quantities, accuracy=accuracy, forced=own, seconds=self.seconds)
