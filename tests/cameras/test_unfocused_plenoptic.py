@@ -146,7 +146,7 @@ def test_error_parts_are_the_slopes_of_the_exact_reading():
     found = camera()
     parts = {part.name: part.disparity_error for part in found.depth_error_parts(DISTANCES)}
     slope = found.estimator_baseline * found.mla_distance / DISTANCES**2  # of disparity over depth
-    for name, directions in found.error_directions().items():
+    for name, directions in found.error_directions(1.0).items():
         moved = np.zeros_like(DISTANCES)
         for direction in directions:
             small = {key: 1e-4 * value for key, value in direction.items()}

@@ -6,8 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.parts import require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -100,8 +102,30 @@ class UsableCriteria:
     relative_uncertainty: float | None = None
 
 
+class DisparityErrorLaw(Protocol):
+    """A disparity error that follows from the picture that a camera takes at a distance.
+
+    It is given the camera with every question, so that it stays true when the camera is changed.
+    """
+
+    def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """Standard deviation of the disparity of one measurement [px] at distances [m]; NaN without a picture."""
+        ...
+
+    def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
+        """Where a matcher can reach that error."""
+        ...
+
+
+DisparityError = float | DisparityErrorLaw
+
+
 class DepthCamera(Protocol):
     """A camera that measures depth by triangulation, described along its optical axis."""
+
+    def __hash__(self) -> int:
+        """Cameras are frozen: equal ones hash alike."""
+        ...
 
     @property
     def family(self) -> Literal["plenoptic", "stereo"]:
@@ -109,8 +133,8 @@ class DepthCamera(Protocol):
         ...
 
     @property
-    def disparity_error_px(self) -> float:
-        """Standard deviation of the disparity of one measurement [px]."""
+    def disparity_error_px(self) -> DisparityError:
+        """Standard deviation of the disparity of one measurement [px], the same everywhere or by a law."""
         ...
 
     def images(self, distance: ArrayLike) -> BoolArray:
@@ -148,7 +172,7 @@ class DepthCamera(Protocol):
         """The exact depth [m] that is reported for a true distance under given errors; +infinity beyond the pole."""
         ...
 
-    def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """For each part, the independent one-deviation errors it is made of, as `depth_with_errors` takes them."""
         ...
 
@@ -159,3 +183,34 @@ class DepthCamera(Protocol):
     def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
         """The geometric conditions of the usable range at the distances asked for."""
         ...
+
+
+def disparity_error_at(camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+    """Standard deviation of the disparity of one measurement [px] at distances [m]."""
+    error = camera.disparity_error_px
+    if isinstance(error, float | int):
+        return np.full(np.shape(distance), float(error))
+    return error.error_px(camera, distance)
+
+
+def require_disparity_error(error: DisparityError) -> None:
+    """Refuse a declared error that is not a finite number above zero; a law answers for itself."""
+    if isinstance(error, float | int):
+        require_positive("disparity error", error, "px")
+
+
+def declared_disparity_error(camera: DepthCamera) -> float:
+    """The one disparity error [px] of a camera that declares it, for what knows no error that depends on distance.
+
+    Raises
+    ------
+    OutOfRangeError
+        The error is derived from the picture.
+    """
+    error = camera.disparity_error_px
+    if isinstance(error, float | int):
+        return float(error)
+    raise OutOfRangeError(
+        "the disparity error of this camera is derived from its picture and differs from distance to distance",
+        remedy="declare disparity_error in pixels",
+    )

@@ -8,9 +8,17 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorShape, Limit, UsableCriteria
+from tradestudy.cameras.depth_camera import (
+    DepthErrorPart,
+    DisparityError,
+    ErrorShape,
+    Limit,
+    UsableCriteria,
+    disparity_error_at,
+    require_disparity_error,
+)
 from tradestudy.cameras.focus import MicrolensTypesFocus
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
 from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
@@ -47,7 +55,8 @@ class FocusedPlenoptic:
         Which microlenses the estimator may use: ``all`` types, or those of the ``sharpest-type`` at each distance. Two
         neighbours are of different types, so ``adjacent-pair`` uses all; ``same-type-pair`` uses the sharpest.
     disparity_error_px
-        Standard deviation of the disparity of one pair [px]; one image coordinate has 1/√2 of it.
+        Standard deviation of the disparity of one pair [px], of which one image coordinate has 1/√2, or the law it
+        follows from.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
     calibration
@@ -65,7 +74,7 @@ class FocusedPlenoptic:
     mla_distance: float
     estimator: PlenopticEstimator
     lenses: Literal["all", "sharpest-type"]
-    disparity_error_px: float
+    disparity_error_px: DisparityError
     discrimination_step_px: float
     calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
 
@@ -73,7 +82,7 @@ class FocusedPlenoptic:
 
     def __post_init__(self) -> None:
         require_positive("distance from main lens to microlens array", self.mla_distance)
-        require_positive("disparity error", self.disparity_error_px, "px")
+        require_disparity_error(self.disparity_error_px)
         require_positive("discrimination step", self.discrimination_step_px, "px")
         only = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}.get(self.estimator)
         if only is not None and self.lenses != only:
@@ -211,7 +220,7 @@ class FocusedPlenoptic:
         with np.errstate(divide="ignore", invalid="ignore"):  # an image on the array has no disparity: NaN is meant
             per_shift = d / (gap * v)
         parts: tuple[tuple[str, FloatArray, ErrorShape], ...] = (
-            ("pixel_noise", np.full_like(d, self.disparity_error_px * self.sensor.pixel_pitch), "normal"),
+            ("pixel_noise", disparity_error_at(self, distance) * self.sensor.pixel_pitch, "normal"),
             ("mla_distance_and_focal_length", np.abs(per_shift) * np.sqrt(np.maximum(joint, 0.0)), "normal"),
             ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
         )
@@ -253,9 +262,9 @@ class FocusedPlenoptic:
         noise = e.pop("pixel_noise")
         return self._depth_of(true + noise, true, self.estimator_baseline(distance), **e)
 
-    def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        return self.calibration.error_directions(self.disparity_error_px * self.sensor.pixel_pitch)
+        return self.calibration.error_directions(disparity_error_at(self, distance) * self.sensor.pixel_pitch)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well.
@@ -312,9 +321,14 @@ class FocusedPlenoptic:
             )
         return found
 
+    def least_sharp_type(self, distance: ArrayLike) -> NDArray[np.intp]:
+        """Number of the type that gives the least sharp picture that the estimator needs: second best of neighbours."""
+        order = np.argsort(self.blur_px(distance), axis=0)
+        if self.estimator == "adjacent-pair":
+            return np.asarray(order[min(1, len(order) - 1)])
+        return np.asarray(order[-1] if self.lenses == "all" else order[0])
+
     def _blur_of_used_types(self, distance: FloatArray) -> FloatArray:
         """Blur [px] of the least sharp picture that the estimator needs."""
-        blur = np.sort(self.blur_px(distance), axis=0)
-        if self.estimator == "adjacent-pair":
-            return np.asarray(blur[min(1, len(blur) - 1)])
-        return np.asarray(blur[-1] if self.lenses == "all" else blur[0])
+        used = self.least_sharp_type(distance)
+        return np.asarray(np.take_along_axis(self.blur_px(distance), used[np.newaxis], axis=0)[0])

@@ -6,6 +6,9 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from tradestudy.cameras.depth_camera import ErrorSource
 from tradestudy.errors import OutOfRangeError
 
@@ -45,14 +48,14 @@ class PlenopticCalibration:
                     f"the error of {name} is drawn jointly with its partner", value="uniform", limit="normal"
                 )
 
-    def error_directions(self, disparity_noise: float) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+    def error_directions(self, disparity_noise: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """Independent one-standard-deviation errors by part, with the noise of one disparity [m]; zeros left out.
 
         z and f are split into what they share and what f has alone.
         """
         sigma_z, sigma_f = self.mla_distance.standard_deviation, self.focal_length.standard_deviation
         alone = math.sqrt(1.0 - self.correlation**2)
-        directions: dict[str, tuple[Mapping[str, float], ...]] = {
+        directions: dict[str, tuple[Mapping[str, ArrayLike], ...]] = {
             "pixel_noise": ({"pixel_noise": disparity_noise},),
             "mla_distance_and_focal_length": (
                 {"mla_distance": sigma_z, "focal_length": self.correlation * sigma_f},
@@ -61,5 +64,7 @@ class PlenopticCalibration:
             "microlens_gap": ({"microlens_gap": self.microlens_gap.standard_deviation},),
         }
         return {
-            name: parts for name, parts in directions.items() if any(value for part in parts for value in part.values())
+            name: parts
+            for name, parts in directions.items()
+            if any(np.any(value) for part in parts for value in part.values())
         }

@@ -10,7 +10,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorSource, Limit, UsableCriteria
+from tradestudy.cameras.depth_camera import (
+    DepthErrorPart,
+    DisparityError,
+    ErrorSource,
+    Limit,
+    UsableCriteria,
+    disparity_error_at,
+    require_disparity_error,
+)
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.parts import Lens, Sensor, require_positive
 from tradestudy.errors import OutOfRangeError
@@ -63,7 +71,7 @@ class StereoRig:
         ``disparity`` measures along the baseline in rectified pictures; ``midpoint`` takes the middle of the shortest
         segment between the two lines of sight. They agree unless the rays are skew.
     disparity_error_px
-        Standard deviation of one measured disparity [px].
+        Standard deviation of one measured disparity [px], or the law it follows from.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
     calibration
@@ -81,7 +89,7 @@ class StereoRig:
     baseline: float
     convergence_angle: float
     triangulation: Literal["disparity", "midpoint"]
-    disparity_error_px: float
+    disparity_error_px: DisparityError
     discrimination_step_px: float
     calibration: StereoCalibration = field(default_factory=StereoCalibration)
 
@@ -89,7 +97,7 @@ class StereoRig:
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
-        require_positive("disparity error", self.disparity_error_px, "px")
+        require_disparity_error(self.disparity_error_px)
         require_positive("discrimination step", self.discrimination_step_px, "px")
         if not abs(self.convergence_angle) < math.pi:
             raise OutOfRangeError(
@@ -161,10 +169,8 @@ class StereoRig:
         d = self.disparity(distance)
         u2, x2 = (B * inverse / 2.0) ** 2, (d / (2.0 * f)) ** 2
         one, zero = np.ones_like(d), np.zeros_like(d)
-        noise = ErrorSource(standard_deviation=self.disparity_error_px * self.sensor.pixel_pitch)
         errors = self.calibration
         slopes: dict[str, tuple[ErrorSource, FloatArray]] = {
-            "pixel_noise": (noise, one),
             "yaw": (errors.yaw, f * (1.0 + x2)),
             "pitch": (errors.pitch, zero),
             "roll": (errors.roll, zero),
@@ -172,15 +178,24 @@ class StereoRig:
             "focal_length": (errors.focal_length, np.abs(d) / f),
             "principal_point": (errors.principal_point, one),
         }
-        return tuple(
-            DepthErrorPart(
-                name=name,
-                disparity_error=source.standard_deviation * slope,
-                shape=source.shape,
-                error_class="per measurement" if name == "pixel_noise" else "per rig",
-            )
-            for name, (source, slope) in slopes.items()
-            if source.standard_deviation > 0.0
+        noise = DepthErrorPart(
+            name="pixel_noise",
+            disparity_error=disparity_error_at(self, distance) * self.sensor.pixel_pitch,
+            shape="normal",
+            error_class="per measurement",
+        )
+        return (
+            noise,
+            *(
+                DepthErrorPart(
+                    name=name,
+                    disparity_error=source.standard_deviation * slope,
+                    shape=source.shape,
+                    error_class="per rig",
+                )
+                for name, (source, slope) in slopes.items()
+                if source.standard_deviation > 0.0
+            ),
         )
 
     def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
@@ -225,13 +240,14 @@ class StereoRig:
         in_front = ahead & (difference > 0.0)
         return np.asarray(np.where(in_front, B / np.where(in_front, difference, 1.0), np.inf))
 
-    def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error, all independent."""
-        noise = {"pixel_noise": self.disparity_error_px * self.sensor.pixel_pitch}
-        deviations = noise | {
-            f.name: getattr(self.calibration, f.name).standard_deviation for f in fields(self.calibration)
+        noise = disparity_error_at(self, distance) * self.sensor.pixel_pitch
+        deviations = {f.name: getattr(self.calibration, f.name).standard_deviation for f in fields(self.calibration)}
+        return {
+            "pixel_noise": ({"pixel_noise": noise},),
+            **{name: ({name: deviation},) for name, deviation in deviations.items() if deviation > 0.0},
         }
-        return {name: ({name: deviation},) for name, deviation in deviations.items() if deviation > 0.0}
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """The baseline [m] of the parallel rig of this focal length that measures as well: B, or less if converging."""

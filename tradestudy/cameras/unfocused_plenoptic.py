@@ -20,7 +20,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_camera import DepthErrorPart, ErrorShape, Limit, UsableCriteria
+from tradestudy.cameras.depth_camera import (
+    DepthErrorPart,
+    DisparityError,
+    ErrorShape,
+    Limit,
+    UsableCriteria,
+    disparity_error_at,
+    require_disparity_error,
+)
 from tradestudy.cameras.focus import RefocusedViewsFocus
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
 from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
@@ -46,7 +54,8 @@ class UnfocusedPlenoptic:
         Which views depth is measured from: the two outermost ones, or all of them by least squares over both
         coordinates.
     disparity_error_px
-        Standard deviation of the disparity of one pair of views, in microlenses: the lateral sample of a view.
+        Standard deviation of the disparity of one pair of views, in microlenses: the lateral sample of a view; or the
+        law it follows from.
     discrimination_step_px
         The disparity step of the depth discrimination, in microlenses.
     calibration
@@ -63,14 +72,14 @@ class UnfocusedPlenoptic:
     microlenses: MicrolensArray
     focus_distance: float
     estimator: ViewEstimator
-    disparity_error_px: float
+    disparity_error_px: DisparityError
     discrimination_step_px: float
     calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
 
     family: Literal["plenoptic"] = field(default="plenoptic", init=False)
 
     def __post_init__(self) -> None:
-        require_positive("disparity error", self.disparity_error_px, "px")
+        require_disparity_error(self.disparity_error_px)
         require_positive("discrimination step", self.discrimination_step_px, "px")
         require_positive("focus distance", self.focus_distance)
         if not self.focus_distance > self.main_lens.focal_length:
@@ -220,7 +229,7 @@ class UnfocusedPlenoptic:
         from_f = reach / f**2 * errors.focal_length.standard_deviation
         joint = from_z**2 - 2.0 * errors.correlation * from_z * from_f + from_f**2
         parts: tuple[tuple[str, FloatArray, ErrorShape], ...] = (
-            ("pixel_noise", np.full_like(d, self.disparity_error_px * self.microlenses.pitch), "normal"),
+            ("pixel_noise", disparity_error_at(self, distance) * self.microlenses.pitch, "normal"),
             ("mla_distance_and_focal_length", np.sqrt(np.maximum(joint, 0.0)), "normal"),
             ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
         )
@@ -269,9 +278,9 @@ class UnfocusedPlenoptic:
         real = inverse > 0.0
         return np.asarray(np.where(real, 1.0 / np.where(real, inverse, 1.0), np.inf))
 
-    def error_directions(self) -> Mapping[str, tuple[Mapping[str, float], ...]]:
+    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        return self.calibration.error_directions(self.disparity_error_px * self.microlenses.pitch)
+        return self.calibration.error_directions(disparity_error_at(self, distance) * self.microlenses.pitch)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well: ``Δu z/f``."""

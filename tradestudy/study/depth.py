@@ -143,13 +143,13 @@ def _linearisation_error(camera: DepthCamera, distance: FloatArray, parts: tuple
     an end is infinite, where the uncertainty is infinite or about to be.
     """
     disparity = camera.disparity(distance)
-    directions = camera.error_directions()
+    directions = camera.error_directions(distance)
     total = np.zeros_like(distance)
     for name, errors in directions.items():
         exact_width, exact_shift = np.zeros_like(distance), np.zeros_like(distance)
         for error in errors:
             plus, minus = (
-                camera.depth_with_errors(distance, {key: sign * value for key, value in error.items()})
+                camera.depth_with_errors(distance, {key: sign * np.asarray(value) for key, value in error.items()})
                 for sign in (1.0, -1.0)
             )
             finite = np.isfinite(plus) & np.isfinite(minus)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tradestudy.cameras.depth_camera import declared_disparity_error
 from tradestudy.cameras.error_models import plenoptic_observation, stereo_observation
 from tradestudy.cameras.error_models.reading import Errors, InverseDepthReading
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
@@ -162,7 +163,7 @@ def _noise(camera: StereoRig | FocusedPlenoptic, part: TargetPart) -> FloatArray
     """Of one corner: both pictures of a rig, or disparity and place of the micro-images [px]."""
     if isinstance(camera, StereoRig):
         return np.full(4, part.corner_noise)
-    return np.array([camera.disparity_error_px, part.corner_noise, part.corner_noise])
+    return np.array([declared_disparity_error(camera), part.corner_noise, part.corner_noise])
 
 
 def _on_sensor(

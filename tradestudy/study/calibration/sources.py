@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tradestudy.cameras.depth_camera import ErrorSource
+from tradestudy.cameras.depth_camera import ErrorSource, declared_disparity_error
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.cameras.stereo import StereoRig
 from tradestudy.errors import OutOfRangeError
@@ -44,7 +44,7 @@ def _stereo_groups(rig: StereoRig) -> Iterator[Group]:
     if errors.principal_point.standard_deviation > 0.0:
         names = ("left_principal_point_x", "right_principal_point_x")
         yield _tied("principal_point", names, _centred(errors.principal_point, share=0.5), -1.0)
-    noise = rig.disparity_error_px * rig.sensor.pixel_pitch / math.sqrt(2.0)
+    noise = declared_disparity_error(rig) * rig.sensor.pixel_pitch / math.sqrt(2.0)
     for name in ("left_pixel_noise", "right_pixel_noise"):
         yield _measured(name, noise)
 
@@ -68,7 +68,7 @@ def _plenoptic_groups(camera: FocusedPlenoptic) -> Iterator[Group]:
     if errors.microlens_gap.standard_deviation > 0.0:
         gap = _centred(errors.microlens_gap)
         yield Source(name="microlens_gap", distribution=gap, error_class=ErrorClass.RIG)
-    yield _measured("pixel_noise", camera.disparity_error_px * camera.sensor.pixel_pitch)
+    yield _measured("pixel_noise", declared_disparity_error(camera) * camera.sensor.pixel_pitch)
 
 
 def _centred(source: ErrorSource, share: float = 1.0) -> Distribution:

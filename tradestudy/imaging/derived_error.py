@@ -1,0 +1,65 @@
+"""The disparity error of a camera as a law: derived from its picture at every distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.depth_camera import DepthCamera, Limit
+from tradestudy.imaging.geometry import picture_geometry
+from tradestudy.imaging.picture import (
+    LARGEST_ERROR_PX,
+    DerivedDisparityError,
+    PictureModels,
+    PictureSettings,
+    disparity_error_px,
+)
+from tradestudy.optics.arrays import FloatArray
+
+# What asks for depth at the same distances asks several times in a row, for parts, limits and failures.
+_REMEMBERED = 64
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureDisparityError:
+    """The Cramér–Rao bound of matching as the disparity error of a camera: a `DisparityErrorLaw`.
+
+    It is evaluated at every distance asked for, never interpolated, and is the same for a camera that is equal.
+
+    Parameters
+    ----------
+    settings
+        What is looked at, and how it is matched.
+    models
+        Which physics counts.
+    """
+
+    settings: PictureSettings
+    models: PictureModels
+
+    def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """The bound [samples] at distances [m]; NaN where the camera forms no picture."""
+        return self.derived(camera, distance).value.reshape(np.shape(distance))
+
+    def derived(self, camera: DepthCamera, distance: ArrayLike) -> DerivedDisparityError:
+        """The bound with its numerical error and the conditions that it breaks, over the distances in one row."""
+        a = np.ascontiguousarray(distance, dtype=np.float64)
+        return _derived(camera, self.settings, self.models, a.tobytes())
+
+    def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
+        """Where a matcher can reach the bound: all of its conditions hold, not only that on the value shown."""
+        found, shape = self.derived(camera, distance), np.shape(distance)
+        return Limit(value=found.value.reshape(shape), bound=LARGEST_ERROR_PX, met=found.applies.reshape(shape))
+
+
+@lru_cache(maxsize=_REMEMBERED)
+def _derived(
+    camera: DepthCamera, settings: PictureSettings, models: PictureModels, distance: bytes
+) -> DerivedDisparityError:
+    found = disparity_error_px(picture_geometry(camera, np.frombuffer(distance)), settings, models)
+    for array in (found.value, found.error, *found.violated.values()):
+        array.setflags(write=False)
+    return found

@@ -1,0 +1,92 @@
+"""The least error that any matcher of two noisy pictures of one texture can have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.quadrature import gauss_legendre
+
+
+@dataclass(frozen=True, kw_only=True)
+class BandNodes:
+    """Nodes of one eighth of the square band of the samples, 0 ≤ ν_y ≤ ν_x ≤ ½ cycles/px, densest at 0.
+
+    ``weight`` is for the whole band: the integral of g(ν) is ``sum(weight * g)`` for a g that is even in and symmetric
+    between the two frequencies.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    weight: FloatArray
+
+    @property
+    def radius(self) -> FloatArray:
+        """|ν| [cycles/px]."""
+        return np.hypot(self.x, self.y)
+
+
+@lru_cache(maxsize=32)
+def band_nodes(along: int, across: int) -> BandNodes:
+    """Gauss–Legendre in √ν_x (spectra of textures are cusped at 0) and in the slope ν_y/ν_x."""
+    s, ws = gauss_legendre(along)
+    t, wt = gauss_legendre(across)
+    x = 0.5 * s * s
+    weight = 8.0 * np.multiply.outer(ws * s * x, wt)  # dν_x = s ds, dν_y = ν_x dt, eight eighths
+    nodes = BandNodes(x=np.repeat(x, across), y=np.multiply.outer(x, t).ravel(), weight=weight.ravel())
+    for array in (nodes.x, nodes.y, nodes.weight):
+        array.setflags(write=False)
+    return nodes
+
+
+def matching_bound_px(nodes: BandNodes, *, signal: ArrayLike, noise: ArrayLike, window_px: ArrayLike) -> FloatArray:
+    """Cramér–Rao bound of a disparity: ``σ⁻² = W² ∬ (2π ν_x)² γ²/(1 − γ²) d²ν``, γ = S/(S + N).
+
+    Two pictures of one stationary Gaussian texture, shifted by an unknown disparity, each with independent white noise;
+    the texture itself is unknown, its spectrum is known. γ is the coherence of the two pictures, and
+    γ²/(1 − γ²) = r²/(1 + 2r) with r = S/N.
+
+    Parameters
+    ----------
+    nodes
+        Of the band of the samples.
+    signal
+        S at the nodes, what arrives of the texture in each picture [electrons²]; shape (..., nodes).
+    noise
+        N at the nodes, power density of the noise: the variance of one pixel, and what of the texture is aliased
+        [electrons²]; broadcast.
+    window_px
+        Side W of the square window [px]; shape (...).
+
+    Returns
+    -------
+    FloatArray
+        σ [px], shape (...). For S ≫ N it is √(2 σ_n²/Σ g_x²), the classical bound for a known noisy shift with both
+        pictures noisy; 0 where there is no noise, infinite where no signal arrives.
+
+    Notes
+    -----
+    Holds where the window is wide against the texture's correlation and the blur, so that its Fourier modes are
+    independent (the dense covariance of a small window gives the rest), and where σ is well below the width of the
+    correlation peak: below that, real matchers jump to other peaks and no local bound knows of it. Aliased texture is
+    counted as noise that is independent in the two pictures, as it is in the mean over the fractions of a pixel of the
+    disparity.
+
+    References
+    ----------
+    C. H. Knapp and G. C. Carter, "The generalized correlation method for estimation of time delay", IEEE Trans. ASSP
+    24, 320 (1976); G. C. Carter, "Coherence and time delay estimation", Proc. IEEE 75, 236 (1987), here in the plane.
+    """
+    S, N = np.asarray(signal, dtype=np.float64), np.asarray(noise, dtype=np.float64)
+    noisy = N > 0.0
+    ratio = S / np.where(noisy, N, 1.0)
+    usable = np.where(noisy, ratio * (ratio / (1.0 + 2.0 * ratio)), np.where(S > 0.0, np.inf, 0.0))
+    # By symmetry ν_x² may stand for half of |ν|².
+    slope = nodes.weight * (2.0 * np.pi) ** 2 * np.square(nodes.radius) / 2.0
+    information = np.square(np.asarray(window_px, dtype=np.float64)) * np.sum(usable * slope, axis=-1)
+    with np.errstate(divide="ignore"):  # no signal, no disparity: infinite, as documented
+        return np.asarray(1.0 / np.sqrt(information))

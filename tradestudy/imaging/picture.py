@@ -1,0 +1,406 @@
+"""From light to disparity: what a picture lets a matcher know of a disparity.
+
+The picture of a texture is its spectrum times the transfer of every step, aliased by the samples, with the noise of the
+electrons; `matching_bound_px` says what that leaves of the disparity.
+
+How steps combine. Defocus and diffraction of one lens are one transfer in ``fresnel`` and ``kirchhoff``; as ``disc``
+times ``airy`` they are a product, exact where either is negligible and otherwise conservative for blurs of up to about
+two Airy diameters (the first dark ring comes sooner than it does). The lens and the microlens are multiplied as if the
+main lens's image were an incoherent object: conservative, since in truth the narrower of the two cones is the aperture
+and the other cuts little of it, and light does not spread twice. The pixel integrates intensity: its product is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal, assert_never
+
+import numpy as np
+
+from tradestudy.cameras.parts import require_positive
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.geometry import LensStage, PictureGeometry
+from tradestudy.imaging.matching_bound import BandNodes, band_nodes, matching_bound_px
+from tradestudy.imaging.noise import Light, SensorNoise, SensorNoiseModel, mean_electrons, noise_variance
+from tradestudy.imaging.texture import Texture, share_beyond, texture_spectrum
+from tradestudy.imaging.transfer import (
+    airy_transfer,
+    disc_transfer,
+    fresnel_transfer,
+    kirchhoff_transfer,
+    square_transfer,
+)
+from tradestudy.imaging.vignetting import field_illumination
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+DefocusModel = Literal["off", "disc"]
+DiffractionModel = Literal["none", "airy", "fresnel", "kirchhoff"]
+PixelModel = Literal["point", "square"]
+SpectrumModel = Literal["central", "weighted"]
+VignettingModel = Literal["off", "cos4"]
+
+LARGEST_ERROR_PX = 0.3
+"""Above this error a bound of small errors says nothing about a matcher."""
+SMALLEST_WINDOW_PX = 5.0
+_WINDOW_OVER_BLUR = 1.0
+_PEAK_CONTRAST = 3.0
+
+_REPLICAS = 3
+_ALIAS_RADII = 240
+_COARSER = 0.75
+_MOST_BLUR_FOR_NODES_PX = 24.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureSettings:
+    """What is looked at, how brightly, and how it is matched.
+
+    Parameters
+    ----------
+    texture
+        Of the surface.
+    window_px, window_length
+        Side of the square window that is matched: in samples of the picture, or as a length [m] on the object so that
+        cameras are compared at equal window there. Exactly one. Never more than a micro-image holds.
+    light
+        Scene and exposure.
+    sensor_noise
+        Read noise, full well, bits.
+    wavelength
+        Of the model `central` [m].
+    spectrum
+        Wavelengths [m] and weights of the model `weighted`; the weights are normalised.
+    field_angle
+        Of the place in the picture whose light counts [rad].
+    stop_separation
+        See `field_illumination` [m].
+    pixel_fill
+        Active width of a pixel over its pitch, above 0 to 1.
+    lens_phase
+        Of the Kirchhoff model: a well-corrected lens (``perfect``), or the paper's (``parabolic``).
+
+    Raises
+    ------
+    OutOfRangeError
+        For values outside these ranges, both windows or none.
+    """
+
+    texture: Texture
+    light: Light
+    sensor_noise: SensorNoise
+    wavelength: float
+    window_px: float | None = None
+    window_length: float | None = None
+    spectrum: tuple[tuple[float, float], ...] = ()
+    field_angle: float = 0.0
+    stop_separation: float = 0.0
+    pixel_fill: float = 1.0
+    lens_phase: Literal["perfect", "parabolic"] = "perfect"
+
+    def __post_init__(self) -> None:
+        if (self.window_px is None) == (self.window_length is None):
+            raise OutOfRangeError(
+                "a window is given in pixels or as a length on the object", limit="exactly one of them"
+            )
+        for name, value, unit in (
+            ("window", self.window_px, "px"),
+            ("window", self.window_length, "m"),
+            ("wavelength", self.wavelength, "m"),
+        ):
+            if value is not None:
+                require_positive(name, value, unit)
+        for wavelength, weight in self.spectrum:
+            require_positive("wavelength", wavelength)
+            require_positive("weight of a wavelength", weight, "")
+        if not 0.0 < self.pixel_fill <= 1.0:
+            raise OutOfRangeError("active width of a pixel", value=f"{self.pixel_fill:g}", limit="above 0 to 1 pitch")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureModels:
+    """Which physics of the picture counts: one model for each effect, the first of each the plainest.
+
+    Parameters
+    ----------
+    defocus_blur
+        ``off``: everything in focus. ``disc``: the geometric blur; where diffraction is ``fresnel`` or ``kirchhoff``,
+        the defocus that belongs to it.
+    main_lens_diffraction, microlens_diffraction
+        ``none``; ``airy``: in focus, beside the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact paths and
+        cosines. A camera without a microlens stage takes ``none`` only.
+    pixel_integration
+        ``point`` or ``square``: over the active pixel.
+    spectrum
+        ``central`` wavelength, or ``weighted`` transfer over the spectrum.
+    vignetting
+        ``off``, or ``cos4``: with the stops at the field angle.
+    sensor_noise
+        Which noise counts.
+    """
+
+    defocus_blur: DefocusModel
+    main_lens_diffraction: DiffractionModel
+    microlens_diffraction: DiffractionModel
+    pixel_integration: PixelModel
+    spectrum: SpectrumModel
+    vignetting: VignettingModel
+    sensor_noise: SensorNoiseModel
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DerivedDisparityError:
+    """The bound over distance.
+
+    Parameters
+    ----------
+    value
+        Standard deviation of one disparity [samples]; NaN where the camera forms no picture.
+    error
+        Estimated numerical error of it [samples]: of the quadrature over the band, of aliased power from beyond the
+        replicas that are summed, of Kirchhoff's transfer.
+    violated
+        By condition, where the bound is not what a matcher can reach.
+    """
+
+    value: FloatArray
+    error: FloatArray
+    violated: Mapping[str, BoolArray]
+
+    @property
+    def applies(self) -> BoolArray:
+        """Where every condition holds."""
+        return np.asarray(~np.any(list(self.violated.values()), axis=0))
+
+
+def disparity_error_px(
+    geometry: PictureGeometry, settings: PictureSettings, models: PictureModels
+) -> DerivedDisparityError:
+    """Cramér–Rao bound of the disparity of one pair of windows [samples], over the distances of the geometry.
+
+    Raises
+    ------
+    OutOfRangeError
+        A model that the camera has no stage for, or a spectrum asked for and not given.
+    """
+    if geometry.microlens is None and models.microlens_diffraction != "none":
+        raise OutOfRangeError(
+            "this camera's picture is not blurred by microlenses",
+            value=f"microlens_diffraction {models.microlens_diffraction}",
+            limit="none",
+        )
+    if models.spectrum == "weighted" and not settings.spectrum:
+        raise OutOfRangeError("a weighted spectrum without wavelengths", remedy="give wavelengths and weights")
+    electrons = _electrons(geometry, settings, models)
+    along = 20 + int(np.ceil(min(_largest(geometry.blur_px), _MOST_BLUR_FOR_NODES_PX)))
+    window = window_px(geometry, settings)
+    fine, tail, transfer_error = _bound(geometry, settings, models, electrons, window, along)
+    coarse, _, _ = _bound(geometry, settings, models, electrons, window, int(_COARSER * along))
+    with np.errstate(invalid="ignore"):  # an infinite bound has no error
+        error = np.abs(fine - coarse) + np.abs(fine - tail) + transfer_error
+    return DerivedDisparityError(
+        value=fine, error=error, violated=_violated(geometry, settings, electrons, window, fine)
+    )
+
+
+def window_px(geometry: PictureGeometry, settings: PictureSettings) -> FloatArray:
+    """Side of the window [samples] over distance, at most what the picture holds."""
+    if settings.window_px is not None:
+        asked = np.full_like(geometry.magnification, settings.window_px)
+    else:
+        assert settings.window_length is not None  # the settings hold one of the two
+        asked = settings.window_length * geometry.magnification / geometry.sample_pitch
+    return np.minimum(asked, geometry.widest_window_px)
+
+
+def optical_transfer(
+    geometry: PictureGeometry, settings: PictureSettings, models: PictureModels, frequency_px: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Transfer of the lenses, without the pixel, at |ν| [cycles/sample]; shape (distances, frequencies), and its error.
+
+    With the model ``weighted`` it is the mean over the spectrum of the product of all stages; thin lenses focus all
+    colours alike.
+    """
+    spectrum = settings.spectrum if models.spectrum == "weighted" else ((settings.wavelength, 1.0),)
+    total = sum(weight for _, weight in spectrum)
+    shape = (geometry.distance.size, frequency_px.size)
+    transfer, error = np.zeros(shape), np.zeros(shape[0])
+    for wavelength, weight in spectrum:
+        product = np.ones(shape)
+        for stage, model in (
+            (geometry.main_lens, models.main_lens_diffraction),
+            (geometry.microlens, models.microlens_diffraction),
+        ):
+            if stage is not None:
+                found, off = _stage_transfer(
+                    stage, model, models.defocus_blur, settings, wavelength, frequency_px / geometry.sample_pitch
+                )
+                product *= found
+                error += weight / total * off
+        transfer += weight / total * product
+    return transfer, error
+
+
+def _stage_transfer(
+    stage: LensStage,
+    model: DiffractionModel,
+    defocus: DefocusModel,
+    settings: PictureSettings,
+    wavelength: float,
+    frequency: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Of one lens at frequencies on the sensor [cycles/m], and its error over distance."""
+    nu = frequency * stage.relay[:, np.newaxis]
+    N = stage.f_number[:, np.newaxis]
+    blur = (stage.blur_diameter if defocus == "disc" else np.zeros_like(stage.blur_diameter))[:, np.newaxis]
+    exact = np.zeros(stage.relay.size)
+    blurred = np.any(blur != 0.0)
+    match model:
+        case "none":
+            return (disc_transfer(nu, blur) if blurred else np.ones_like(nu)), exact
+        case "airy":
+            spread = airy_transfer(nu, wavelength, N)
+            return (spread * disc_transfer(nu, blur) if blurred else spread), exact
+        case "fresnel":
+            return fresnel_transfer(nu, wavelength, N, blur), exact
+        case "kirchhoff":
+            return _kirchhoff(stage, defocus, settings, wavelength, nu)
+        case _:
+            assert_never(model)
+
+
+def _kirchhoff(
+    stage: LensStage, defocus: DefocusModel, settings: PictureSettings, wavelength: float, frequency: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Distance by distance; without defocus, a lens of the focal length that would focus there."""
+    value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
+    focused = 1.0 / (1.0 / stage.object_distance + 1.0 / stage.plane_distance)
+    focal_length = stage.focal_length if defocus == "disc" else focused
+    for k in np.flatnonzero(np.isfinite(stage.plane_distance)):
+        found = kirchhoff_transfer(
+            frequency[k],
+            wavelength=wavelength,
+            aperture_diameter=stage.aperture_diameter,
+            focal_length=float(focal_length[k]),
+            object_distance=float(stage.object_distance[k]),
+            plane_distance=float(stage.plane_distance[k]),
+            lens_phase=settings.lens_phase,
+        )
+        value[k], error[k] = found.value, found.error
+    return value, error
+
+
+def _electrons(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
+    """Mean per pixel over distance."""
+    left = 1.0
+    if models.vignetting == "cos4":
+        left = field_illumination(
+            settings.field_angle, pupil_diameter=geometry.pupil_diameter, stop_separation=settings.stop_separation
+        )
+    return mean_electrons(settings.light, geometry.light_f_number, geometry.pixel_pitch, left)
+
+
+def _bound(
+    geometry: PictureGeometry,
+    settings: PictureSettings,
+    models: PictureModels,
+    electrons: FloatArray,
+    window: FloatArray,
+    along: int,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The bound, the bound without the tail of aliased power, and what the error of the transfer does to it."""
+    nodes = band_nodes(along, max(6, along // 3))
+    radii = _alias_radii()
+    transfer, transfer_error = optical_transfer(geometry, settings, models, np.concatenate([nodes.radius, radii]))
+    squared = np.square(transfer)
+    inside, outside = squared[:, : nodes.radius.size], squared[:, nodes.radius.size :]
+    width = _sample_width(geometry, settings, models)
+    if geometry.sample_shape == "disc":  # a microlens collects from a disc: rotationally symmetric, like the lenses
+        inside = inside * np.square(disc_transfer(nodes.radius, width))
+        outside = outside * np.square(disc_transfer(radii, width))
+        width = 0.0
+    length = (settings.texture.correlation_length * geometry.magnification / geometry.sample_pitch)[:, np.newaxis]
+    contrast, n = settings.texture.contrast, electrons[:, np.newaxis]
+    pixel = np.square(square_transfer(nodes.x, nodes.y, width))
+    signal = n**2 * texture_spectrum(nodes.radius, contrast, length) * inside * pixel
+    replicas, ring = _alias_matrix(along, max(6, along // 3), width)
+    beyond = n**2 * texture_spectrum(radii, contrast, length) * outside
+    # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.
+    tail = (n * contrast) ** 2 * share_beyond(_REPLICAS + 0.5, length) * (outside @ ring)[:, np.newaxis]
+    noise = noise_variance(n, settings.sensor_noise, models.sensor_noise) + beyond @ replicas
+    with_tail = matching_bound_px(nodes, signal=signal, noise=noise + tail, window_px=window)
+    without = matching_bound_px(nodes, signal=signal, noise=noise, window_px=window)
+    # A transfer that is off by δ everywhere moves the bound by about δ over its root mean square where it matters.
+    strength = np.sqrt(np.average(inside * pixel, axis=1, weights=nodes.weight * np.square(nodes.radius)))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nothing passed: the bound itself is infinite
+        moved = np.where(transfer_error > 0.0, with_tail * transfer_error / strength, 0.0)
+    return with_tail, without, moved
+
+
+def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> float:
+    """Side or diameter of what a sample collects from [samples]; 0 for a point."""
+    if models.pixel_integration == "point":
+        return 0.0
+    fill = settings.pixel_fill if geometry.sample_shape == "square" else 1.0
+    return fill * geometry.sample_width / geometry.sample_pitch
+
+
+def _alias_radii() -> FloatArray:
+    """Radii [cycles/sample] between which everything that the replicas reach lies."""
+    return np.linspace(0.5, (_REPLICAS + 0.5) * np.sqrt(2.0), _ALIAS_RADII)
+
+
+@lru_cache(maxsize=32)
+def _alias_matrix(along: int, across: int, width: float) -> tuple[FloatArray, FloatArray]:
+    """What every replica of the spectrum adds at the nodes, as weights of its radial values; and those of the tail.
+
+    Linear between the radii, times the pixel's square transfer.
+    """
+    nodes: BandNodes = band_nodes(along, across)
+    radii = _alias_radii()
+    step = radii[1] - radii[0]
+    shifts = np.arange(-_REPLICAS, _REPLICAS + 1)
+    columns = np.arange(nodes.x.size)
+    matrix = np.zeros((radii.size, nodes.x.size))
+    for row in shifts:
+        for column in shifts:
+            if row == column == 0:
+                continue
+            x, y = nodes.x + column, nodes.y + row
+            position = (np.hypot(x, y) - radii[0]) / step
+            below = np.clip(position.astype(np.intp), 0, radii.size - 2)
+            share = position - below
+            passed = np.square(square_transfer(x, y, width))
+            matrix[below, columns] += (1.0 - share) * passed
+            matrix[below + 1, columns] += share * passed
+    ring = np.where(radii > _REPLICAS, 1.0, 0.0)
+    angle = np.linspace(0.0, np.pi / 2.0, 33)
+    seen = np.square(square_transfer(np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), width)).mean(
+        axis=1
+    )
+    ring *= seen / ring.sum()
+    matrix.setflags(write=False)
+    ring.setflags(write=False)
+    return matrix, ring
+
+
+def _violated(
+    geometry: PictureGeometry, settings: PictureSettings, electrons: FloatArray, window: FloatArray, bound: FloatArray
+) -> Mapping[str, BoolArray]:
+    """Where a matcher cannot reach the bound, by condition."""
+    length_px = settings.texture.correlation_length * geometry.magnification / geometry.sample_pitch
+    brightest = electrons * (1.0 + _PEAK_CONTRAST * settings.texture.contrast)
+    return {
+        "the error is too large for a bound of small errors": ~(bound <= LARGEST_ERROR_PX),
+        "there is no noise": bound == 0.0,
+        "the window has too few samples": ~(window >= SMALLEST_WINDOW_PX),
+        "the window is smaller than the correlation length": ~(window >= length_px),
+        "the window is smaller than the blur": ~(window >= _WINDOW_OVER_BLUR * geometry.blur_px),
+        "the pixels saturate": ~(brightest <= settings.sensor_noise.full_well_electrons),
+    }
+
+
+def _largest(values: FloatArray) -> float:
+    """The largest finite value, 0 where there is none."""
+    return float(np.max(np.where(np.isfinite(values), values, 0.0), initial=0.0))

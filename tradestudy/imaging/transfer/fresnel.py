@@ -1,0 +1,72 @@
+"""Diffraction and defocus together, in Fresnel's approximation: the autocorrelation of the pupil."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.errors import UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.quadrature import gauss_legendre
+
+_MOST_NODES = 2000
+_LEAST_NODES = 16
+
+
+def fresnel_transfer(
+    frequency: ArrayLike, wavelength: float, f_number: ArrayLike, blur_diameter: ArrayLike
+) -> FloatArray:
+    """Transfer of a circular pupil out of focus: ``(4/π) ∫₀^{arccos s} sin²φ cos(α (cos φ − s)) dφ``.
+
+    s = λ N ν and α = π c ν (1/s) s = 4 k W₂₀ s, with the defocus W₂₀ = c/(8 N) at the rim of the pupil.
+
+    Parameters
+    ----------
+    frequency
+        ν ≥ 0 [cycles/m].
+    wavelength
+        λ [m].
+    f_number
+        Working f-number N.
+    blur_diameter
+        c ≥ 0 [m]: diameter of the geometric blur, which says how far out of focus the plane is.
+
+    Returns
+    -------
+    FloatArray
+        Broadcast over the last three; `airy_transfer` at c = 0, `disc_transfer` for c ≫ λ N; 0 beyond the cut-off.
+        Gauss–Legendre with nodes for the largest phase: rounding only.
+
+    Raises
+    ------
+    UnaffordableError
+        For a defocus of more than about a thousand waves.
+
+    References
+    ----------
+    H. H. Hopkins, "The frequency response of a defocused optical system", Proc. R. Soc. A 231, 91 (1955).
+    """
+    nu, N, c = np.broadcast_arrays(
+        *(np.asarray(value, dtype=np.float64) for value in (frequency, f_number, blur_diameter))
+    )
+    s = np.minimum(wavelength * N * nu, 1.0)
+    # The phase between the two sheared pupils: k (W(x + s) − W(x − s)) = 4 k W₂₀ s x, and 4 k W₂₀ s = π c ν.
+    alpha = np.pi * c * np.where(s < 1.0, nu, 0.0)
+    largest = float(np.max(np.where(np.isfinite(alpha), alpha * (1.0 - s), 0.0), initial=0.0))
+    count = _LEAST_NODES + math.ceil(0.6 * largest)
+    if count > _MOST_NODES:
+        raise UnaffordableError(
+            "nodes of the transfer function of a defocused pupil",
+            value=str(count),
+            limit=f"at most {_MOST_NODES}",
+            remedy="use the disc of rays, which is exact for so large a blur",
+        )
+    t, w = gauss_legendre(count)
+    span = np.arccos(s)
+    total = np.zeros_like(s)
+    for node, weight in zip(t, w, strict=True):
+        phi = span * node
+        total += weight * np.sin(phi) ** 2 * np.cos(alpha * (np.cos(phi) - s))
+    return np.asarray((4.0 / np.pi) * span * total)
