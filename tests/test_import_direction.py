@@ -12,7 +12,7 @@ PACKAGE = Path(__file__).parent.parent / "tradestudy"
 # A module may import from its own layer's room and from every layer below it (smaller number).
 LAYERS = {
     "errors": 1, "units": 1, "optics": 1,
-    "cameras": 2, "scene": 2, "accuracy": 2,
+    "cameras": 2, "scene": 2, "accuracy": 2, "machine": 2,
     "effects": 3, "uncertainty": 3, "imaging": 3, "verification": 3,
     "results": 4, "storage": 4, "study": 5, "cost": 6,
     "comparison": 5, "figures": 5, "report": 6,
