@@ -14,6 +14,7 @@ import xarray as xr
 from tradestudy.results.calibration import CALIBRATION, DECISION_ADDITIONS, SENSITIVITY
 from tradestudy.results.depth import DEPTH
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
+from tradestudy.results.effects import EFFECTS
 from tradestudy.results.hard_cases import HARD_CASES
 from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
 from tradestudy.results.registers import ASSUMPTIONS, CAMERAS, CONTRADICTIONS, CRITERIA
@@ -36,6 +37,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "images": IMAGES,
     "point_spread": POINT_SPREAD,
     "hard_cases": HARD_CASES,
+    "effects": EFFECTS,
     "claims": CLAIMS,
     "requirements": REQUIREMENTS,
     "assumptions": ASSUMPTIONS,

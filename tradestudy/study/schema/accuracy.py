@@ -48,7 +48,7 @@ class EffectsPart(Part):
     spectrum: Literal["off", "weighted"] | None = None
     vignetting: Literal["off", "cos4"] | None = None
     sensor_noise: Literal["off", "shot", "shot+read", "shot+read+quantisation"] | None = None
-    calibration: Literal["off", "linear", "exact"] | None = None
+    calibration: Literal["off", "linear"] | None = None
     temperature: Literal["off", "expansion"] | None = None
 
     def forced(self) -> dict[SlotName, str]:

@@ -1,0 +1,49 @@
+"""The slot of calibration errors: left out, or added up in disparity."""
+
+from __future__ import annotations
+
+from tradestudy.effects.base import OFF, Bound, Model, Slot
+
+LINEAR = "linear"
+
+
+def calibration_slot(*, share_of_uncertainty: float, linear_error: float, seconds: float, are_declared: bool) -> Slot:
+    """Models of calibration errors for the depth uncertainty of one camera.
+
+    Draws through the exact camera model are no model of this slot: a study that asks for them has a calibration part,
+    which stands beside the closed form and is compared with it.
+
+    Parameters
+    ----------
+    share_of_uncertainty
+        1 − (uncertainty without them)/(with them), the largest over usable distances: what leaving them out changes.
+    linear_error
+        Largest stated error of adding them up in disparity, as a share of the depth uncertainty.
+    seconds
+        Predicted cost of adding them up [s].
+    are_declared
+        Whether the study declares any.
+    """
+    reason = (
+        "the uncertainty without them falls short of that with them by at most this share where the camera is usable"
+        if are_declared
+        else "the study declares no calibration error of this camera"
+    )
+    off = Bound(
+        relative_change=share_of_uncertainty,
+        criterion="their share of the depth uncertainty",
+        number=share_of_uncertainty,
+        reason=reason,
+    )
+    linear = Bound(
+        relative_change=linear_error,
+        criterion="departure from the exact camera model, over the uncertainty",
+        number=linear_error,
+        reason="errors add up in disparity, where they act almost linearly; one-deviation errors through the exact "
+        "camera model tell how nearly",
+    )
+    models = (
+        Model(name=OFF, bounds={"depth_uncertainty": off}),
+        Model(name=LINEAR, bounds={"depth_uncertainty": linear}, seconds=seconds),
+    )
+    return Slot(name="calibration", models=models if are_declared else models[:1])

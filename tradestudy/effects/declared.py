@@ -1,0 +1,38 @@
+"""Slots of the picture where the disparity error is declared: nothing that happens in the picture can reach it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from tradestudy.accuracy import Quantity
+from tradestudy.effects.base import OFF, Bound, Model, Slot, SlotName
+
+
+def declared_slots(
+    *,
+    disparity_error_px: float,
+    numbers: Mapping[SlotName, tuple[str, float]],
+    quantities: Sequence[Quantity] = ("depth_uncertainty",),
+) -> tuple[Slot, ...]:
+    """Slots that can only be off, each with the number that tells how strong the effect would be in a picture.
+
+    Parameters
+    ----------
+    disparity_error_px
+        As declared [px].
+    numbers
+        The slots; for each, a criterion in words and its value, for the reader.
+    quantities
+        That do not move.
+    """
+    found = []
+    for name, (criterion, number) in numbers.items():
+        bound = Bound(
+            relative_change=0.0,
+            criterion=criterion,
+            number=number,
+            reason=f"the disparity error is declared, {disparity_error_px:g} px, and stands for the whole picture; "
+            "what blurs, mixes or dims the picture reaches depth only if it is derived",
+        )
+        found.append(Slot(name=name, models=(Model(name=OFF, bounds=dict.fromkeys(quantities, bound)),)))
+    return tuple(found)

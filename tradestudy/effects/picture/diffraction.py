@@ -1,0 +1,39 @@
+"""Diffraction in the picture, at the main lens or at the microlenses: the two slots share their models."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+from tradestudy.effects.base import OFF, Slot
+from tradestudy.effects.picture.trial import MARGIN, PictureTrial, bounded, weighed
+
+
+def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "microlens_diffraction"]) -> Slot:
+    """Off, the Airy pattern beside the blur disc, the defocused pupil by Fresnel, or by Kirchhoff's exact paths.
+
+    What Kirchhoff adds to Fresnel is bounded by the path W that parabolic waves leave out, and by the fall ε of the
+    amplitude towards the rim: a pupil whose phase is off by at most 2πW passes amplitudes that are off by no more, and
+    intensities twice that; weighing the rim less by ε moves the normalised transfer by about ε/2.
+    """
+    stage = 0 if at == "main_lens_diffraction" else 1
+    airy = (trial.main_lens_airy_px, trial.microlens_airy_px)[stage]
+    waves = trial.aberration_waves[stage]
+    if math.isnan(airy):
+        absent = "this camera's picture is formed without microlenses between it and the scene"
+        return Slot(name=at, models=(bounded(trial, OFF, 0.0, "Airy radius over pixel", math.nan, absent),))
+    left_out = MARGIN * 4.0 * math.pi * waves + trial.obliquity[stage] / 2.0
+    spread = "Airy radius over pixel"
+    return Slot(
+        name=at,
+        models=(
+            weighed(trial, at, OFF, criterion=spread, number=airy,
+                    reason="an Airy pattern smaller than a pixel takes little of the texture that a matcher uses"),
+            weighed(trial, at, "airy", criterion=spread, number=airy,
+                    reason="disc times Airy misses how defocus and diffraction act together"),
+            bounded(trial, "fresnel", left_out, "waves between exact and parabolic paths", waves,
+                    "parabolic waves in place of spherical ones leave out the path of this many waves at the rim"),
+            bounded(trial, "kirchhoff", 0.0, "waves between exact and parabolic paths", waves,
+                    "exact paths and cosines: the most complete model here"),
+        ),
+    )  # fmt: skip

@@ -1,0 +1,73 @@
+"""What the slots of a picture are weighed with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+from tradestudy.accuracy import Quantity
+from tradestudy.effects.base import Bound, Model, SlotName
+
+# Trials are made at some of the distances and with one slot changed at a time; what lies in between, and what two
+# slots do together beyond the sum of each, has to fit into this factor.
+MARGIN: Final = 1.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureTrial:
+    """How a derived disparity error moves with each model, and the numbers that tell why.
+
+    Parameters
+    ----------
+    change
+        Relative change of the disparity error, the largest over usable distances and variants of the study, if one
+        slot takes a model in place of the most complete one that is in closed form.
+    blur_px
+        Largest geometric blur [samples].
+    main_lens_airy_px, microlens_airy_px
+        Largest radius of the first dark ring of either lens on the sensor [samples]; NaN without such a stage.
+    aberration_waves
+        Largest path [waves] by which the exact spherical waves of the main lens, and of a microlens, depart from the
+        parabolic ones of Fresnel at the rim.
+    obliquity
+        Largest share by which amplitude falls from axis to rim of either lens on the way to its picture.
+    electrons
+        Fewest per pixel.
+    illumination
+        cos⁴ and stops at the field angle asked for; 1 on the axis.
+    read_noise_share, quantisation_share
+        Of the noise power, the largest.
+    spectrum_width
+        (longest − shortest wavelength)/central.
+    microlens_reach_airy
+        Half a micro-image over the Airy radius of a microlens, the smallest; infinite without microlenses.
+    seconds
+        Predicted cost [s] of a model by name.
+    """
+
+    change: Callable[[SlotName, str], float]
+    blur_px: float
+    main_lens_airy_px: float
+    microlens_airy_px: float
+    aberration_waves: tuple[float, float]
+    obliquity: tuple[float, float]
+    electrons: float
+    illumination: float
+    read_noise_share: float
+    quantisation_share: float
+    spectrum_width: float
+    microlens_reach_airy: float
+    seconds: Callable[[str], float]
+
+
+def weighed(trial: PictureTrial, slot: SlotName, name: str, *, criterion: str, number: float, reason: str) -> Model:
+    """A model whose bound is its trial with the margin; depth uncertainty moves by no more than its noise does."""
+    return bounded(trial, name, MARGIN * trial.change(slot, name), criterion, number, reason)
+
+
+def bounded(trial: PictureTrial, name: str, change: float, criterion: str, number: float, reason: str) -> Model:
+    """A model with a bound that was found otherwise."""
+    quantity: Quantity = "depth_uncertainty"
+    bound = Bound(relative_change=change, criterion=criterion, number=number, reason=reason)
+    return Model(name=name, bounds={quantity: bound}, seconds=trial.seconds(name))

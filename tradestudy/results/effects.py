@@ -1,0 +1,48 @@
+"""/effects: every model that was weighed, what it may change at most, what it costs, and what became of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import Variable
+
+EFFECTS: Final[Mapping[str, Variable]] = {
+    "situation": Variable(dims=("decision",), units="", long_name="camera, lens or light path the model belongs to"),
+    "slot": Variable(dims=("decision",), units="", long_name="effect"),
+    "model": Variable(dims=("decision",), units="", long_name="way to treat the effect; off leaves it out"),
+    "chosen": Variable(dims=("decision",), units="1", long_name="whether it acts"),
+    "forced": Variable(dims=("decision",), units="1", long_name="whether the study insists on it"),
+    "bound": Variable(
+        dims=("decision", "quantity"),
+        units="1",
+        long_name="upper bound on the relative change of a quantity if the model stands in for the most complete one; "
+        "NaN where the quantity is not asked for; infinite where none can be stated",
+        error="it is a bound",
+    ),
+    "criterion": Variable(dims=("decision",), units="", long_name="number that the bound follows from"),
+    "number": Variable(
+        dims=("decision",),
+        units="1",
+        long_name="its value at the worst place of the study; NaN where the effect has none",
+        error="closed form",
+    ),
+    "reason": Variable(dims=("decision",), units="", long_name="why the bound holds"),
+    "why": Variable(dims=("decision",), units="", long_name="why the model was taken or not"),
+    "predicted_seconds": Variable(
+        dims=("decision",), units="s", long_name="predicted cost of the model on this machine", error="a factor of 2"
+    ),
+    "joint_bound": Variable(
+        dims=("piece", "quantity"),
+        units="1",
+        long_name="sum of the bounds of the models that act; NaN where the quantity is not asked for",
+        error="it is a bound",
+    ),
+    "wanted": Variable(
+        dims=("piece", "quantity"), units="1", long_name="relative error that the study allows", error="declared"
+    ),
+    "piece_title": Variable(dims=("piece",), units="", long_name="the camera, lens or light path in words"),
+    "piece_seconds": Variable(
+        dims=("piece",), units="s", long_name="predicted cost of the models that act", error="a factor of 2"
+    ),
+}

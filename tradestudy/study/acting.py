@@ -1,0 +1,47 @@
+"""From the models that were chosen to cameras that they act in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final, TypeVar
+
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
+from tradestudy.effects.base import OFF, SlotName
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.picture import PictureModels
+
+AnyDepthCamera = TypeVar("AnyDepthCamera", StereoRig, FocusedPlenoptic, UnfocusedPlenoptic)
+Models = Mapping[SlotName, str]
+
+# What the picture calls it where a slot is off; the other models have one name.
+_OFF_NAMES: Final = {
+    "main_lens_diffraction": "none",
+    "microlens_diffraction": "none",
+    "pixel_integration": "point",
+    "spectrum": "central",
+}
+_PICTURE: Final[tuple[SlotName, ...]] = (
+    "defocus_blur", "main_lens_diffraction", "microlens_diffraction", "pixel_integration", "spectrum", "vignetting",
+    "sensor_noise",
+)  # fmt: skip
+
+
+def with_models(models: PictureModels, chosen: Models) -> PictureModels:
+    """Models of a picture with those that are chosen in their slots."""
+    names = {
+        slot: _OFF_NAMES.get(slot, OFF) if chosen[slot] == OFF else chosen[slot] for slot in _PICTURE if slot in chosen
+    }
+    return replace(models, **names)  # type: ignore[arg-type] # which names a slot has is the effects' concern
+
+
+def acting(camera: AnyDepthCamera, chosen: Models) -> AnyDepthCamera:
+    """The camera with the chosen models in place of what it declares; nothing chosen leaves it as it is."""
+    law = camera.disparity_error_px
+    if isinstance(law, PictureDisparityError):
+        camera = replace(camera, disparity_error_px=replace(law, models=with_models(law.models, chosen)))
+    if chosen.get("calibration") == OFF:
+        camera = replace(camera, calibration=type(camera.calibration)())
+    return camera

@@ -1,0 +1,187 @@
+"""Cameras that measure depth: what of picture, calibration and temperature their depth uncertainty calls for."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, declared_disparity_error
+from tradestudy.effects.base import Slot, SlotName
+from tradestudy.effects.calibration import calibration_slot
+from tradestudy.effects.declared import declared_slots
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.geometry import PictureGeometry, picture_geometry
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.psf_difference import FIRST_DARK_RING
+from tradestudy.study.decision import question_ends
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.depth import closed_form_error, depth_uncertainty
+from tradestudy.study.situations.pictures import PictureCase, picture_slots
+from tradestudy.study.situations.situation import Situation
+from tradestudy.study.sweep import sweep_axes
+from tradestudy.study.usable import all_met, evaluate_limits
+
+# Bounds are looked for at this many of the study's distances; they change slowly in between.
+_MOST_DISTANCES: Final = 101
+_TRIAL_DISTANCES: Final = 5
+_MOST_CORNERS: Final = 64
+# On the reference machine: one distance of one camera, all errors, all limits.
+_SECONDS_PER_DISTANCE: Final = 4e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Variant:
+    """A camera as one reading or one design of the study has it."""
+
+    camera: DepthCamera
+    criteria: UsableCriteria
+    distance: FloatArray
+    wavelength: float
+
+
+def depth_situations(definition: StudyDefinition, *, speed: float) -> tuple[Situation, ...]:
+    """One situation for each camera that measures depth, its bounds the worst over all variants of the study."""
+    variants = tuple(_every_variant(definition))
+    found = []
+    for name in definition.case.cameras:
+        own: list[_Variant] = []
+        for variant in variants:
+            one = _variant(variant, name)
+            if one is not None and not any(_same(one, other) for other in own):
+                own.append(one)
+        found.append(
+            Situation(
+                name=name,
+                title=definition.file.cameras[name].title,
+                quantities=("depth_uncertainty",),
+                slots=(
+                    *_picture(own, definition.case.distance.size, speed),
+                    _calibration(own, definition.case.distance.size, speed),
+                ),
+            )
+        )
+    return tuple(found)
+
+
+def _every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
+    """The study, its readings, the corners of its sweep, and the ends of its inverse questions."""
+    yield definition
+    yield from definition.readings.values()
+    axes = sweep_axes(definition)
+    ends = [(axis.values[0], axis.values[-1]) for axis in axes]
+    for values in itertools.islice(itertools.product(*ends), _MOST_CORNERS if axes else 0):
+        yield definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
+    for question in definition.file.solve.values():
+        dimension, low, high = question_ends(question)
+        for end in (low, high):
+            yield definition.with_values({question.vary: f"{end!r} {dimension.unit}".strip()})
+
+
+def _variant(definition: StudyDefinition, name: str) -> _Variant | None:
+    camera = definition.case.cameras.get(name)
+    if camera is None:  # a reading may replace it by one that measures no depth
+        return None
+    distance = definition.case.distance
+    step = max(1, -(-distance.size // _MOST_DISTANCES))
+    return _Variant(
+        camera=camera,
+        criteria=definition.case.criteria,
+        distance=distance[::step],
+        wavelength=definition.case.wavelength,
+    )
+
+
+def _same(one: _Variant, other: _Variant) -> bool:
+    return (
+        one.camera == other.camera
+        and one.criteria == other.criteria
+        and np.array_equal(one.distance, other.distance)
+        and one.wavelength == other.wavelength
+    )
+
+
+def _usable(variant: _Variant) -> FloatArray:
+    """Distances where the camera is usable."""
+    met = all_met(evaluate_limits(variant.camera, variant.criteria, variant.distance), variant.distance.shape)
+    return variant.distance[met]
+
+
+def _picture(variants: Sequence[_Variant], distances: int, speed: float) -> tuple[Slot, ...]:
+    """Slots of the picture: weighed where the disparity error is derived from it, all off where it is declared."""
+    derived = [_picture_case(variant) for variant in variants]
+    found = [case for case in derived if case is not None]
+    if found:
+        return picture_slots(found, distances=distances, speed=speed)
+    first = variants[0]
+    geometry = picture_geometry(first.camera, _places(first)[:1])
+    return declared_slots(
+        disparity_error_px=declared_disparity_error(first.camera), numbers=_numbers(geometry, first.wavelength)
+    )
+
+
+def _numbers(geometry: PictureGeometry, wavelength: float) -> dict[SlotName, tuple[str, float]]:
+    """How strong each effect is in the picture at one place, whether it reaches depth or not."""
+    pitch = geometry.sample_pitch
+    airy = [
+        math.nan if stage is None else float(FIRST_DARK_RING * wavelength * (stage.f_number * stage.relay)[0] / pitch)
+        for stage in (geometry.main_lens, geometry.microlens)
+    ]
+    return {
+        "defocus_blur": ("blur over pixel", float(geometry.blur_px[0])),
+        "main_lens_diffraction": ("Airy radius over pixel", airy[0]),
+        "microlens_diffraction": ("Airy radius over pixel", airy[1]),
+        "crosstalk": ("half a micro-image over Airy radius", geometry.widest_window_px / math.sqrt(2.0) / airy[1]),
+        "pixel_integration": ("pixel over pitch", 1.0),
+        "source_extent": ("extent of a point", math.nan),
+        "spectrum": ("width of the spectrum over its centre", math.nan),
+        "vignetting": ("light left on the axis", 1.0),
+        "sensor_noise": ("electrons per pixel", math.nan),
+    }
+
+
+def _picture_case(variant: _Variant) -> PictureCase | None:
+    law = variant.camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return None
+    places = _places(variant)
+    chosen = places[np.unique(np.linspace(0, places.size - 1, _TRIAL_DISTANCES).astype(int))]
+    return PictureCase(camera=variant.camera, settings=law.settings, places=chosen)
+
+
+def _places(variant: _Variant) -> FloatArray:
+    """Where the camera is usable; where it forms a picture at all, if it is usable nowhere."""
+    usable = _usable(variant)
+    return usable if usable.size else variant.distance[variant.camera.images(variant.distance)]
+
+
+def _calibration(variants: Sequence[_Variant], distances: int, speed: float) -> Slot:
+    shares, errors, declared = [0.0], [0.0], False
+    for variant in variants:
+        declared |= _has_calibration_errors(variant.camera)
+        places = _usable(variant)
+        if places.size:
+            shares.append(_share_of_calibration(variant.camera, places))
+            errors.append(float(np.nanmax(closed_form_error(variant.camera, places), initial=0.0)))
+    return calibration_slot(
+        share_of_uncertainty=max(shares),
+        linear_error=max(errors),
+        seconds=distances * _SECONDS_PER_DISTANCE / speed,
+        are_declared=declared,
+    )
+
+
+def _share_of_calibration(camera: DepthCamera, places: FloatArray) -> float:
+    """1 − u(noise)/u(both), the largest over places; an interval without a far end counts as the whole."""
+    noise, both = (depth_uncertainty(camera, places, way) for way in ("noise", "both"))
+    with np.errstate(invalid="ignore"):  # infinite over infinite: without both ends nothing is left out either
+        share = 1.0 - np.where(np.isinf(noise), 1.0, noise / both)
+    return float(np.max(share, initial=0.0))
+
+
+def _has_calibration_errors(camera: DepthCamera) -> bool:
+    return any(name != "pixel_noise" for name in camera.error_directions(np.ones(1)))

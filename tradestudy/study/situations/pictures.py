@@ -1,0 +1,181 @@
+"""Pictures that a disparity error is derived from: every model tried in closed form, one slot at a time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.effects.base import Slot, SlotName
+from tradestudy.effects.picture.crosstalk import crosstalk
+from tradestudy.effects.picture.defocus_blur import defocus_blur
+from tradestudy.effects.picture.diffraction import diffraction
+from tradestudy.effects.picture.pixel_integration import pixel_integration
+from tradestudy.effects.picture.sensor_noise import sensor_noise
+from tradestudy.effects.picture.source_extent import source_extent
+from tradestudy.effects.picture.spectrum import spectrum
+from tradestudy.effects.picture.trial import PictureTrial
+from tradestudy.effects.picture.vignetting import vignetting
+from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
+from tradestudy.imaging.noise import mean_electrons, noise_variance
+from tradestudy.imaging.picture import PictureModels, PictureSettings, disparity_error_px
+from tradestudy.imaging.vignetting import field_illumination
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.psf_difference import FIRST_DARK_RING
+from tradestudy.study.acting import with_models
+
+# On the reference machine, for one distance [s]: the models of diffraction that cost more than a formula.
+_SECONDS: Final = {"fresnel": 6e-4, "kirchhoff": 3e-2, "airy": 1e-4, "disc": 1e-4, "weighted": 3e-4}
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureCase:
+    """A camera with a derived disparity error, at the places where it is usable [m]."""
+
+    camera: DepthCamera
+    settings: PictureSettings
+    places: FloatArray
+
+    @cached_property
+    def geometry(self) -> PictureGeometry:
+        """At the places."""
+        return picture_geometry(self.camera, self.places)
+
+    @property
+    def complete(self) -> PictureModels:
+        """The most complete models in closed form."""
+        return PictureModels(
+            defocus_blur="disc",
+            main_lens_diffraction="fresnel",
+            microlens_diffraction="none" if self.geometry.microlens is None else "fresnel",
+            pixel_integration="square",
+            spectrum="weighted" if self.settings.spectrum else "central",
+            vignetting="cos4",
+            sensor_noise="shot+read+quantisation",
+        )
+
+    def change(self, slot: SlotName, name: str) -> float:
+        """Relative change of the disparity error if one slot takes another model, the largest over the places."""
+        models = with_models(self.complete, {slot: name})
+        if models == self.complete:
+            return 0.0
+        with np.errstate(divide="ignore", invalid="ignore"):  # where nothing passes either is infinite
+            ratio = disparity_error_px(self.geometry, self.settings, models).value / self._reference
+        found = np.abs(ratio - 1.0)
+        return float(np.max(np.where(np.isnan(found), 0.0, found), initial=0.0))
+
+    @cached_property
+    def _reference(self) -> FloatArray:
+        return disparity_error_px(self.geometry, self.settings, self.complete).value
+
+    @property
+    def illumination(self) -> float:
+        """Light left at the field angle."""
+        return float(
+            field_illumination(
+                self.settings.field_angle,
+                pupil_diameter=self.geometry.pupil_diameter,
+                stop_separation=self.settings.stop_separation,
+            )
+        )
+
+    @property
+    def electrons(self) -> float:
+        """Fewest per pixel, at the edge of the field that is asked for."""
+        geometry = self.geometry
+        found = mean_electrons(self.settings.light, geometry.light_f_number, geometry.pixel_pitch, self.illumination)
+        return float(np.nanmin(found))
+
+    def airy_px(self, stage: LensStage | None) -> float:
+        """Largest Airy radius of a lens on the sensor [samples]."""
+        if stage is None:
+            return math.nan
+        radius = FIRST_DARK_RING * self.settings.wavelength * stage.f_number * stage.relay
+        return float(np.nanmax(radius) / self.geometry.sample_pitch)
+
+    def aberration_waves(self, stage: LensStage | None) -> float:
+        """Path at the rim, ``R⁴/8 (…)`` [waves]; a corrected lens leaves only what defocus makes of it."""
+        if stage is None:
+            return 0.0
+        rim = (stage.aperture_diameter / 2.0) ** 4 / 8.0 / self.settings.wavelength
+        there = np.abs(1.0 / stage.plane_distance**3)
+        if self.settings.lens_phase == "parabolic":
+            return float(np.nanmax(rim * (there + np.abs(1.0 / stage.object_distance**3))))
+        focused = np.abs(1.0 / stage.focal_length - 1.0 / stage.object_distance) ** 3
+        return float(np.nanmax(rim * np.abs(there - focused)))
+
+    def obliquity(self, stage: LensStage | None) -> float:
+        """``1 − cos²θ`` at the rim: the cosine, and the longer way."""
+        if stage is None:
+            return 0.0
+        half = stage.aperture_diameter / 2.0
+        return float(np.nanmax(half**2 / (half**2 + stage.plane_distance**2)))
+
+
+def picture_slots(cases: Sequence[PictureCase], *, distances: int, speed: float) -> tuple[Slot, ...]:
+    """Slots of the picture of one camera, weighed over every variant of it; costs are for so many distances."""
+    stages = [(case, case.geometry.main_lens, case.geometry.microlens) for case in cases]
+    noise = [_noise_shares(case) for case in cases]
+
+    def worst(value: Callable[[PictureCase], float]) -> float:
+        return max(value(case) for case in cases)
+
+    def seconds(name: str) -> float:
+        return _SECONDS.get(name, 0.0) * distances / speed
+
+    trial = PictureTrial(
+        change=lambda slot, name: worst(lambda case: case.change(slot, name)),
+        blur_px=worst(lambda case: float(np.nanmax(case.geometry.blur_px))),
+        main_lens_airy_px=max(case.airy_px(main) for case, main, _ in stages),
+        microlens_airy_px=max(case.airy_px(micro) for case, _, micro in stages),
+        aberration_waves=(
+            max(case.aberration_waves(main) for case, main, _ in stages),
+            max(case.aberration_waves(micro) for case, _, micro in stages),
+        ),
+        obliquity=(
+            max(case.obliquity(main) for case, main, _ in stages),
+            max(case.obliquity(micro) for case, _, micro in stages),
+        ),
+        electrons=min(case.electrons for case in cases),
+        illumination=min(case.illumination for case in cases),
+        read_noise_share=max(read for read, _ in noise),
+        quantisation_share=max(rounding for _, rounding in noise),
+        spectrum_width=max(_spectrum_width(case.settings) for case in cases),
+        microlens_reach_airy=min(
+            math.inf if micro is None else case.geometry.widest_window_px / math.sqrt(2.0) / case.airy_px(micro)
+            for case, _, micro in stages
+        ),
+        seconds=seconds,
+    )
+    return (
+        defocus_blur(trial),
+        diffraction(trial, "main_lens_diffraction"),
+        diffraction(trial, "microlens_diffraction"),
+        crosstalk(trial),
+        pixel_integration(trial),
+        source_extent(trial),
+        spectrum(trial),
+        vignetting(trial),
+        sensor_noise(trial),
+    )
+
+
+def _noise_shares(case: PictureCase) -> tuple[float, float]:
+    """Share of read noise and of rounding in the noise power of the darkest pixel."""
+    sensor, electrons = case.settings.sensor_noise, case.electrons
+    shot, read, everything = (
+        float(noise_variance(electrons, sensor, model)) for model in ("shot", "shot+read", "shot+read+quantisation")
+    )
+    return (read - shot) / everything, (everything - read) / everything
+
+
+def _spectrum_width(settings: PictureSettings) -> float:
+    if len(settings.spectrum) < 2:
+        return math.nan
+    wavelengths = [wavelength for wavelength, _ in settings.spectrum]
+    return (max(wavelengths) - min(wavelengths)) / settings.wavelength
