@@ -112,6 +112,10 @@ class DisparityErrorLaw(Protocol):
         """Standard deviation of the disparity of one measurement [px] at distances [m]; NaN without a picture."""
         ...
 
+    def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """Estimated numerical error of `error_px` [px]."""
+        ...
+
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Where a matcher can reach that error."""
         ...
@@ -191,6 +195,14 @@ def disparity_error_at(camera: DepthCamera, distance: ArrayLike) -> FloatArray:
     if isinstance(error, float | int):
         return np.full(np.shape(distance), float(error))
     return error.error_px(camera, distance)
+
+
+def numerical_error_of_disparity_error(camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+    """Estimated numerical error of `disparity_error_at` [px]: 0 where it is declared."""
+    error = camera.disparity_error_px
+    if isinstance(error, float | int):
+        return np.zeros(np.shape(distance))
+    return error.numerical_error_px(camera, distance)
 
 
 def require_disparity_error(error: DisparityError) -> None:

@@ -44,6 +44,10 @@ class PictureDisparityError:
         """The bound [samples] at distances [m]; NaN where the camera forms no picture."""
         return self.derived(camera, distance).value.reshape(np.shape(distance))
 
+    def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """Estimated numerical error of `error_px` [samples]."""
+        return self.derived(camera, distance).error.reshape(np.shape(distance))
+
     def derived(self, camera: DepthCamera, distance: ArrayLike) -> DerivedDisparityError:
         """The bound with its numerical error and the conditions that it breaks, over the distances in one row."""
         a = np.ascontiguousarray(distance, dtype=np.float64)

@@ -80,6 +80,23 @@ DEPTH: Final[Mapping[str, Variable]] = {
         reference=_EIGHT,
         error=DEPTH_ROUNDING,
     ),
+    "disparity_error_px": Variable(
+        dims=("camera", "distance"),
+        units="px",
+        long_name="standard deviation of one measured disparity, declared or the Cramér–Rao bound of matching; "
+        "for the views of an unfocused plenoptic camera a px is a microlens; infinite where no texture is pictured; "
+        "NaN where the camera forms no image",
+        symbol="σ_d",
+        reference="Carter, Proc. IEEE 75, 236 (1987)",
+        error="see disparity_error_px_error",
+    ),
+    "disparity_error_px_error": Variable(
+        dims=("camera", "distance"),
+        units="px",
+        long_name="estimated numerical error of disparity_error_px: quadrature over the band, aliasing, diffraction; "
+        "0 where it is declared; NaN where the camera forms no image",
+        error="an estimate of an error",
+    ),
     "virtual_depth": Variable(
         dims=("camera", "distance"),
         units="1",

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import assert_never
 
 from tradestudy.cameras.conventional import ConventionalCamera, FocusStackPlan
-from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
+from tradestudy.cameras.depth_camera import DisparityError, ErrorSource, UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, focal_length_of_field_of_view
@@ -15,6 +15,10 @@ from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
 from tradestudy.cameras.stereo import StereoCalibration, StereoRig
 from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
 from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.noise import Light, SensorNoise
+from tradestudy.imaging.picture import PictureModels, PictureSettings
+from tradestudy.imaging.texture import Texture
 from tradestudy.optics.depth_of_field import (
     microlens_focal_length,
     object_distance_of_magnification,
@@ -27,6 +31,7 @@ from tradestudy.study.schema.cameras import (
     CameraPart,
     ConventionalFocusPart,
     ConventionalPart,
+    DisparityPart,
     FocusedPlenopticPart,
     LengthErrorPart,
     LensPart,
@@ -37,14 +42,22 @@ from tradestudy.study.schema.cameras import (
     UnfocusedPlenopticPart,
 )
 from tradestudy.study.schema.depth_of_field import BlurPart
+from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.questions import UsablePart
 
 COVERING_VIRTUAL_DEPTH = 2.0
 AnyCamera = FocusedPlenoptic | UnfocusedPlenoptic | StereoRig | ConventionalCamera
 
 
-def camera_of(part: CameraPart) -> AnyCamera:
+def camera_of(part: CameraPart, picture: PictureSettings | None) -> AnyCamera:
     """Build the camera that a part of a study file describes.
+
+    Parameters
+    ----------
+    part
+        As written.
+    picture
+        What a derived disparity error follows from; None in a study that has none.
 
     Raises
     ------
@@ -53,15 +66,73 @@ def camera_of(part: CameraPart) -> AnyCamera:
     """
     match part:
         case FocusedPlenopticPart():
-            return focused_plenoptic_of(part)
+            return focused_plenoptic_of(part, picture)
         case UnfocusedPlenopticPart():
-            return unfocused_plenoptic_of(part)
+            return unfocused_plenoptic_of(part, picture)
         case StereoPart():
-            return stereo_of(part)
+            return stereo_of(part, picture)
         case ConventionalPart():
             return conventional_of(part)
         case _:
             assert_never(part)
+
+
+def picture_of(part: PicturePart, wavelength: float) -> PictureSettings:
+    """Texture, light, sensor and window in SI; ``wavelength`` [m] is the central one."""
+    window = part.window
+    return PictureSettings(
+        texture=Texture(contrast=part.texture.contrast, correlation_length=part.texture.correlation_length),
+        light=Light(
+            electrons=part.light.electrons, f_number=part.light.at_f_number, pixel_pitch=part.light.at_pixel_pitch
+        ),
+        sensor_noise=SensorNoise(
+            read_noise_electrons=part.read_noise, full_well_electrons=part.full_well, bits=part.bits
+        ),
+        wavelength=wavelength,
+        window_px=window.size if window.of == "picture" else None,
+        window_length=window.size if window.of == "object" else None,
+        spectrum=tuple((line.wavelength, line.weight) for line in part.spectrum or ()),
+        field_angle=part.field_angle,
+        stop_separation=part.stop_separation,
+        pixel_fill=part.pixel_fill,
+        lens_phase=part.lens_phase,
+    )
+
+
+def closed_form_models(picture: PictureSettings, *, microlenses: bool) -> PictureModels:
+    """Every effect of the picture that has a closed form: what a derived error is made of unless models are chosen.
+
+    ``microlenses`` says whether the camera's picture comes through microlenses that blur it.
+    """
+    return PictureModels(
+        defocus_blur="disc",
+        main_lens_diffraction="airy",
+        microlens_diffraction="airy" if microlenses else "none",
+        pixel_integration="square",
+        spectrum="weighted" if picture.spectrum else "central",
+        vignetting="cos4",
+        sensor_noise="shot+read+quantisation",
+    )
+
+
+def disparity_error_of(
+    part: DisparityPart, picture: PictureSettings | None, *, microlenses: bool = False
+) -> DisparityError:
+    """The declared error of a disparity [px], or the law of its picture.
+
+    Raises
+    ------
+    OutOfRangeError
+        A derived error without a picture to derive it from.
+    """
+    declared = part.declared_error_px
+    if declared is not None:
+        return declared
+    if picture is None:
+        raise OutOfRangeError(
+            "a derived disparity error needs the scene's picture", remedy="add picture to scene: texture, light, sensor"
+        )
+    return PictureDisparityError(settings=picture, models=closed_form_models(picture, microlenses=microlenses))
 
 
 def criteria_of(part: UsablePart) -> UsableCriteria:
@@ -77,7 +148,7 @@ def criteria_of(part: UsablePart) -> UsableCriteria:
     )
 
 
-def stereo_of(part: StereoPart) -> StereoRig:
+def stereo_of(part: StereoPart, picture: PictureSettings | None) -> StereoRig:
     """A stereo rig; axes that meet at Z₀ converge by ``2 atan(B / 2Z₀)``."""
     sensor = sensor_of(part.sensor)
     errors = part.calibration
@@ -88,7 +159,7 @@ def stereo_of(part: StereoPart) -> StereoRig:
         baseline=part.baseline,
         convergence_angle=2.0 * math.atan(part.baseline / (2.0 * part.axes_meet_at)),
         triangulation=part.depth.estimator,
-        disparity_error_px=part.depth.disparity_error_px,
+        disparity_error_px=disparity_error_of(part.depth, picture),
         discrimination_step_px=part.depth.discrimination_step,
         calibration=StereoCalibration(
             yaw=error_of(errors.yaw),
@@ -101,7 +172,7 @@ def stereo_of(part: StereoPart) -> StereoRig:
     )
 
 
-def focused_plenoptic_of(part: FocusedPlenopticPart) -> FocusedPlenoptic:
+def focused_plenoptic_of(part: FocusedPlenopticPart, picture: PictureSettings | None) -> FocusedPlenoptic:
     """A focused plenoptic camera; its array is put where the declared plane is the total covering plane.
 
     With b_M the image distance of that plane, ``z = b_M ± 2 b_L`` (Keplerian +, Galilean −); with f-number matching,
@@ -150,7 +221,7 @@ def focused_plenoptic_of(part: FocusedPlenopticPart) -> FocusedPlenoptic:
         mla_distance=z,
         estimator=depth.estimator,
         lenses="all" if pair.get(depth.estimator, depth.lenses) == "all" else "sharpest-type",
-        disparity_error_px=depth.disparity_error_px,
+        disparity_error_px=disparity_error_of(depth, picture, microlenses=True),
         discrimination_step_px=depth.discrimination_step,
         calibration=plenoptic_calibration_of(part.calibration),
     )
@@ -177,7 +248,7 @@ def _designed_focal_lengths(part: FocusedPlenopticPart, gap: float, sign: float)
     return tuple(float(focal_length) for focal_length in microlens_focal_length(sign * inverse_depths, gap))
 
 
-def unfocused_plenoptic_of(part: UnfocusedPlenopticPart) -> UnfocusedPlenoptic:
+def unfocused_plenoptic_of(part: UnfocusedPlenopticPart, picture: PictureSettings | None) -> UnfocusedPlenoptic:
     """An unfocused plenoptic camera; with f-number matching ``f_L = p z/A``."""
     sensor = sensor_of(part.sensor)
     lens = lens_of(part.main_lens, sensor)
@@ -205,7 +276,7 @@ def unfocused_plenoptic_of(part: UnfocusedPlenopticPart) -> UnfocusedPlenoptic:
         ),
         focus_distance=part.focus.distance,
         estimator=part.depth.estimator,
-        disparity_error_px=part.depth.disparity_error_px,
+        disparity_error_px=disparity_error_of(part.depth, picture),
         discrimination_step_px=part.depth.discrimination_step,
         calibration=plenoptic_calibration_of(part.calibration),
     )

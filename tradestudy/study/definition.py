@@ -14,8 +14,9 @@ from tradestudy.cameras.conventional import ConventionalCamera
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of
+from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of, picture_of
 from tradestudy.study.reader import Document, validate, with_values
+from tradestudy.study.schema.cameras import ConventionalPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart
 
@@ -77,16 +78,19 @@ class StudyDefinition:
     def case(self) -> Case:
         """The cameras, built; every one that cannot be is reported."""
         cameras: dict[str, AnyCamera] = {}
-        problems: list[Problem] = []
+        problems = self._problems_of_derived_errors()
+        if problems:
+            raise StudyError(problems)
+        scene = self.file.scene
+        picture = None if scene is None or scene.picture is None else picture_of(scene.picture, scene.wavelength)
         for name, part in self.file.cameras.items():
             try:
-                cameras[name] = camera_of(part)
+                cameras[name] = camera_of(part, picture)
             except TradestudyError as error:
                 file, line, column = self.document.locate(("cameras", name))
                 problems.append(Problem(file=file, line=line, column=column, path=f"cameras.{name}", what=str(error)))
         if problems:
             raise StudyError(problems)
-        scene = self.file.scene
         return Case(
             cameras={name: camera for name, camera in cameras.items() if not isinstance(camera, ConventionalCamera)},
             all_cameras=cameras,
@@ -96,6 +100,29 @@ class StudyDefinition:
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
         )
+
+    def _problems_of_derived_errors(self) -> list[Problem]:
+        """Disparity errors that nothing says how to derive, or that are asked of what knows only a declared one."""
+        missing = self.file.scene is None or self.file.scene.picture is None
+        uncertain = {} if self.file.calibration is None else self.file.calibration.cameras
+        problems: list[Problem] = []
+        for name, part in self.file.cameras.items():
+            if isinstance(part, ConventionalPart) or part.depth.declared_error_px is not None:
+                continue
+            path: tuple[str, ...] = ("cameras", name, "depth", "disparity_error")
+            if missing:
+                file, line, column = self.document.locate(path)
+                what = "is derived from the picture, and scene.picture (texture, window, light, sensor) is missing"
+                problems.append(Problem(file=file, line=line, column=column, path=".".join(path), what=what))
+            if name in uncertain:
+                path = ("calibration", "cameras", name)
+                file, line, column = self.document.locate(path)
+                what = (
+                    "calibration errors are propagated with one pixel noise, and the disparity error of this camera is "
+                    "derived at every distance; declare its disparity_error in pixels"
+                )
+                problems.append(Problem(file=file, line=line, column=column, path=".".join(path), what=what))
+        return problems
 
     def with_values(
         self,

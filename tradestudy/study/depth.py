@@ -8,7 +8,12 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart
+from tradestudy.cameras.depth_camera import (
+    DepthCamera,
+    DepthErrorPart,
+    disparity_error_at,
+    numerical_error_of_disparity_error,
+)
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.sum_of_errors import SumOfErrors
 
@@ -37,6 +42,8 @@ class DepthEvaluation:
         Uncertainty [m] from each part alone.
     disparity_px, equivalent_baseline
         As the camera defines them.
+    disparity_error_px, disparity_error_px_error
+        Standard deviation of one measured disparity [px], and its numerical error.
     """
 
     distance: FloatArray
@@ -48,6 +55,8 @@ class DepthEvaluation:
     parts: Mapping[str, FloatArray]
     disparity_px: FloatArray
     equivalent_baseline: FloatArray
+    disparity_error_px: FloatArray
+    disparity_error_px_error: FloatArray
 
 
 def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation:
@@ -73,6 +82,10 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation
         parts={part.name: _uncertainty(camera, distance, _sum((part,), distance.shape)) for part in parts},
         disparity_px=camera.disparity_px(distance),
         equivalent_baseline=camera.equivalent_baseline(distance),
+        disparity_error_px=np.where(np.isnan(distance), np.nan, disparity_error_at(camera, distance)),
+        disparity_error_px_error=np.where(
+            np.isnan(distance), np.nan, numerical_error_of_disparity_error(camera, distance)
+        ),
     )
 
 

@@ -107,16 +107,27 @@ class FocusPart(Part):
 class DisparityPart(Part):
     """How well disparity is measured."""
 
-    disparity_error: PositivePixels = Field(description="Standard deviation of one measurement.")
+    disparity_error: PositivePixels | Literal["derived"] = Field(
+        description="Standard deviation of one measurement; derived: the Cramér–Rao bound of matching in the picture "
+        "of the scene's texture (scene.picture)."
+    )
     error_of: Literal["disparity", "coordinate"] = Field(
         default="disparity",
         description="Whether the error is that of the disparity or of each image coordinate (× √2).",
     )
     discrimination_step: PositivePixels = Field(description="Disparity step of the depth discrimination.")
 
+    @model_validator(mode="after")
+    def _derived_is_of_the_disparity(self) -> Self:
+        if self.disparity_error == "derived" and self.error_of == "coordinate":
+            raise MistakeAt(("error_of",), "a derived error is that of the disparity; leave error_of out")
+        return self
+
     @property
-    def disparity_error_px(self) -> float:
-        """Of the disparity [px], whichever way it was given."""
+    def declared_error_px(self) -> float | None:
+        """Of the disparity [px], whichever way it was given; None where it is derived."""
+        if self.disparity_error == "derived":
+            return None
         return self.disparity_error * (math.sqrt(2.0) if self.error_of == "coordinate" else 1.0)
 
 

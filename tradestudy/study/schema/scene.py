@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.quantities import PositiveLength, PositiveWavelength
 
 MOST_DISTANCES = 100_000
@@ -40,6 +41,9 @@ class ScenePart(Part):
 
     distances: DistanceRangePart | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
     wavelength: PositiveWavelength
+    picture: PicturePart | None = Field(
+        default=None, description="Texture, light and sensor: what derived disparity errors follow from."
+    )
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:

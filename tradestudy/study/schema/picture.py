@@ -1,0 +1,120 @@
+"""What a camera's picture of the scene is made of: texture, light, sensor, and the window that is matched."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, NamedTuple, Self
+
+from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
+
+from tradestudy import units
+from tradestudy.study.mistakes import MistakeAt
+from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.quantities import (
+    NonNegativeElectrons,
+    NonNegativeLength,
+    PositiveElectrons,
+    PositiveFraction,
+    PositiveLength,
+    PositiveNumber,
+    PositiveWavelength,
+    quantity,
+)
+from tradestudy.units import UnitError, parse
+
+
+class Window(NamedTuple):
+    """Side of the window that is matched, and what it is counted in."""
+
+    size: float
+    of: Literal["picture", "object"]
+
+
+def _window(value: Any) -> Window:
+    """Read "9 px" or "1 mm"."""
+    try:
+        window = Window(parse(value, units.PIXELS), "picture")
+    except UnitError:
+        try:
+            window = Window(parse(value, units.LENGTH), "object")
+        except UnitError:
+            raise UnitError(
+                f"'{value}' is no window; pixels such as 9 px, or a length on the object such as 1 mm, are expected"
+            ) from None
+    if not 0.0 < window.size < float("inf"):
+        raise UnitError(f"'{value}' is out of range; a window above 0 px or 0 m is expected")
+    return window
+
+
+PictureWindow = Annotated[
+    Window,
+    PlainValidator(_window),
+    WithJsonSchema(
+        {
+            "type": "string",
+            "description": "pixels, or a length on the object",
+            "examples": ["9 px", "1 mm"],
+            "pattern": r"^[+]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[A-Za-zµμÅ].*$",
+        }
+    ),
+]
+FieldAngle = Annotated[float, *quantity(units.ANGLE, at_least=0.0, at_most=89.0 * units.DEGREE)]
+PixelFill = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most=1.0)]
+
+
+class TexturePart(Part):
+    """The surface: a random texture whose autocorrelation falls off exponentially."""
+
+    contrast: PositiveFraction = Field(description="Standard deviation of the radiance over its mean.")
+    correlation_length: PositiveLength = Field(
+        description="On the object: where the autocorrelation of the radiance is down to 1/e."
+    )
+
+
+class LightPart(Part):
+    """Scene and exposure, the same for all cameras."""
+
+    electrons: PositiveElectrons = Field(description="Mean electrons of a pixel at that f-number, on the axis.")
+    at_f_number: PositiveNumber = Field(description="Working f-number: image distance over pupil diameter.")
+    at_pixel_pitch: PositiveLength | None = Field(
+        default=None, description="Of such a pixel; left out, every pixel collects that, whatever its size."
+    )
+
+
+class SpectralLinePart(Part):
+    """A wavelength and its weight."""
+
+    wavelength: PositiveWavelength
+    weight: PositiveNumber
+
+
+class PicturePart(Part):
+    """What a derived disparity error follows from, the same for every camera that has one."""
+
+    texture: TexturePart
+    window: PictureWindow = Field(
+        description="Side of the square that is matched: pixels, or a length on the object. At most a micro-image."
+    )
+    light: LightPart
+    read_noise: NonNegativeElectrons = Field(description="Standard deviation of one reading of a pixel.")
+    full_well: PositiveElectrons = Field(description="Where a pixel saturates, and the top of the digitised scale.")
+    bits: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Of a raw value.")
+    field_angle: FieldAngle = Field(
+        default=0.0, description="Of the place in the picture whose light counts; needs the vignetting there."
+    )
+    stop_separation: NonNegativeLength = Field(
+        default=0.0, description="Of two equal round stops that cut the pupil away from the axis; 0 m: none does."
+    )
+    pixel_fill: PixelFill = Field(default=1.0, description="Active width of a pixel over its pitch.")
+    spectrum: Annotated[tuple[SpectralLinePart, ...], Field(min_length=1, max_length=100)] | None = Field(
+        default=None, description="Wavelengths with weights; default: the wavelength of the scene."
+    )
+    lens_phase: Literal["perfect", "parabolic"] = Field(
+        default="perfect",
+        description="Lens of the Kirchhoff model: well corrected, or the parabolic phase of the paper.",
+    )
+
+    @model_validator(mode="after")
+    def _stops_need_an_angle(self) -> Self:
+        if self.stop_separation > 0.0 and self.field_angle == 0.0:
+            raise MistakeAt(("stop_separation",), "cuts nothing on the axis; give a field_angle")
+        return self
