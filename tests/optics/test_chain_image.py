@@ -437,8 +437,8 @@ def test_orbits_count_every_source_node_once() -> None:
         assert len(group) == expected
         nodes = source_nodes(path, source, wavelength=WAVELENGTH, density=1.0)
         chosen = list(orbits(nodes, 2, group))
-        assert sum(size for _, size in chosen) == nodes.x.shape[1]
-        assert len(chosen) <= nodes.x.shape[1] / expected + 2
+        assert sum(size for _, size in chosen) == len(nodes.rings[2])
+        assert len(chosen) <= len(nodes.rings[2]) / expected + 2
 
 
 def test_types_break_the_symmetry() -> None:

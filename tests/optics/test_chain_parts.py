@@ -12,7 +12,7 @@ from scipy.special import j1
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table
-from tradestudy.optics.chain.detector_transfer import choose_transfer, propagate
+from tradestudy.optics.chain.detector_transfer import choose_transfer, propagate, response
 from tradestudy.optics.chain.microlens_nodes import cell_nodes
 from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.point_image import table_reader
@@ -198,7 +198,8 @@ def test_transfer_is_the_plain_sum_of_kernels(paraxial: bool) -> None:
         x=x,
         y=y,
         strengths=strengths[None],
-        responses=transfer.response((0.0, 0.0))[None],
+        response=response(transfer),
+        carriers=np.zeros((1, 2), dtype=int),
         start=np.array([[-10e-6, -9e-6]]),
         shape=(121, 134),
         tolerance=1e-9,
@@ -233,18 +234,22 @@ def test_carrier_only_moves_the_band() -> None:
         x=x,
         y=y,
         strengths=strengths[None],
-        responses=wide.response((0.0, 0.0))[None],
+        response=response(wide),
+        carriers=np.zeros((1, 2), dtype=int),
         start=start,
         shape=shape,
         tolerance=1e-9,
     )[0]
     narrow = choose_transfer(node_reach=8e-6, target_reach=40e-6, kept_reach=45e-6, tilt=math.hypot(0.2, 0.1), **common)
+    steps = np.rint(np.array(f) / narrow.frequency_step).astype(int)
+    f = tuple(narrow.frequency_step * steps)
     over = propagate(
         narrow,
         x=x,
         y=y,
         strengths=(strengths * np.exp(-2j * np.pi * (f[0] * x + f[1] * y)))[None],
-        responses=narrow.response(f)[None],
+        response=response(narrow, largest_carrier=math.hypot(*f)),
+        carriers=steps[None],
         start=start,
         shape=shape,
         tolerance=1e-9,
@@ -268,7 +273,7 @@ def test_evanescent_band_is_refused() -> None:
         spacing=0.2e-6,
     )
     with pytest.raises(OutOfRangeError, match="sine"):
-        transfer.response((0.3 / WAVELENGTH, 0.0))
+        response(transfer, largest_carrier=0.3 / WAVELENGTH)
 
 
 def test_pixel_integration_of_a_fringe() -> None:

@@ -82,3 +82,16 @@ def test_long_gauss_legendre_rules_agree_with_numpy(count: int):
 def test_impossible_rules_are_refused(make):
     with pytest.raises(OutOfRangeError):
         make()
+
+
+def test_rings_with_fewer_angles_inside_integrate_what_turns_less_there() -> None:
+    """∬ cos(f·r) over a disc is 2πR² J₁(fR)/(fR); a ring of radius r needs more than f r angles."""
+    relative = np.sqrt(gauss_legendre(14)[0])
+    angles = np.ceil(20.0 * relative + 6 * np.cbrt(np.maximum(20.0 * relative, 1.0))).astype(int) + 3
+    nodes = disc_nodes(radius=2.0, radial_count=14, angular_count=angles)
+    assert nodes.count == angles.sum() < 0.85 * 14 * angles[-1]
+    expected = 2 * np.pi * 4.0 * j1(20.0) / 20.0
+    value = nodes.weights @ np.cos(6.0 * nodes.x + 8.0 * nodes.y)
+    assert value == pytest.approx(expected, abs=1e-7)
+    few = disc_nodes(radius=2.0, radial_count=14, angular_count=angles // 2)
+    assert abs(few.weights @ np.cos(6.0 * few.x + 8.0 * few.y) - expected) > 1e-3

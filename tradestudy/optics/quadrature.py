@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -49,7 +50,11 @@ class QuadratureNodes:
 
 
 def disc_nodes(
-    *, radius: float, radial_count: int, angular_count: int, centre: tuple[float, float] = (0.0, 0.0)
+    *,
+    radius: float,
+    radial_count: int,
+    angular_count: int | npt.NDArray[np.int_],
+    centre: tuple[float, float] = (0.0, 0.0),
 ) -> QuadratureNodes:
     """Place Gauss–Legendre rings (in the squared radius) of equally spaced angles on a disc.
 
@@ -62,14 +67,15 @@ def disc_nodes(
     radius
         Radius of the disc [m], > 0.
     radial_count, angular_count
-        Number of rings and of nodes on each ring, ≥ 1.
+        Number of rings and of nodes on each ring, ≥ 1; or on every ring its own number, from the innermost, shape
+        (radial_count,): a wave turns less often along a smaller ring.
     centre
         Centre of the disc [m].
 
     Returns
     -------
     QuadratureNodes
-        ``radial_count * angular_count`` nodes, ring by ring from the innermost.
+        ``radial_count * angular_count`` nodes, or as many as the rings have, ring by ring from the innermost.
 
     Raises
     ------
@@ -81,14 +87,19 @@ def disc_nodes(
     R. Cools and K. J. Kim, "A survey of known and new cubature formulas for the unit disk", 2000.
     """
     _check_positive("radius of the disc", radius)
-    _check_counts(radial_count, angular_count)
+    _check_counts(radial_count, int(np.min(angular_count)))
     t, w = gauss_legendre(radial_count)
-    ring = radius * np.sqrt(t)
-    angle = 2.0 * np.pi * np.arange(angular_count) / angular_count
-    x = centre[0] + np.multiply.outer(ring, np.cos(angle)).ravel()
-    y = centre[1] + np.multiply.outer(ring, np.sin(angle)).ravel()
-    weights = np.repeat(np.pi * radius**2 * w / angular_count, angular_count)
-    return QuadratureNodes(x=x, y=y, weights=weights, centre=centre, half_extent=radius)
+    counts = np.broadcast_to(angular_count, t.shape)
+    ring = np.repeat(radius * np.sqrt(t), counts)
+    place = np.arange(ring.size) - np.repeat(np.cumsum(counts) - counts, counts)
+    angle = 2.0 * np.pi * place / np.repeat(counts, counts)
+    return QuadratureNodes(
+        x=centre[0] + ring * np.cos(angle),
+        y=centre[1] + ring * np.sin(angle),
+        weights=np.repeat(np.pi * radius**2 * w / counts, counts),
+        centre=centre,
+        half_extent=radius,
+    )
 
 
 def rectangle_nodes(

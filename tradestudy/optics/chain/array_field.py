@@ -11,7 +11,7 @@ from scipy import ndimage
 
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.microlens_nodes import plane_wave_degree
+from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, tapered_disc_nodes
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum, unit_phasor
 from tradestudy.optics.propagation.fast_sum import fast_sum
@@ -19,6 +19,7 @@ from tradestudy.optics.propagation.fresnel import FresnelKernel
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave, PointSource
 from tradestudy.optics.propagation.paths import Array, SphericalPath
+from tradestudy.optics.propagation.sampling import net_phase
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
@@ -114,20 +115,14 @@ class PupilWave:
     def nodes(self, region: tuple[FloatArray, FloatArray], *, density: float) -> QuadratureNodes:
         """Pupil nodes that resolve the net phase from the source to every point of a region of the array.
 
-        The largest slope of the net path over rim and region gives the largest phase across the pupil, that phase
-        the polynomial degree, the degree the nodes.
+        Around the rim and along the radius apart: a defocused wave turns fast along the radius alone.
         """
-        radius = self.path.main_lens.radius
-        angle = 2 * np.pi * np.arange(48) / 48
-        u = np.concatenate([radius * np.cos(angle), radius / 2 * np.cos(angle)])
-        v = np.concatenate([radius * np.sin(angle), radius / 2 * np.sin(angle)])
-        slope_x, slope_y = self.wave.paths.slope(u, v)
-        x, y = (c[:, None] for c in region)
-        back_x, back_y, _ = self.kernel.slope_at_target(u - x, v - y, 0.0, 0.0, self.path.array_distance)
-        steepest = float(np.max(np.hypot(slope_x - back_x, slope_y - back_y)))
-        steepest += self.coherent_radius / math.hypot(self.coherent_radius, self.source.distance)
-        degree = plane_wave_degree(density * 2 * math.pi / self.wavelength * steepest * radius)
-        return disc_nodes(radius=radius, radial_count=degree // 4 + 2, angular_count=degree + 1)
+        radius, z = self.path.main_lens.radius, self.path.array_distance
+        # Every point of a coherent disc arrives at its own slope, which is as good as targets farther out.
+        wider = z * self.coherent_radius / math.hypot(self.coherent_radius, self.source.distance)
+        x, y = (np.concatenate([c - wider, c + wider]) for c in region)
+        half_range, turns = net_phase(self.wave.paths, self.kernel, radius=radius, x=x, y=y, z=np.full(x.shape, z))
+        return tapered_disc_nodes(radius=radius, radial_phase=2 * density * half_range, angular_phase=density * turns)
 
 
 def leg_kernel(wavelength: float, paraxial: bool) -> FresnelKernel | KirchhoffKernel:

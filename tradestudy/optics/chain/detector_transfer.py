@@ -14,16 +14,15 @@ from functools import cached_property
 
 import finufft
 import numpy as np
+import numpy.typing as npt
 import scipy.fft
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 
-_FADING = 4.0  # Fresnel lengths beyond what is kept over which light fades out, so that the band's edge does not ring
-
-
-_STEEPEST = 0.98  # sine up to which the period follows the light; beyond, `Transfer.response` refuses
+_FINEST = 1e-4  # tolerance from which on light fades out over no greater length
+_STEEPEST = 0.98  # sine up to which the period follows the light; beyond, `response` refuses
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,58 +61,91 @@ class Transfer:
         """Frequencies of one axis in the order of the FFT [1/m]."""
         return np.asarray(scipy.fft.fftfreq(self.count, self.spacing))
 
-    def response(self, carrier: tuple[float, float], *, single: bool = False) -> ComplexArray:
-        """Transfer function about a carrier frequency, shape (count, count) as (f_y, f_x), constant phase dropped.
-
-        Kirchhoff: exp(i b k_z)/(1 + i k_z/(k² b)). The first factor belongs to Rayleigh–Sommerfeld I; the paper's
-        kernel lacks its 1 + i/(k s), and at the stationary point s = b k/k_z.
-        Fresnel: exp(−iπ λ b f²).
-
-        `single` computes in 32 bits: 1e-5 rad of error in a millimetre.
-        """
-        real = np.dtype(np.float32 if single else np.float64)
-        sine_x: FloatArray = (self.wavelength * (self.frequencies + carrier[0])).astype(real)
-        sine_y: FloatArray = (self.wavelength * (self.frequencies + carrier[1])).astype(real)
-        squared = (sine_x**2)[None, :] + (sine_y**2)[:, None]
-        k_b = 2 * math.pi / self.wavelength * self.distance
-        window: FloatArray = self._window.astype(real)
-        if self.paraxial:
-            return _phasor(-k_b / 2 * squared, window)
-        if float(np.max(squared, where=window > 0, initial=0.0)) >= 1:
-            raise OutOfRangeError(
-                "angle between array and detector",
-                value="sine ≥ 1",
-                limit="propagating waves",
-                remedy="widen the gap or narrow the detector",
-            )
-        cosine = np.sqrt(np.maximum(1 - squared, 0))
-        factor = cosine / k_b
-        return _phasor(-k_b * squared / (1 + cosine) - np.arctan(factor), window / np.sqrt(1 + factor**2))
+    @property
+    def frequency_step(self) -> float:
+        """Distance of neighbouring frequencies; carriers are whole multiples of it [1/m]."""
+        return 1 / self.period
 
     @cached_property
-    def _window(self) -> FloatArray:
+    def window(self) -> FloatArray:
         """One inside the band, falling smoothly to zero over its outer part."""
         f = np.hypot(self.frequencies[None, :], self.frequencies[:, None])
         ramp = np.clip((self.half_band - f) / (self.half_band - self.full_band), 0.0, 1.0)
         return np.asarray(ramp**3 * (10 - 15 * ramp + 6 * ramp**2))
 
 
-def _phasor(phase: FloatArray, amplitude: FloatArray) -> ComplexArray:
-    """Complex number of the same precision from its phase and amplitude."""
-    result = np.empty(phase.shape, dtype=np.result_type(phase.dtype, np.complex64))
-    np.cos(phase, out=result.real)
-    np.sin(phase, out=result.imag)
-    result *= amplitude
-    return result
+@dataclass(frozen=True, kw_only=True)
+class Response:
+    """Transfer function of free space, tabulated once for every carrier: it is even in both frequencies.
+
+    Attributes
+    ----------
+    transfer
+        Grid and law.
+    quadrant
+        Values at frequencies ≥ 0 of both axes, in steps of `Transfer.frequency_step`.
+    """
+
+    transfer: Transfer
+    quadrant: ComplexArray
+
+    def about(self, carrier: tuple[int, int]) -> ComplexArray:
+        """Response times window about a carrier (x, y) in frequency steps, shape (count, count) as (f_y, f_x)."""
+        index = np.rint(self.transfer.frequencies * self.transfer.period).astype(int)
+        rows, columns = np.abs(index + carrier[1]), np.abs(index + carrier[0])
+        return np.asarray(self.quadrant[rows][:, columns] * self.transfer.window.astype(self.quadrant.real.dtype))
 
 
-def fading_length(wavelength: float, distance: float, reach: float, *, paraxial: bool) -> float:
+def response(transfer: Transfer, *, largest_carrier: float = 0.0, single: bool = False) -> Response:
+    """Tabulate the transfer function of a leg, constant phase dropped.
+
+    Kirchhoff: exp(i b k_z)/(1 + i k_z/(k² b)). The first factor belongs to Rayleigh–Sommerfeld I; the paper's
+    kernel lacks its 1 + i/(k s), and at the stationary point s = b k/k_z.
+    Fresnel: exp(−iπ λ b f²).
+
+    Parameters
+    ----------
+    transfer
+        Grid and law.
+    largest_carrier
+        Largest magnitude of a carrier [1/m].
+    single
+        Give 32-bit numbers.
+
+    Raises
+    ------
+    OutOfRangeError
+        If light of the band about such a carrier does not propagate.
+    """
+    count = transfer.count // 2 + math.ceil(largest_carrier * transfer.period) + 2
+    sine = transfer.wavelength * transfer.frequency_step * np.arange(count)
+    squared = (sine**2)[None, :] + (sine**2)[:, None]
+    k_b = 2 * math.pi / transfer.wavelength * transfer.distance
+    kind = np.complex64 if single else np.complex128
+    if transfer.paraxial:
+        return Response(transfer=transfer, quadrant=unit_phasor(-k_b / 2 * squared).astype(kind))
+    if transfer.wavelength * (transfer.half_band + largest_carrier) >= 1:
+        raise OutOfRangeError(
+            "angle between array and detector",
+            value="sine ≥ 1",
+            limit="propagating waves",
+            remedy="widen the gap or narrow the detector",
+        )
+    cosine = np.sqrt(np.maximum(1 - squared, 0))
+    quadrant = unit_phasor(-k_b * squared / (1 + cosine)) / (1 + 1j / k_b * cosine)
+    return Response(transfer=transfer, quadrant=quadrant.astype(kind))
+
+
+def fading_length(
+    wavelength: float, distance: float, reach: float, *, paraxial: bool, tolerance: float = _FINEST
+) -> float:
     """Distance over which light fades out that lands beyond a reach from where it started [m].
 
-    In Fresnel lengths of the slanted path: √(λ b)/cos^{3/2}, without the cosine in Fresnel's law.
+    The band's edge must not ring: as many Fresnel lengths of the slanted path, √(λ b)/cos^{3/2} (without the cosine in
+    Fresnel's law), as the tolerance has decimals.
     """
     slant = 1.0 if paraxial else 1 + (reach / distance) ** 2
-    return _FADING * math.sqrt(wavelength * distance) * math.pow(slant, 0.75)
+    return -math.log10(max(tolerance, _FINEST)) * math.sqrt(wavelength * distance) * math.pow(slant, 0.75)
 
 
 def sine_towards(offset: float, distance: float, *, paraxial: bool) -> float:
@@ -121,9 +153,11 @@ def sine_towards(offset: float, distance: float, *, paraxial: bool) -> float:
     return offset / distance if paraxial else offset / math.hypot(offset, distance)
 
 
-def half_band(wavelength: float, distance: float, kept_reach: float, *, paraxial: bool) -> float:
+def half_band(
+    wavelength: float, distance: float, kept_reach: float, *, paraxial: bool, tolerance: float = _FINEST
+) -> float:
     """Frequency at which light has faded out that lands beyond what is kept [1/m]; samples must resolve it."""
-    faded = kept_reach + fading_length(wavelength, distance, kept_reach, paraxial=paraxial)
+    faded = kept_reach + fading_length(wavelength, distance, kept_reach, paraxial=paraxial, tolerance=tolerance)
     return sine_towards(faded, distance, paraxial=paraxial) / wavelength
 
 
@@ -145,6 +179,7 @@ def choose_transfer(
     kept_reach: float,
     spacing: float,
     tilt: float = 0.0,
+    tolerance: float = _FINEST,
 ) -> Transfer:
     """Choose band and period for nodes and targets within squares about one axis.
 
@@ -160,13 +195,15 @@ def choose_transfer(
         Distance of detector samples [m]; it is the caller's to divide the pixel.
     tilt
         Largest sine of a carrier; targets then lie about where the carrier lands.
+    tolerance
+        Relative error aimed at, from which the length follows over which light fades out.
 
     Raises
     ------
     OutOfRangeError
         If the samples are too coarse for the band.
     """
-    band = half_band(wavelength, distance, kept_reach, paraxial=paraxial)
+    band = half_band(wavelength, distance, kept_reach, paraxial=paraxial, tolerance=tolerance)
     if 2 * band * spacing > 1:
         raise OutOfRangeError(
             "distance of detector samples",
@@ -194,7 +231,8 @@ def propagate(
     x: FloatArray,
     y: FloatArray,
     strengths: ComplexArray,
-    responses: ComplexArray,
+    response: Response,
+    carriers: npt.NDArray[np.int_],
     start: FloatArray,
     shape: tuple[int, int],
     tolerance: float,
@@ -210,8 +248,10 @@ def propagate(
         Node positions relative to the set's origin [m], shape (n,), the same for every set.
     strengths
         Field times area weight, carrier taken out, shape (sets, n).
-    responses
-        `Transfer.response` of each set's carrier, shape (sets, count, count).
+    response
+        Transfer function.
+    carriers
+        Carrier (x, y) of each set in frequency steps, shape (sets, 2).
     start
         First sample (x, y) of each patch relative to the set's origin [m], shape (sets, 2).
     shape
@@ -237,15 +277,19 @@ def propagate(
         modeord=1,
         nthreads=threads,
     ).reshape(-1, transfer.count, transfer.count)
-    spectrum *= responses
     shift_x, shift_y = (
-        np.exp(2j * np.pi * np.outer(start[:, axis], transfer.frequencies)).astype(spectrum.dtype) for axis in (0, 1)
+        unit_phasor(2 * np.pi * np.outer(start[:, axis], transfer.frequencies)).astype(spectrum.dtype)
+        for axis in (0, 1)
     )
-    spectrum *= shift_y[:, :, None]
-    spectrum *= shift_x[:, None, :]
     rows, columns = shape
-    partial = scipy.fft.ifft(spectrum, axis=1, overwrite_x=True)[:, :rows]
-    return np.asarray(scipy.fft.ifft(partial, axis=2, overwrite_x=True)[:, :, :columns] / transfer.spacing**2)
+    fields = np.empty((spectrum.shape[0], rows, columns), dtype=spectrum.dtype)
+    for each, field, carrier, x_phase, y_phase in zip(spectrum, fields, carriers, shift_x, shift_y, strict=True):
+        each *= response.about((int(carrier[0]), int(carrier[1])))
+        each *= y_phase[:, None]
+        partial = scipy.fft.ifft(each, axis=0, overwrite_x=True)[:rows]
+        partial *= x_phase / transfer.spacing**2
+        field[:] = scipy.fft.ifft(partial, axis=1, overwrite_x=True)[:, :columns]
+    return fields
 
 
 def _real_of(array: ComplexArray) -> type[np.floating]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.scene import Microlenses
-from tradestudy.optics.quadrature import disc_nodes, gauss_legendre, rectangle_nodes
+from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes, gauss_legendre, rectangle_nodes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +41,8 @@ def cell_nodes(lenses: Microlenses, *, cycles: float) -> CellNodes:
     """
     half = lenses.aperture_width / 2
     if lenses.aperture == "circular":
-        degree = plane_wave_degree(2 * math.pi * cycles)
-        lens = disc_nodes(radius=half, radial_count=degree // 4 + 2, angular_count=degree + 1)
+        phase = 2 * math.pi * cycles
+        lens = tapered_disc_nodes(radius=half, radial_phase=phase, angular_phase=phase)
     else:
         count = plane_wave_degree(2 * math.pi * cycles * math.sqrt(2)) // 2 + 2
         lens = rectangle_nodes(width=2 * half, height=2 * half, counts=(count, count))
@@ -54,6 +54,19 @@ def cell_nodes(lenses: Microlenses, *, cycles: float) -> CellNodes:
     return CellNodes(
         **dict(zip(("x", "y", "weights"), joined, strict=True)), in_lens=np.arange(x.size + gap[0].size) < x.size
     )
+
+
+def tapered_disc_nodes(
+    *, radius: float, radial_phase: float, angular_phase: float, centre: tuple[float, float] = (0.0, 0.0)
+) -> QuadratureNodes:
+    """Nodes on a disc for a wave whose phase at the rim is this much along a radius and along the rim.
+
+    On a smaller ring the phase turns less often, and fewer nodes do.
+    """
+    rings = plane_wave_degree(radial_phase) // 4 + 2
+    relative = np.sqrt(gauss_legendre(rings)[0])
+    angles = np.array([plane_wave_degree(angular_phase * float(ring)) + 3 for ring in relative])
+    return disc_nodes(radius=radius, radial_count=rings, angular_count=angles, centre=centre)
 
 
 def plane_wave_degree(phase: float) -> int:

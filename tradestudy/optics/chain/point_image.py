@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,14 @@ from tradestudy.optics.chain.array_field import (
     field_table,
     leg_kernel,
 )
-from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, fading_length, half_band, propagate
+from tradestudy.optics.chain.detector_transfer import (
+    Transfer,
+    choose_transfer,
+    fading_length,
+    half_band,
+    propagate,
+    response,
+)
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field, microlens_plane
 from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
@@ -67,8 +75,10 @@ def wave_point_image(
     UnaffordableError
         If nodes or samples need more memory than allowed.
     """
-    fine = compute_point(wave, paraxial_detector_leg, accuracy)
-    coarse = compute_point(wave, paraxial_detector_leg, accuracy.coarser())
+    with ThreadPoolExecutor(2) as pool:
+        fine, coarse = pool.map(
+            lambda each: compute_point(wave, paraxial_detector_leg, each), (accuracy, accuracy.coarser())
+        )
     change = float(np.linalg.norm(fine.pixels - coarse.pixels) / np.linalg.norm(fine.pixels))
     error = math.hypot(change, fine.pixel_error)
     check = {
@@ -148,7 +158,7 @@ def plan_waves(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> Wave
     margin = accuracy.diffraction_reach * 1.2 * fresnel_length * math.pow(accuracy.tolerance, -1 / 6)
     kept = float(reach.travel.max()) + margin
     pixels = path.pixels
-    band = half_band(wave.wavelength, path.detector_distance, kept, paraxial=paraxial)
+    band = half_band(wave.wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
     per_pixel = max(3, math.ceil(accuracy.pixel_sampling * 2 * band * pixels.pitch))
     spacing = pixels.pitch / per_pixel
     nodes, targets = _half_side(path)
@@ -165,6 +175,7 @@ def plan_waves(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> Wave
             target_reach=targets + _MARGIN * spacing,
             kept_reach=kept,
             spacing=spacing,
+            tolerance=accuracy.tolerance,
         ),
     )
 
@@ -181,7 +192,9 @@ def _plane(wave: PupilWave, plan: WavePlan, paraxial: bool, density: float, accu
     path = wave.path
     corners = np.array([[x, y] for x in path.pixels.edges_x[[0, -1]] for y in path.pixels.edges_y[[0, -1]]])
     farthest = float(np.linalg.norm(plan.reach.image[:, None] - corners, axis=-1).max())
-    fading = fading_length(wave.wavelength, path.detector_distance, plan.kept, paraxial=paraxial)
+    fading = fading_length(
+        wave.wavelength, path.detector_distance, plan.kept, paraxial=paraxial, tolerance=accuracy.tolerance
+    )
     plane = microlens_plane(
         path,
         plan.reach,
@@ -248,7 +261,8 @@ def _detector_samples(
         x=x.ravel() - pixels.centre[0],
         y=y.ravel() - pixels.centre[1],
         strengths=strengths.reshape(1, -1),
-        responses=plan.transfer.response((0.0, 0.0))[None],
+        response=response(plan.transfer),
+        carriers=np.zeros((1, 2), dtype=int),
         start=first[None],
         shape=(rows, columns),
         tolerance=accuracy.tolerance / 20,

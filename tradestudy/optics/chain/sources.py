@@ -54,20 +54,24 @@ class DiscSource:
 
 @dataclass(frozen=True, kw_only=True)
 class SourceNodes:
-    """Polar nodes on a disc, ring by ring; weights sum to 1.
+    """Polar nodes on a disc, ring by ring, fewer on smaller rings; weights sum to 1.
 
     Attributes
     ----------
     radial_points, radial_weights
         Gauss–Legendre nodes in the squared relative radius, in (0, 1), and weights.
-    x, y
-        Node positions, shape (rings, angles) [m].
+    rings
+        Node positions (x, y) of each ring, shape (angles, 2) [m].
     """
 
     radial_points: FloatArray
     radial_weights: FloatArray
-    x: FloatArray
-    y: FloatArray
+    rings: tuple[FloatArray, ...]
+
+    @property
+    def all(self) -> FloatArray:
+        """Every node, shape (nodes, 2) [m]."""
+        return np.concatenate(self.rings)
 
 
 def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, density: float) -> SourceNodes:
@@ -87,17 +91,21 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
     image = abs(path.array_distance - path.image_at_array(source.centre)[2])
     pupil = 2 * path.main_lens.radius
     seen = min(pupil, 2 * path.microlenses.cell_reach * image / depth) if depth > 0 else pupil
-    degree = plane_wave_degree(density * math.pi * source.diameter * seen / (wavelength * source.distance))
-    rings, angles = max(4, degree // 4 + 2), 8 * max(2, -(-(degree + 1) // 8))
-    points, weights = gauss_legendre(rings)
-    angle = 2 * math.pi * np.arange(angles) / angles
-    radius = source.diameter / 2 * np.sqrt(points)[:, None]
+    phase = density * math.pi * source.diameter * seen / (wavelength * source.distance)
+    points, weights = gauss_legendre(max(4, plane_wave_degree(phase) // 4 + 2))
     return SourceNodes(
         radial_points=points,
         radial_weights=weights,
-        x=source.x + radius * np.cos(angle),
-        y=source.y + radius * np.sin(angle),
+        rings=tuple(_ring(source, math.sqrt(p), phase) for p in points),
     )
+
+
+def _ring(source: DiscSource, relative_radius: float, phase: float) -> FloatArray:
+    """Equally spaced nodes, a multiple of eight for the symmetries of a square array."""
+    count = 8 * max(2, -(-(plane_wave_degree(phase * relative_radius) + 1) // 8))
+    angle = 2 * math.pi * np.arange(count) / count
+    radius = source.diameter / 2 * relative_radius
+    return np.column_stack([source.x + radius * np.cos(angle), source.y + radius * np.sin(angle)])
 
 
 def symmetries(path: LightPath, source: DiscSource) -> list[Symmetry]:
@@ -122,7 +130,7 @@ def moved_image(pixels: FloatArray, symmetry: Symmetry) -> FloatArray:
 
 def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tuple[int, int]]:
     """One node of each set that the symmetries carry into one another, and the size of the set."""
-    at = np.column_stack([nodes.x[ring], nodes.y[ring]])
+    at = nodes.rings[ring]
     images = np.stack([moved(at, one) for one in group])
     scale = 1e-6 * float(np.ptp(at[:, 0]) + np.ptp(at[:, 1]))
     keys = [{(round(x / scale), round(y / scale)) for x, y in images[:, i]} for i in range(at.shape[0])]

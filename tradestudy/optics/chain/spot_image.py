@@ -17,7 +17,7 @@ from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
-from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, half_band, propagate
+from tradestudy.optics.chain.detector_transfer import Response, choose_transfer, half_band, propagate, response
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane
 from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.point_image import compute_point, field_spacing
@@ -46,7 +46,7 @@ class _Spot:
     tables: list[FieldTable]
     plane: MicrolensPlane
     transmission: ComplexArray
-    transfer: Transfer
+    response: Response
     half_patch: float
     per_pixel: int
     lit_within: float
@@ -118,9 +118,9 @@ def wave_spot_image(
         microlens_share=math.nan,
         effort={
             "source points": points,
-            "source nodes": nodes.x.size,
+            "source nodes": nodes.all.shape[0],
             "nodes per microlens": spot.plane.cell.x.size,
-            "samples per patch": spot.transfer.count**2,
+            "samples per patch": spot.response.transfer.count**2,
         },
     )
 
@@ -146,16 +146,16 @@ def _prepare(
 ) -> _Spot:
     """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
     lenses = path.microlenses
-    distance = np.hypot(nodes.x, nodes.y)
-    edge = np.unravel_index(np.argmax(distance), distance.shape)
-    outer = PointSource(x=float(nodes.x[edge]), y=float(nodes.y[edge]), distance=source.distance)
+    distance = np.linalg.norm(nodes.all, axis=1)
+    edge = nodes.all[np.argmax(distance)]
+    outer = PointSource(x=float(edge[0]), y=float(edge[1]), distance=source.distance)
     reaches = [ray_reach(path, point) for point in (source.centre, outer)]
     growth = 1.2 * math.pow(accuracy.tolerance, -1 / 6) * accuracy.diffraction_reach
     margin = growth * math.sqrt(wavelength * path.detector_distance)
     spread = max(float(one.spread.max()) for one in reaches)
     half_patch = spread + margin
     kept = lenses.cell_reach + half_patch
-    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial[1])
+    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial[1], tolerance=accuracy.tolerance)
     per_pixel = max(3, math.ceil(accuracy.pixel_sampling * 2 * band * path.pixels.pitch))
     spacing = path.pixels.pitch / per_pixel
     plane = microlens_plane(
@@ -166,6 +166,7 @@ def _prepare(
         target_reach=half_patch,
         density=accuracy.microlens_nodes,
     )
+    tilt = max(float(np.linalg.norm(one.slope, axis=1).max()) for one in reaches)
     transfer = choose_transfer(
         wavelength=wavelength,
         distance=path.detector_distance,
@@ -174,7 +175,8 @@ def _prepare(
         target_reach=half_patch + spacing,
         kept_reach=kept,
         spacing=spacing,
-        tilt=max(float(np.linalg.norm(one.slope, axis=1).max()) for one in reaches),
+        tilt=tilt,
+        tolerance=accuracy.tolerance,
     )
     depth = abs(path.image_at_array(source.centre)[2])
     beyond = growth * math.sqrt(wavelength * max(depth, path.detector_distance))
@@ -191,7 +193,11 @@ def _prepare(
         tables=tables,
         plane=plane,
         transmission=transmission,
-        transfer=transfer,
+        response=response(
+            transfer,
+            largest_carrier=tilt / wavelength + transfer.frequency_step,
+            single=accuracy.tolerance >= _SINGLE_PRECISION_FROM,
+        ),
         half_patch=half_patch,
         per_pixel=per_pixel,
         lit_within=lit_within,
@@ -249,10 +255,10 @@ def _ring_images(spot: _Spot, nodes: SourceNodes, group: list[tuple[int, int, bo
     """Mean pixel image of each ring, from even and from odd angles apart: shape (rings, 2, rows, columns)."""
     images, errors, points = [], [], 0
     with ThreadPoolExecutor(_THREADS) as pool:
-        for ring in range(nodes.x.shape[0]):
+        for ring in range(len(nodes.rings)):
             chosen = list(orbits(nodes, ring, group))
             points += len(chosen)
-            at = [(float(nodes.x[ring, i]), float(nodes.y[ring, i])) for i, _ in chosen]
+            at = [(float(x), float(y)) for x, y in (nodes.rings[ring][i] for i, _ in chosen)]
             shared = _radial_cache(spot, at)
             fine = list(pool.map(lambda p, s=shared: point_intensity(spot, p, s[p]), at))
             halves = []
@@ -285,28 +291,28 @@ def point_intensity(spot: _Spot, at: tuple[float, float], table: FieldTable) -> 
     reach = ray_reach(spot.path, wave.source)
     lit = _lit(spot, wave)
     strengths = _arriving(spot, wave, table, lit) * _transmission(spot, wave)[lit]
-    lenses, k = spot.path.microlenses, 1 / spot.wavelength
+    lenses, cell, transfer = spot.path.microlenses, spot.plane.cell, spot.response.transfer
     slope = reach.slope[lit]
     sine = slope if spot.paraxial[1] else slope / np.sqrt(1 + np.sum(slope**2, axis=1, keepdims=True))
-    cell = spot.plane.cell
-    carrier = unit_phasor(-2 * np.pi * k * (sine[:, :1] * cell.x + sine[:, 1:] * cell.y))
+    steps = np.rint(sine / (spot.wavelength * transfer.frequency_step)).astype(int)
+    frequency = transfer.frequency_step * steps
+    carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * cell.x + frequency[:, 1:] * cell.y))
     kind = np.complex64 if spot.accuracy.tolerance >= _SINGLE_PRECISION_FROM else np.complex128
     first, start = _patch_starts(spot, reach, lit)
     side = 2 * math.ceil(spot.half_patch / spot.spacing) + 1
-    single = kind is np.complex64
-    responses = np.stack([spot.transfer.response((k * s[0], k * s[1]), single=single) for s in sine])
     patches = propagate(
-        spot.transfer,
+        transfer,
         x=cell.x,
         y=cell.y,
         strengths=(strengths * carrier).astype(kind),
-        responses=responses,
+        response=spot.response,
+        carriers=steps,
         start=start,
         shape=(side, side),
         tolerance=spot.accuracy.tolerance / 20,
         threads=1,
     )
-    canvas = _added(spot, patches, first, k * sine, lenses.centres[lit])
+    canvas = _added(spot, patches, first, frequency, lenses.centres[lit])
     return np.asarray(np.abs(canvas) ** 2 / wave.power())
 
 
@@ -400,10 +406,10 @@ def _radial_error(nodes: SourceNodes, rings: FloatArray) -> float:
 def _points_check(spot: _Spot, nodes: SourceNodes, rng: np.random.Generator) -> float:
     """Relative L2 difference of random source points' pixels from the single-point computation, root mean square."""
     squares, sizes = [], []
-    picks = rng.choice(nodes.x.size, size=_CHECKED_POINTS, replace=False)
+    picks = rng.choice(nodes.all, size=_CHECKED_POINTS, replace=False)
     finer = replace(spot.accuracy, tolerance=max(spot.accuracy.tolerance / 10, 1e-6))
     for pick in picks:
-        at = (float(nodes.x.ravel()[pick]), float(nodes.y.ravel()[pick]))
+        at = (float(pick[0]), float(pick[1]))
         fast = integrate_pixels(
             np.asarray(point_intensity(spot, at, _radial_cache(spot, [at])[at]), dtype=np.float64),
             per_pixel=spot.per_pixel,

@@ -230,9 +230,11 @@ def _grid_without_common_phase(problem: SumProblem, grid: TargetGrid) -> tuple[C
         nthreads=_threads(strength, x.size * y.size),
     )
     on_x, on_y = (lagrange(c, factor.coefficients.shape[i + 1]) for i, c in enumerate((x, y)))
-    slow = on_y @ np.swapaxes(factor.coefficients[..., 0], 1, 2) @ on_x.T
-    total = np.einsum("tyx,tyx->yx", slow, sums.reshape(slow.shape))
-    return np.asarray(total), strength.shape[0], factor.error
+    total = np.zeros((y.size, x.size), dtype=np.complex128)
+    for coefficients, term in zip(factor.coefficients[..., 0], sums.reshape(-1, y.size, x.size), strict=True):
+        along = apply_along_rows(on_x, coefficients).T  # term by term: all together would leave the cache
+        total += apply_along_rows(on_y, along) * term
+    return total, strength.shape[0], factor.error
 
 
 def _points(problem: SumProblem, x: FloatArray, y: FloatArray, z: FloatArray) -> FastField:

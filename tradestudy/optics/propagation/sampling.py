@@ -92,6 +92,20 @@ def needed_nodes(
     NodeCounts
         For `tradestudy.optics.quadrature.disc_nodes`.
     """
+    half_range, turns = net_phase(paths, kernel, radius=radius, x=x, y=y, z=z)
+    return NodeCounts(
+        radial=math.ceil((half_range + bessel_margin(half_range, tolerance)) / 2) + 1,
+        angular=math.ceil(turns + bessel_margin(turns, tolerance)) + 1,
+    )
+
+
+def net_phase(
+    paths: PathTerm, kernel: Kernel, *, radius: float, x: FloatArray, y: FloatArray, z: FloatArray
+) -> tuple[float, float]:
+    """Half the range of the net phase over the squared radius, and its largest angular frequency on the rim [rad].
+
+    Parameters as for `needed_nodes`.
+    """
     ring = radius * (np.arange(24) + 1.0) / 24.0
     angle = 2 * np.pi * np.arange(48) / 48.0
     u = np.multiply.outer(ring, np.cos(angle))
@@ -104,11 +118,7 @@ def needed_nodes(
     tangential = slope_y * np.cos(angle) - slope_x * np.sin(angle)
     turns = wavenumber * radius * float(np.max(np.abs(tangential) * (ring / radius)[:, None]))
     relative = np.maximum(ring / radius, 0.5)[:, None]
-    half_range = wavenumber * radius * float(np.max(np.abs(radial) / (4 * relative)))
-    return NodeCounts(
-        radial=math.ceil((half_range + bessel_margin(half_range, tolerance)) / 2) + 1,
-        angular=math.ceil(turns + bessel_margin(turns, tolerance)) + 1,
-    )
+    return wavenumber * radius * float(np.max(np.abs(radial) / (4 * relative))), turns
 
 
 def edge_node_count(
