@@ -64,12 +64,14 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
     first, second = (case.cameras[name] for name in pair)
     ratios = np.stack([_ratio(first, second, places, way) for way in WAYS], axis=-1)
     winners = [_winners(case, pair, places, way) for way in WAYS]
+    crossings = {way: _crossings(case, pair, way) for way in WAYS}
+    ends = {place for name in pair for place in _ends_of_use(case, name)}
     return PairVerdict(
         winner=[list(row) for row in zip(*winners, strict=True)],
         more_certain=[[_more_certain(pair, r) for r in row] for row in ratios],
         ratio=ratios,
-        crossings={way: _crossings(case, pair, way) for way in WAYS},
-        changes={way: _changes(case, pair, way) for way in WAYS},
+        crossings=crossings,
+        changes={way: _changes(case, pair, way, ends | {place for place, _ in crossings[way]}) for way in WAYS},
     )
 
 
@@ -89,18 +91,19 @@ def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, way: str) 
     return best_cameras(usable, {name: depth_uncertainty(case.cameras[name], distance, way) for name in pair})
 
 
-def _changes(case: Case, pair: tuple[str, str], way: str) -> tuple[tuple[float, str, str], ...]:
-    """Where the winner changes, from each camera's own stretches of winning."""
-    places: set[float] = set()
-    for name in pair:
+def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
+    """Distances [m] where a camera becomes usable or ceases to be."""
+    return tuple(end.distance for end in boundaries(lambda points: is_usable(case, name, points), case.distance))
 
-        def wins(points: FloatArray, name: str = name) -> BoolArray:
-            return np.array([winner == name for winner in _winners(case, pair, points, way)])
 
-        places |= {end.distance for end in boundaries(wins, case.distance)}
+def _changes(case: Case, pair: tuple[str, str], way: str, places: set[float]) -> tuple[tuple[float, str, str], ...]:
+    """Where the winner changes: only where a camera's use ends or the two are equally uncertain can it."""
+    if not places:
+        return ()
+    ordered = np.array(sorted(places))
+    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - 1e-9), ordered * (1.0 + 1e-9)]), way)
     found: list[tuple[float, str, str]] = []
-    for place in sorted(places):
-        nearer, farther = _winners(case, pair, np.array([place * (1.0 - 1e-9), place * (1.0 + 1e-9)]), way)
+    for place, nearer, farther in zip(ordered.tolist(), sides[: ordered.size], sides[ordered.size :], strict=True):
         # Both cameras change at one place, to the last digit or next to it: it is told once.
         if nearer != farther and not (found and place <= found[-1][0] * (1.0 + 1e-9)):
             found.append((place, nearer, farther))
