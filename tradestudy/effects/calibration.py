@@ -25,7 +25,7 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
         Whether the study declares any.
     """
     reason = (
-        "the uncertainty without them falls short of that with them by at most this share where the camera is usable"
+        "the uncertainty without them falls short of that with them by at most this share, at any distance"
         if are_declared
         else "the study declares no calibration error of this camera"
     )

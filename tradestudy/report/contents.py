@@ -11,6 +11,7 @@ from tradestudy.report.sections.answer import answer
 from tradestudy.report.sections.calibration import calibration
 from tradestudy.report.sections.cameras import cameras
 from tradestudy.report.sections.depth_of_field import depth_of_field, sharp_answer
+from tradestudy.report.sections.effects import effects
 from tradestudy.report.sections.fresnel_validity import fresnel_answer, fresnel_validity
 from tradestudy.report.sections.hard_cases import hard_cases
 from tradestudy.report.sections.light_spot import light_spot, light_spot_answer
@@ -58,6 +59,7 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from cameras(tree)
     yield from assumptions(tree)
     yield from method(tree)
+    yield from effects(tree)
     yield from results(tree, drawings)
     yield from calibration(tree, drawings)
     yield from depth_of_field(tree, drawings)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final, TypeVar
+from typing import Final
 
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
+from tradestudy.cameras.stereo import StereoCalibration, StereoRig
 from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
 from tradestudy.effects.base import OFF, SlotName
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.picture import PictureModels
 
-AnyDepthCamera = TypeVar("AnyDepthCamera", StereoRig, FocusedPlenoptic, UnfocusedPlenoptic)
+AnyDepthCamera = StereoRig | FocusedPlenoptic | UnfocusedPlenoptic
 Models = Mapping[SlotName, str]
 
 # What the picture calls it where a slot is off; the other models have one name.
@@ -42,6 +43,8 @@ def acting(camera: AnyDepthCamera, chosen: Models) -> AnyDepthCamera:
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):
         camera = replace(camera, disparity_error_px=replace(law, models=with_models(law.models, chosen)))
-    if chosen.get("calibration") == OFF:
-        camera = replace(camera, calibration=type(camera.calibration)())
-    return camera
+    if chosen.get("calibration") != OFF:
+        return camera
+    if isinstance(camera, StereoRig):
+        return replace(camera, calibration=StereoCalibration())
+    return replace(camera, calibration=PlenopticCalibration())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +14,7 @@ from tradestudy.cameras.conventional import ConventionalCamera
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.acting import Models, acting
 from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of, picture_of
 from tradestudy.study.reader import Document, validate, with_values
 from tradestudy.study.schema.cameras import ConventionalPart
@@ -56,13 +57,16 @@ class StudyDefinition:
         As read, with the place of every value.
     file
         What the schema made of it.
+    models
+        The model that acts in each slot of effects, by camera, lens or light path; what is not in it acts as declared.
     """
 
     document: Document
     file: StudyFile
+    models: Mapping[str, Models] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, document: Document) -> StudyDefinition:
+    def of(cls, document: Document, models: Mapping[str, Models] | None = None) -> StudyDefinition:
         """Check a document wholly: against the schema, and that its cameras can be built.
 
         Raises
@@ -70,7 +74,7 @@ class StudyDefinition:
         StudyError
             With every mistake found.
         """
-        definition = cls(document, validate(document, StudyFile))
+        definition = cls(document, validate(document, StudyFile), models or {})
         definition.case  # noqa: B018 - built here so that an impossible camera is refused before anything runs
         return definition
 
@@ -92,7 +96,11 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return Case(
-            cameras={name: camera for name, camera in cameras.items() if not isinstance(camera, ConventionalCamera)},
+            cameras={
+                name: acting(camera, self.models.get(name, {}))
+                for name, camera in cameras.items()
+                if not isinstance(camera, ConventionalCamera)
+            },
             all_cameras=cameras,
             criteria=criteria_of(self.file.usable),
             distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
@@ -141,7 +149,11 @@ class StudyDefinition:
         """
         texts = {path: _as_yaml(value) for path, value in values.items()}
         places = None if written_at is None else {path: (*written_at, path) for path in values}
-        return StudyDefinition.of(with_values(self.document, texts, written_at=places))
+        return StudyDefinition.of(with_values(self.document, texts, written_at=places), self.models)
+
+    def with_models(self, models: Mapping[str, Models]) -> StudyDefinition:
+        """The same study, its readings and designs too, with models that act in its slots of effects."""
+        return replace(self, models=models)
 
     @cached_property
     def readings(self) -> Mapping[str, StudyDefinition]:

@@ -156,16 +156,21 @@ def _picture_case(variant: _Variant) -> PictureCase | None:
 def _places(variant: _Variant) -> FloatArray:
     """Where the camera is usable; where it forms a picture at all, if it is usable nowhere."""
     usable = _usable(variant)
-    return usable if usable.size else variant.distance[variant.camera.images(variant.distance)]
+    return usable if usable.size else _imaged(variant)
+
+
+def _imaged(variant: _Variant) -> FloatArray:
+    """Where the camera forms a picture: curves are shown there, usable or not."""
+    return variant.distance[variant.camera.images(variant.distance)]
 
 
 def _calibration(variants: Sequence[_Variant], distances: int, speed: float) -> Slot:
     shares, errors, declared = [0.0], [0.0], False
     for variant in variants:
         declared |= _has_calibration_errors(variant.camera)
+        shares.append(_share_of_calibration(variant.camera, _imaged(variant)))
         places = _usable(variant)
         if places.size:
-            shares.append(_share_of_calibration(variant.camera, places))
             errors.append(float(np.nanmax(closed_form_error(variant.camera, places), initial=0.0)))
     return calibration_slot(
         share_of_uncertainty=max(shares),
@@ -178,9 +183,9 @@ def _calibration(variants: Sequence[_Variant], distances: int, speed: float) -> 
 def _share_of_calibration(camera: DepthCamera, places: FloatArray) -> float:
     """1 − u(noise)/u(both), the largest over places; an interval without a far end counts as the whole."""
     noise, both = (depth_uncertainty(camera, places, way) for way in ("noise", "both"))
-    with np.errstate(invalid="ignore"):  # infinite over infinite: without both ends nothing is left out either
+    with np.errstate(invalid="ignore"):  # infinite over infinite: noise alone leaves no far end
         share = 1.0 - np.where(np.isinf(noise), 1.0, noise / both)
-    return float(np.max(share, initial=0.0))
+    return float(np.nanmax(share, initial=0.0))
 
 
 def _has_calibration_errors(camera: DepthCamera) -> bool:

@@ -1,0 +1,134 @@
+"""What a study will simulate, what it leaves out and why, and how long it will take; computes nothing else."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from tradestudy.accuracy import Accuracy
+from tradestudy.effects.base import SlotName
+from tradestudy.effects.selection import Selection
+from tradestudy.errors import Problem, StudyError, UnaffordableError
+from tradestudy.machine import machine_speed
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.predicted_time import PredictedStep, predicted_seconds
+from tradestudy.study.situations.every import every_situation
+from tradestudy.study.situations.situation import Situation
+
+_LOOSEST = 1e6
+_ROUNDS = 40
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """The decisions of a study.
+
+    Parameters
+    ----------
+    accuracy
+        What was asked for.
+    situations
+        Every piece of the study that effects are chosen for.
+    selections
+        What was chosen, by the name of the piece.
+    steps
+        What every step of the run will take on this machine.
+    """
+
+    accuracy: Accuracy
+    situations: tuple[Situation, ...]
+    selections: Mapping[str, Selection]
+    steps: tuple[PredictedStep, ...]
+
+    @property
+    def models(self) -> Mapping[str, Mapping[SlotName, str]]:
+        """Name of the model that acts in every slot of every piece."""
+        return _models(self.selections)
+
+    @property
+    def seconds(self) -> tuple[float, float]:
+        """Least and most that the whole run will take [s]; they differ where samplers stop by themselves."""
+        return math.fsum(step.low for step in self.steps), math.fsum(step.high for step in self.steps)
+
+
+def _models(selections: Mapping[str, Selection]) -> Mapping[str, Mapping[SlotName, str]]:
+    return {
+        name: {slot: model.name for slot, model in selection.chosen.items()} for name, selection in selections.items()
+    }
+
+
+def plan_of(definition: StudyDefinition) -> Plan:
+    """Choose the models of every piece of a study and predict what the run takes.
+
+    Raises
+    ------
+    UnaffordableError
+        Where nothing is accurate enough, or the run would take longer than the study's budget; with the nearest
+        accuracy that can be had.
+    StudyError
+        Where the study forces a model that no piece of it has.
+    """
+    accuracy = definition.file.accuracy.wanted()
+    forced = definition.file.effects.forced()
+    speed = machine_speed()
+    situations = every_situation(definition, speed=speed)
+    _check_forced(definition, situations, forced)
+    timeless = Accuracy(relative=accuracy.relative)
+    selections = {one.name: one.select(timeless, forced) for one in situations}
+    steps = predicted_seconds(definition.with_models(_models(selections)), speed)
+    plan = Plan(accuracy=accuracy, situations=situations, selections=selections, steps=steps)
+    if plan.seconds[0] > accuracy.budget:
+        raise _too_long(definition, situations, forced, speed, plan)
+    return plan
+
+
+def _check_forced(
+    definition: StudyDefinition, situations: tuple[Situation, ...], forced: Mapping[SlotName, str]
+) -> None:
+    """Refuse a forced model that nothing in the study has: it would be ignored."""
+    problems = []
+    for slot, name in forced.items():
+        offered = [model for one in situations for own in one.slots if own.name == slot for model in own.model_names]
+        if name not in offered:
+            file, line, column = definition.document.locate(("effects", slot))
+            known = ", ".join(dict.fromkeys(offered)) or "nothing"
+            what = f"'{name}' acts nowhere in this study, which offers {known} in this slot"
+            if offered == ["off"] * len(offered) and offered:
+                what += "; what happens in a picture reaches depth only where disparity_error is derived"
+            problems.append(Problem(file=file, line=line, column=column, path=f"effects.{slot}", what=what))
+    if problems:
+        raise StudyError(problems)
+
+
+def _too_long(
+    definition: StudyDefinition,
+    situations: tuple[Situation, ...],
+    forced: dict[SlotName, str],
+    speed: float,
+    plan: Plan,
+) -> UnaffordableError:
+    """The error that names the shortfall and the nearest accuracy whose run fits the budget."""
+    budget = plan.accuracy.budget
+
+    def seconds(factor: float) -> float:
+        looser = Accuracy(relative={name: value * factor for name, value in plan.accuracy.relative.items()})
+        chosen = _models({one.name: one.select(looser, forced) for one in situations})
+        return math.fsum(step.low for step in predicted_seconds(definition.with_models(chosen), speed))
+
+    loosest = seconds(_LOOSEST)
+    if loosest > budget:
+        remedy = f"even with everything left out it takes {loosest:.3g} s; raise the budget or ask for less"
+    else:
+        low, high = 0.0, math.log(_LOOSEST)
+        for _ in range(_ROUNDS):
+            middle = (low + high) / 2.0
+            low, high = (low, middle) if seconds(math.exp(middle)) <= budget else (middle, high)
+        offer = dict.fromkeys(f"{100.0 * value * math.exp(high):.2g} %" for value in plan.accuracy.relative.values())
+        remedy = f"{', '.join(offer)} can be had in {seconds(math.exp(high)):.3g} s; ask for that, or raise the budget"
+    return UnaffordableError(
+        "the accuracy wanted takes longer than the budget",
+        value=f"{plan.seconds[0]:.3g} s",
+        limit=f"{budget:g} s",
+        remedy=remedy,
+    )
