@@ -14,6 +14,7 @@ from tradestudy.optics.chain.scene import (
     hexagonal_centres,
     square_centres,
 )
+from tradestudy.optics.chain.separate_lenses import separate_image
 from tradestudy.optics.chain.sources import DiscSource
 
 __all__ = [
@@ -30,6 +31,7 @@ __all__ = [
     "PixelGrid",
     "chain_image",
     "hexagonal_centres",
+    "separate_image",
     "spectral_image",
     "square_centres",
 ]

@@ -29,7 +29,7 @@ from tradestudy.optics.chain.detector_transfer import (
     response,
 )
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field, microlens_plane
-from tradestudy.optics.chain.pixels import integrate_pixels
+from tradestudy.optics.chain.pixels import light_on_pixels, samples_per_pixel
 from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
@@ -128,7 +128,7 @@ def compute_point(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> P
     table = _table(wave, accuracy)
     field = table_reader(wave, table)(*plane.positions)
     samples = _detector_samples(plane, plan, field * plane.transmission(wave.source), accuracy)
-    pixels, pixel_error = integrate_pixels(np.abs(samples) ** 2, per_pixel=plan.per_pixel, spacing=plan.spacing)
+    pixels, pixel_error = light_on_pixels(np.abs(samples) ** 2, wave.path.pixels, per_pixel=plan.per_pixel)
     return PointComputation(
         plan=plan,
         plane=plane,
@@ -159,7 +159,7 @@ def plan_waves(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> Wave
     kept = float(reach.travel.max()) + margin
     pixels = path.pixels
     band = half_band(wave.wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
-    per_pixel = max(3, math.ceil(accuracy.pixel_sampling * 2 * band * pixels.pitch))
+    per_pixel = samples_per_pixel(pixels, accuracy.pixel_sampling * 2 * band * pixels.pitch)
     spacing = pixels.pitch / per_pixel
     nodes, targets = _half_side(path)
     return WavePlan(

@@ -176,11 +176,14 @@ class PixelGrid:
         (rows, columns).
     centre
         Centre (x, y) of the grid [m], on the main lens's axis if not given.
+    integrated
+        Whether a pixel integrates over its square, or takes what falls on its centre times its area.
     """
 
     pitch: float
     shape: tuple[int, int]
     centre: tuple[float, float] = (0.0, 0.0)
+    integrated: bool = True
 
     def __post_init__(self) -> None:
         if not (self.pitch > 0 and math.isfinite(self.pitch)) or min(self.shape) < 1:

@@ -19,7 +19,7 @@ from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
 from tradestudy.optics.chain.detector_transfer import Response, choose_transfer, half_band, propagate, response
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane
-from tradestudy.optics.chain.pixels import integrate_pixels
+from tradestudy.optics.chain.pixels import light_on_pixels, samples_per_pixel
 from tradestudy.optics.chain.point_image import compute_point, field_spacing
 from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
 from tradestudy.optics.chain.scene import LightPath
@@ -95,7 +95,7 @@ def wave_spot_image(
     NotConvergedError
         If the image of a source point differs grossly from that of the single-point computation.
     """
-    density = _source_density(accuracy)
+    density = source_density(accuracy)
     nodes = source_nodes(path, source, wavelength=wavelength, density=density)
     spot = _prepare(path, source, nodes, wavelength, paraxial, accuracy)
     group = symmetries(path, source)
@@ -131,7 +131,7 @@ def moved_image_stack(rings: FloatArray, symmetry: tuple[int, int, bool]) -> Flo
     return np.stack([moved_image(one, symmetry) for one in flat]).reshape(rings.shape)
 
 
-def _source_density(accuracy: ChainAccuracy) -> float:
+def source_density(accuracy: ChainAccuracy) -> float:
     """Share of the cutoff to resolve: the light near it is weak, and the pixel averages it away."""
     return accuracy.source_sampling * min(1.0, 0.63 * math.pow(1e-2 / accuracy.tolerance, 1 / 6))
 
@@ -156,7 +156,7 @@ def _prepare(
     half_patch = spread + margin
     kept = lenses.cell_reach + half_patch
     band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial[1], tolerance=accuracy.tolerance)
-    per_pixel = max(3, math.ceil(accuracy.pixel_sampling * 2 * band * path.pixels.pitch))
+    per_pixel = samples_per_pixel(path.pixels, accuracy.pixel_sampling * 2 * band * path.pixels.pitch)
     spacing = path.pixels.pitch / per_pixel
     plane = microlens_plane(
         path,
@@ -266,7 +266,7 @@ def _ring_images(spot: _Spot, nodes: SourceNodes, group: list[tuple[int, int, bo
                 part = [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % 2 == parity]
                 total = sum(n * image for n, image in part)
                 halves.append(np.asarray(total, dtype=np.float64) / sum(n for n, _ in part))
-            done = [integrate_pixels(half, per_pixel=spot.per_pixel, spacing=spot.spacing) for half in halves]
+            done = [light_on_pixels(half, spot.path.pixels, per_pixel=spot.per_pixel) for half in halves]
             images.append([one[0] for one in done])
             errors.append(max(one[1] for one in done))
     return np.asarray(images), max(errors), points
@@ -410,10 +410,10 @@ def _points_check(spot: _Spot, nodes: SourceNodes, rng: np.random.Generator) -> 
     finer = replace(spot.accuracy, tolerance=max(spot.accuracy.tolerance / 10, 1e-6))
     for pick in picks:
         at = (float(pick[0]), float(pick[1]))
-        fast = integrate_pixels(
+        fast = light_on_pixels(
             np.asarray(point_intensity(spot, at, _radial_cache(spot, [at])[at]), dtype=np.float64),
+            spot.path.pixels,
             per_pixel=spot.per_pixel,
-            spacing=spot.spacing,
         )[0]
         wave = spot.wave(*at)
         truth = compute_point(wave, spot.paraxial[1], finer).pixels / wave.power()
