@@ -1,0 +1,264 @@
+"""A light path and its source in the few numbers that decide which effects matter: rays, widths, Fresnel numbers."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain import DiscSource, LightPath
+from tradestudy.optics.propagation import PointSource
+from tradestudy.optics.propagation.lens import lens_paths
+
+_PUPIL_POINTS: Final = 400
+_SOURCE_POINTS: Final = 13
+_GOLDEN: Final = math.pi * (3.0 - math.sqrt(5.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LawDifference:
+    """What Fresnel's law changes against Kirchhoff's on one leg, over the rays that pass the array.
+
+    Attributes
+    ----------
+    displacement
+        Root mean square by which rays land elsewhere on the detector [m]; infinite where no ray passes.
+    path_waves
+        Largest error of slope, across the microlens, in waves.
+    brightness
+        Root mean square of the relative change of intensity by the cosines that Fresnel takes for one.
+    """
+
+    displacement: float
+    path_waves: float
+    brightness: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Rays:
+    """Paraxial rays that pass the array, each with its source point s, pupil point u and array point x."""
+
+    arriving: FloatArray  # u − x, shape (rays, 2)
+    main_slope: FloatArray  # exact less paraxial slope of the path behind the main lens at u, shape (rays, 2)
+    offset: FloatArray  # x − centre of its microlens, shape (rays, 2)
+    object_offset: FloatArray  # main image of s less that centre, shape (rays, 2)
+    focal_length: FloatArray  # infinite in clear gaps, shape (rays,)
+    landing: FloatArray  # σ on the detector, shape (rays, 2)
+    lens: FloatArray  # index of the microlens, shape (rays,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LightScene:
+    """A light path, an incoherent disc before it, and one wavelength.
+
+    Parameters
+    ----------
+    path, source
+        Camera and disc.
+    wavelength
+        λ [m].
+    """
+
+    path: LightPath
+    source: DiscSource
+    wavelength: float
+
+    @property
+    def depth(self) -> float:
+        """Main image before the array, a_L [m], signed."""
+        return self.path.image_at_array(self.source.centre)[2]
+
+    @property
+    def main_image_distance(self) -> float:
+        """b_M [m]."""
+        return self.path.array_distance - self.depth
+
+    @property
+    def blur_on_array(self) -> float:
+        """Radius of the disc that a point lights on the array by rays [m]."""
+        return self.path.main_lens.radius * abs(self.depth / self.main_image_distance)
+
+    @property
+    def acting_width(self) -> float:
+        """Width of the part of a microlens that a point lights [m]: its aperture, or less where rays meet on it."""
+        waist = self.wavelength * self.path.array_distance / self.path.main_lens.radius
+        return min(self.path.microlenses.aperture_width, 2.0 * math.hypot(self.blur_on_array, waist))
+
+    @property
+    def cutoff(self) -> float:
+        """Highest spatial frequency on the detector behind one microlens [1/m]."""
+        return self.acting_width / (self.wavelength * self.path.detector_distance)
+
+    @property
+    def spot_radius(self) -> float:
+        """Radius of the disc's image behind one microlens [m]; the image of the pupil is the widest it can be."""
+        b, widest = self.path.detector_distance, self.path.main_lens.radius / self.path.array_distance
+        if self.depth == 0.0:
+            return b * widest
+        seen = self.source.diameter / 2.0 * self.main_image_distance / self.source.distance / self.depth
+        return b * min(abs(seen), widest + self.acting_width / 2.0 / abs(self.depth))
+
+    @property
+    def vergence_errors(self) -> FloatArray:
+        """1/a_L + 1/b_L − 1/f_L of every type of microlens [1/m]: zero in focus."""
+        kinds = np.unique(self.path.microlenses.focal_lengths)
+        waist = self.wavelength * self.path.array_distance / self.path.main_lens.radius
+        depth = math.copysign(max(abs(self.depth), waist), self.depth)
+        return np.asarray(1.0 / depth + 1.0 / self.path.detector_distance - 1.0 / kinds)
+
+    @property
+    def blur_on_detector(self) -> float:
+        """Largest radius of the ray blur of a point behind one microlens [m]."""
+        worst = float(np.max(np.abs(self.vergence_errors)))
+        return self.acting_width / 2.0 * self.path.detector_distance * worst
+
+    @property
+    def main_fresnel_number(self) -> float:
+        """N = R²/λ |1/z − 1/b_M| of the main pupil as seen from the array."""
+        z, b = self.path.array_distance, self.main_image_distance
+        return self.path.main_lens.radius**2 / self.wavelength * abs(1.0 / z - 1.0 / b)
+
+    @property
+    def microlens_fresnel_number(self) -> float:
+        """N = (w/2)²/λ |1/a_L + 1/b_L − 1/f_L| of the lit part of a microlens; the type nearest to focus."""
+        least = float(np.min(np.abs(self.vergence_errors)))
+        return (self.acting_width / 2.0) ** 2 / self.wavelength * least
+
+    @property
+    def seeing_pitch(self) -> float:
+        """Distance of neighbouring microlenses' cells on the detector, seen from the main lens [m]."""
+        return self.path.microlenses.pitch * (1.0 + self.path.detector_distance / self.path.array_distance)
+
+    @cached_property
+    def lit_share(self) -> float:
+        """Share of the rays through the pupil that pass the array."""
+        return len(self._rays.landing) / (_PUPIL_POINTS * _SOURCE_POINTS)
+
+    @cached_property
+    def margins(self) -> FloatArray:
+        """How far each ray lands inside its own microlens's cell on the detector [m]; < 0 behind a neighbour."""
+        rays, scaled = self._rays, self.path.microlenses.centres * self.seeing_pitch / self.path.microlenses.pitch
+        if len(scaled) == 1 or not len(rays.landing):
+            return np.full(len(rays.landing), math.inf)
+        to = np.linalg.norm(rays.landing[:, None] - scaled, axis=-1)
+        index = rays.lens.astype(int)[:, None]
+        own = np.take_along_axis(to, index, axis=1)
+        apart = np.linalg.norm(scaled[index[:, 0]][:, None] - scaled, axis=-1)
+        np.put_along_axis(apart, index, math.inf, axis=1)  # the cell has no border with itself
+        with np.errstate(invalid="ignore"):  # 0/∞ for that one is 0 − 0
+            distance = (to**2 - own**2) / (2.0 * apart)
+        np.put_along_axis(distance, index, math.inf, axis=1)
+        return np.asarray(distance.min(axis=1))
+
+    @cached_property
+    def main_law(self) -> LawDifference:
+        """Fresnel against Kirchhoff from the main lens to the array."""
+        rays, z, b = self._rays, self.path.array_distance, self.path.detector_distance
+        error = _cosines(rays.arriving, z) - rays.arriving / z
+        at_pupil, at_array = rays.main_slope + error, -error
+        if self._lit_by_whole_pupil:
+            power = 1.0 / z + 1.0 / b - 1.0 / rays.focal_length[:, None]
+            landing = b * (power * z * at_pupil + at_array)
+        else:
+            landing = b * (at_array - at_pupil * self.main_image_distance / self.depth)
+        cosine = 1.0 / (1.0 + np.sum(rays.arriving**2, axis=1) / z**2)
+        return self._difference(landing, cosine**2)
+
+    @cached_property
+    def detector_law(self) -> LawDifference:
+        """Fresnel against Kirchhoff from the array to the detector, lens phases of the microlenses included."""
+        rays, b = self._rays, self.path.detector_distance
+        leaving = rays.landing - (rays.offset + self._centre_of(rays))
+        error = self._microlens_slope(rays) + _cosines(-leaving, b) + leaving / b
+        cosine = 1.0 / (1.0 + np.sum(leaving**2, axis=1) / b**2)
+        return self._difference(b * error, cosine**2)
+
+    @property
+    def _lit_by_whole_pupil(self) -> bool:
+        return self.blur_on_array < self.path.microlenses.aperture_width / 2.0
+
+    def _difference(self, landing: FloatArray, transmission: FloatArray) -> LawDifference:
+        if not len(landing):
+            return LawDifference(displacement=math.inf, path_waves=math.inf, brightness=math.inf)
+        far = np.linalg.norm(landing, axis=1)
+        waves = float(far.max()) / self.path.detector_distance * self.acting_width / 2.0 / self.wavelength
+        return LawDifference(
+            displacement=float(np.sqrt(np.mean(far**2))),
+            path_waves=waves,
+            brightness=float(np.sqrt(np.mean((1.0 - transmission) ** 2))),
+        )
+
+    def _centre_of(self, rays: _Rays) -> FloatArray:
+        return np.asarray(self.path.microlenses.centres[rays.lens.astype(int)])
+
+    def _microlens_slope(self, rays: _Rays) -> FloatArray:
+        """Exact less paraxial slope of the phase of the microlenses."""
+        kind, focal = self.path.microlenses.lens_phase, rays.focal_length[:, None]
+        if kind == "parabolic":
+            return np.zeros_like(rays.offset)
+        if kind == "stigmatic":
+            known = self.path.microlenses.focus_distance
+            assert known is not None  # the lens's own promise
+            before, apart = np.full_like(focal, known), np.zeros_like(rays.offset)
+        else:
+            before, apart = np.full_like(focal, self.depth), rays.object_offset
+        with np.errstate(invalid="ignore", divide="ignore"):  # clear gaps have no lens: ∞, replaced below
+            behind = before * focal / (before - focal)
+            incoming = _cosines(rays.offset - apart, before)
+            outgoing = -_cosines(rays.offset + apart * behind / before, behind)
+            error = outgoing - incoming + rays.offset / focal
+        return np.where(np.isfinite(focal), error, 0.0)
+
+    @cached_property
+    def _rays(self) -> _Rays:
+        """Rays from points all over the disc through points all over the pupil; those that pass."""
+        path, lenses, b = self.path, self.path.microlenses, self.path.detector_distance
+        pupil = _spread(_PUPIL_POINTS) * path.main_lens.radius
+        spots = _spread(_SOURCE_POINTS) * (self.source.diameter / 2.0) + (self.source.x, self.source.y)
+        parts = []
+        for spot in spots:
+            point = PointSource(x=float(spot[0]), y=float(spot[1]), distance=self.source.distance)
+            x = np.asarray(path.chief_point(point)) + pupil * (self.depth / -self.main_image_distance)
+            slope = [
+                np.column_stack(lens_paths(point, path.main_lens, paraxial=law).slope(pupil[:, 0], pupil[:, 1]))
+                for law in (False, True)
+            ]
+            image = np.asarray(path.image_at_array(point)[:2])
+            parts.append((x, pupil, slope[0] - slope[1], np.broadcast_to(image, pupil.shape)))
+        x, u, main_slope, image = (np.concatenate(column) for column in zip(*parts, strict=True))
+        lens = np.argmin(np.linalg.norm(x[:, None] - lenses.centres, axis=-1), axis=1)
+        offset = x - lenses.centres[lens]
+        acting = _inside(offset, lenses.aperture_width / 2.0, square=lenses.aperture == "square")
+        passing = acting | ((lenses.gaps == "clear") & (np.linalg.norm(offset, axis=1) <= lenses.cell_reach))
+        focal = np.where(acting, lenses.focal_lengths[lens], math.inf)
+        landing = x + b * ((x - u) / path.array_distance - offset / focal[:, None])
+        return _Rays(
+            arriving=(u - x)[passing],
+            main_slope=main_slope[passing],
+            offset=offset[passing],
+            object_offset=(image - lenses.centres[lens])[passing],
+            focal_length=focal[passing],
+            landing=landing[passing],
+            lens=lens[passing].astype(float),
+        )
+
+
+def _cosines(towards: FloatArray, distance: FloatArray | float) -> FloatArray:
+    """Transverse direction cosines of a spherical wave at points ``towards`` from its centre."""
+    length = np.sqrt(np.sum(towards**2, axis=1, keepdims=True) + np.square(distance))
+    return np.asarray(np.sign(distance) * towards / length)
+
+
+def _spread(count: int) -> FloatArray:
+    """Points that fill the unit disc evenly (sunflower), shape (count, 2)."""
+    index = np.arange(count) + 0.5
+    radius, angle = np.sqrt(index / count), _GOLDEN * index
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
+
+
+def _inside(offset: FloatArray, half: float, *, square: bool) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    return np.asarray(np.max(np.abs(offset), axis=1) <= half if square else np.linalg.norm(offset, axis=1) <= half)

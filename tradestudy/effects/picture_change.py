@@ -1,0 +1,91 @@
+"""How far a change of the transfer function moves the pixels of a picture, by Parseval over spatial frequency."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+from scipy.special import j1
+
+from tradestudy.effects.light_scene import LightScene
+from tradestudy.optics.arrays import FloatArray
+
+_POINTS: Final = 600
+_EDGE_WAVE: Final = (
+    1.0 / math.pi
+)  # ∫ |U − U_rays|² dv at a straight edge, v = x √(2/(λ z)); the intensity's is the same
+
+
+def frequencies(scene: LightScene) -> FloatArray:
+    """Frequencies on the detector from far below the width of the picture to far above what a pixel passes [1/m]."""
+    widest = max(scene.spot_radius, scene.blur_on_detector, scene.path.pixels.pitch)
+    return np.geomspace(1e-2 / widest, 4.0 / scene.path.pixels.pitch + 4.0 / widest, _POINTS)
+
+
+def aperture_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
+    """Transfer function of the lit part of one microlens without aberration: what none of that width exceeds."""
+    s = np.minimum(f / scene.cutoff, 1.0)
+    return np.asarray(2.0 / math.pi * (np.arccos(s) - s * np.sqrt(1.0 - s**2)))
+
+
+def disc_transfer(f: FloatArray, radius: float) -> FloatArray:
+    """2 J₁(x)/x, x = 2π f r: of a uniform disc."""
+    x = np.maximum(2.0 * math.pi * f * radius, 1e-9)
+    return np.asarray(2.0 * j1(x) / x)
+
+
+def pixel_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
+    """Of a pixel, for all directions alike: that of a disc of its area."""
+    return disc_transfer(f, scene.path.pixels.pitch / math.sqrt(math.pi))
+
+
+def source_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
+    """Of the image of the source behind one microlens."""
+    return disc_transfer(f, scene.spot_radius)
+
+
+def picture_change(scene: LightScene, change: FloatArray) -> float:
+    """Relative L2 over the picture of one microlens of a change of its transfer function.
+
+    √(∫ |change|² f df / ∫ |picture|² f df): Parseval's theorem, source and pixel in both, or as the caller has it.
+
+    Parameters
+    ----------
+    scene
+        Light path and source.
+    change
+        Largest change of the picture's spectrum at `frequencies`, relative to its value at zero.
+    """
+    f = frequencies(scene)
+    law = math.hypot(_finite(scene.main_law.displacement), _finite(scene.detector_law.displacement))
+    aberration = np.exp(-2.0 * np.minimum(math.pi * f * law, 10.0) ** 2 / 2.0)
+    picture = aperture_transfer(scene, f) * source_transfer(scene, f) * pixel_transfer(scene, f)
+    picture = picture * disc_transfer(f, scene.blur_on_detector) * aberration
+    # f df = f² d ln f on the logarithmic grid; what lies below its first point is a whole disc of frequencies
+    held = float(np.trapezoid(f**2 * picture**2, np.log(f)) + f[0] ** 2 / 2.0)
+    moved = float(np.trapezoid(f**2 * change**2, np.log(f)))
+    return math.sqrt(moved / held)
+
+
+def edge_wave(fresnel_number: float) -> float:
+    """Relative L2 of what diffraction at the rim of a disc adds to its light: (√2/π)^½ N^{-1/4}, at most 1.
+
+    Over the width of the disc's shadow the edge wave ∫ |U − U_rays|² dv = 1/π stands on the rim of length 2π ρ, with
+    v = √(2N) at the distance ρ.
+    """
+    if fresnel_number <= 0.0:
+        return 1.0
+    return min(1.0, math.sqrt(math.sqrt(2.0) * _EDGE_WAVE) * math.pow(fresnel_number, -0.25))
+
+
+def law_change(scene: LightScene, displacement: float) -> FloatArray:
+    """Largest change of the transfer function if rays land elsewhere: min(2, 2π f δ) of what the aperture passes."""
+    f = frequencies(scene)
+    turned = np.minimum(2.0, 2.0 * math.pi * f * _finite(displacement))
+    return turned * aperture_transfer(scene, f) * source_transfer(scene, f) * pixel_transfer(scene, f)
+
+
+def _finite(displacement: float) -> float:
+    """A displacement without bound turns every phase, which a metre does too."""
+    return min(displacement, 1.0)

@@ -1,0 +1,58 @@
+"""The spectrum of the light: all wavelengths, or their mean alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from tradestudy.effects.base import OFF, Bound, Model, Slot
+from tradestudy.effects.light_scene import LightScene
+from tradestudy.effects.main_lens_diffraction import complete
+from tradestudy.effects.picture_change import (
+    aperture_transfer,
+    edge_wave,
+    frequencies,
+    picture_change,
+    pixel_transfer,
+    source_transfer,
+)
+from tradestudy.optics.arrays import FloatArray
+
+
+def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: FloatArray) -> Slot:
+    """Light of the scene's wavelength alone, or of several with their weights; one model where there is but one.
+
+    The mean wavelength's transfer function differs from the weighted one by what the cutoff moves; the wave from a rim
+    with N Fresnel zones turns by π N δλ/λ against the rest, and rings wash out by the square of that.
+    """
+    if wavelengths.size == 1:
+        return Slot(name="spectrum", models=(Model(name=OFF, bounds={"pixel_intensity": complete()}),))
+    f = frequencies(scene)
+    share = weights / weights.sum()
+    moved = sum(
+        s * aperture_transfer(replace(scene, wavelength=float(w)), f) for s, w in zip(share, wavelengths, strict=True)
+    )
+    width = math.sqrt(float(share @ (wavelengths / scene.wavelength - 1.0) ** 2))
+    passed = source_transfer(scene, f) * pixel_transfer(scene, f)
+    zones = (scene.main_fresnel_number, scene.microlens_fresnel_number)
+    washed = sum(2.0 * edge_wave(n) * min(1.0, (math.pi * (n + 0.5) * width) ** 2) for n in zones)
+    change = np.abs(moved - aperture_transfer(scene, f)) * passed + washed * aperture_transfer(scene, f) * passed
+    return Slot(
+        name="spectrum",
+        models=(
+            Model(
+                name=OFF,
+                bounds={
+                    "pixel_intensity": Bound(
+                        relative_change=picture_change(scene, change),
+                        criterion="width of the spectrum over its mean wavelength",
+                        number=width,
+                        reason="the rings of one wavelength stand for those of all",
+                    )
+                },
+            ),
+            Model(name="weighted", bounds={"pixel_intensity": complete()}),
+        ),
+    )
