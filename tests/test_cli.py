@@ -83,7 +83,8 @@ class TestCheck:
             "from tradestudy import cli\n"
             "try: cli.main()\n"
             "except SystemExit as end: assert end.code == 0\n"
-            "heavy = 'xarray', 'pandas', 'matplotlib', 'scipy.stats', 'emcee', 'jinja2', 'typst'\n"
+            # Not jinja2, which pint loads wherever dask is installed; of ours, only the report does.
+            "heavy = 'xarray', 'pandas', 'matplotlib', 'scipy.stats', 'emcee', 'typst', 'tradestudy.report'\n"
             "print(*[name for name in heavy if name in sys.modules])"
         )
         done = subprocess.run([sys.executable, "-c", script, str(RIGHT)], capture_output=True, text=True, check=True)
@@ -95,14 +96,14 @@ class TestRun:
         result = invoke("run", RIGHT, "--out", tmp_path / "here", "--fresh", "--no-pdf", "--set", "rig.baseline=90 mm")
         assert result.exit_code == 0
         assert ran["directory"] == tmp_path / "here"
-        assert ran["options"] == {"fresh": True, "pdf": False}
+        assert ran["options"] == {"fresh": True, "pdf": False, "executor": None}
         assert ran["study"].file.cameras["rig"].baseline == 0.09
         assert result.stdout == f"{tmp_path / 'here' / 'report.html'}\n"
 
     def test_by_default_goes_where_the_study_is_named(self, ran: dict[str, Any]) -> None:
         assert invoke("run", RIGHT).exit_code == 0
         assert ran["directory"] == Path("reports") / "wrong"
-        assert ran["options"] == {"fresh": False, "pdf": True}
+        assert ran["options"] == {"fresh": False, "pdf": True, "executor": None}
 
     def test_one_line_for_each_step_where_nobody_watches(self, ran: dict[str, Any]) -> None:
         assert invoke("run", RIGHT).stderr == "depth …\nreport …\n"

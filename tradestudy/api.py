@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tradestudy.comparison import Comparison
+    from tradestudy.study.execution import Checkpoints, Executor
     from tradestudy.study.schema.root import StudyFile
 
 
@@ -93,23 +95,36 @@ class Study:
         """The same study with other values by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""
         return Study(self.definition.with_values(values))
 
-    def run(self, progress: Progress = lambda _step, _share: None) -> Result:
+    def run(
+        self,
+        progress: Progress = lambda _step, _share: None,
+        *,
+        executor: Executor | None = None,
+        checkpoints: Checkpoints | None = None,
+    ) -> Result:
         """Compute everything that the study asks for.
 
         Parameters
         ----------
         progress
             Called with the step and the share of it done, 0 … 1.
+        executor
+            Where independent points are computed: one of `tradestudy.study.execution`; None is serial. The results are
+            the same to the last bit.
+        checkpoints
+            Where finished points are kept for a run that is taken up; None keeps nothing.
         """
+        from tradestudy.study.execution import Serial, Steps
         from tradestudy.study.runner import compute
 
         started = datetime.now(UTC)
         begin = time.perf_counter()
         seconds: dict[str, float] = {}
-        tree = compute(self.definition, progress, seconds)
+        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
+        tree = compute(self.definition, steps, seconds)
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
-        return Result(data=tree, run_record=self._record(started, seconds))
+        return Result(data=tree, run_record={**self._record(started, seconds), "points": steps.counts})
 
     def _record(self, started: datetime, seconds: Mapping[str, float]) -> dict[str, Any]:
         return {
@@ -195,12 +210,9 @@ class Result:
         from tradestudy import report, storage
 
         target = Path(directory)
-        # Results come last: once they are there whole, a run is finished and its record is there too.
         storage.remove_abandoned(target)
-        storage.write_run(self.run_record, target)
-        storage.write_results(self.data, target)
-        # Read back, so that a report made now and one made later from the files are the same bytes.
-        report.write(storage.read_results(target), storage.read_run(target), target, pdf=pdf)
+        tree, record = storage.write_finished(self.data, self.run_record, target)
+        report.write(tree, record, target, pdf=pdf)
         return target
 
     def _repr_html_(self) -> str:
@@ -220,32 +232,49 @@ class Result:
 
 
 def run(
-    study: Study, directory: Path, *, fresh: bool = False, pdf: bool = True, progress: Progress = lambda _s, _p: None
+    study: Study,
+    directory: Path,
+    *,
+    fresh: bool = False,
+    pdf: bool = True,
+    progress: Progress = lambda _s, _p: None,
+    executor: Executor | None = None,
 ) -> Result:
     """Run a study into a folder, taking up what a finished or interrupted run left there.
 
-    Results of the same study by the same code are not computed again unless ``fresh``; the report always is.
+    Results of the same study by the same code are not computed again unless ``fresh``, nor are the finished points of a
+    run that ended early; the report always is made.
     """
+    from tradestudy import report as renderer
+    from tradestudy import storage
+    from tradestudy.study.execution import Checkpoints
+
     result = None if fresh else _finished(study, directory)
-    if result is None:
-        result = study.run(progress)
-    progress("report", 0.0)
-    result.write(directory, pdf=pdf)
+    with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
+        if result is None:
+            result = study.run(progress, executor=executor, checkpoints=checkpoints)
+            progress("report", 0.0)
+            result.write(directory, pdf=pdf)
+        else:
+            progress("report", 0.0)
+            storage.remove_abandoned(directory)
+            renderer.write(result.data, dict(result.run_record), directory, pdf=pdf)
+        checkpoints.remove()
     progress("report", 1.0)
     return result
 
 
 def _finished(study: Study, directory: Path) -> Result | None:
-    """Results of an earlier run in a folder, if they are of this study and this code."""
-    from tradestudy import storage
+    """Results of an earlier run in a folder, if they are whole and of this study and this code."""
     from tradestudy.errors import ResultsError
 
     try:
-        tree, record = storage.read_results(directory), storage.read_run(directory)
+        result = open_result(directory)
     except ResultsError:
         return None
-    same = tree.attrs.get("study_hash") == study.hash and tree.attrs.get("code_hash") == provenance.code_hash()
-    return Result(data=tree, run_record=record) if same and record.get("study_hash") == study.hash else None
+    of = result.data.attrs
+    same = of.get("study_hash") == study.hash and of.get("code_hash") == provenance.code_hash()
+    return result if same else None
 
 
 def open_result(directory: str | Path) -> Result:
@@ -254,16 +283,12 @@ def open_result(directory: str | Path) -> Result:
     Raises
     ------
     ResultsError
-        Where there is nothing, or nothing that can be read, or a run was killed between its record and its results.
+        Where there is nothing, or nothing that can be read; where the results are damaged, or a run was killed between
+        its record and its results.
     """
     from tradestudy import storage
-    from tradestudy.errors import ResultsError
 
-    data, record = storage.read_results(Path(directory)), storage.read_run(Path(directory))
-    if record.get("study_hash") != data.attrs.get("study_hash"):
-        raise ResultsError(
-            "the results and their record are of different studies", value=str(directory), remedy="run the study again"
-        )
+    data, record = storage.read_finished(Path(directory))
     return Result(data=data, run_record=record)
 
 

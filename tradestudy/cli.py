@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import sys
 import tempfile
 import time
@@ -19,6 +20,8 @@ from tradestudy.errors import RequirementsNotMetError, TradestudyError
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
+
+    from tradestudy.study.execution import Executor
 
 INTERRUPTED = 130
 UNEXPECTED = 1
@@ -45,6 +48,7 @@ DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback o
 
 def main() -> None:
     """Run the command line; the exit status says how it ended."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # whoever ends a run wants what Ctrl-C gives
     try:
         app()
     except KeyboardInterrupt:  # before a command has begun
@@ -58,6 +62,16 @@ def run(
         Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
     ] = None,
     set_: SetOption = None,
+    jobs: Annotated[
+        int | None, typer.Option("--jobs", metavar="N", help="Compute on N worker processes.", show_default=False)
+    ] = None,
+    threads: Annotated[
+        int | None, typer.Option("--threads", metavar="N", help="Compute on N threads.", show_default=False)
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option("--dask", metavar="ADDRESS", help="Compute on a Dask cluster, tcp://HOST:PORT."),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute again what an earlier run has computed.")] = False,
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf out.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 if a requirement is not met.")] = False,
@@ -70,8 +84,9 @@ def run(
 
         loaded = api.load(study, set_ or ())
         directory = out if out is not None else Path("reports") / loaded.name
+        executor = _executor(jobs=jobs, threads=threads, dask=dask)
         with _shown_progress(quiet=quiet) as progress:
-            result = api.run(loaded, directory, fresh=fresh, pdf=not no_pdf, progress=progress)
+            result = api.run(loaded, directory, fresh=fresh, pdf=not no_pdf, progress=progress, executor=executor)
         if not quiet:
             _say(f"{directory / 'report.html'}")
         if strict and result.unmet_requirements:
@@ -153,6 +168,25 @@ def schema(debug: DebugOption = False) -> None:
         from tradestudy import api
 
         _say(json.dumps(api.schema(), indent=2, ensure_ascii=False))
+
+
+def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Executor | None:
+    """Where to compute; None where nothing is said."""
+    given = [name for name, value in (("--jobs", jobs), ("--threads", threads), ("--dask", dask)) if value is not None]
+    if not given:
+        return None
+    if len(given) > 1:
+        raise _InputError("these exclude each other", value=" and ".join(given), remedy="give one of them")
+    from tradestudy.study.execution import DaskCluster, Processes, Threads
+
+    if jobs is not None:
+        return Processes(jobs)
+    if threads is not None:
+        return Threads(threads)
+    assert dask is not None
+    cluster = DaskCluster(dask)
+    cluster.check()  # before anything is computed or written
+    return cluster
 
 
 class _InputError(TradestudyError):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import io
 import json
 import os
 import platform
@@ -19,7 +21,7 @@ from tradestudy.results import FORMAT_VERSION
 
 RESULTS = "results.nc"
 RUN = "run.json"
-
+CHECKSUM = "results_sha256"
 
 _PART = re.compile(r"\..+\.[0-9a-f]{8}\.(?P<process>\d+)@(?P<machine>.+)\.part")
 
@@ -60,31 +62,68 @@ def _is_running(process: int) -> bool:
     return True
 
 
-def write_results(tree: xr.DataTree, directory: Path) -> None:
-    """Write ``results.nc`` whole or not at all."""
+def write_finished(tree: xr.DataTree, run: Mapping[str, Any], directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
+    """Write ``run.json`` with the checksum of the results, then ``results.nc``, each whole or not at all.
+
+    Results come last: once they are there whole, a run is finished and its record is there too.
+
+    Returns
+    -------
+    tuple
+        Both as they are read back, so that a report made now and one made later from the files are the same bytes.
+    """
     content = tree.to_netcdf(engine="h5netcdf")  # in memory: HDF5 brings the process down where a disk is full
-    with replacing(directory / RESULTS) as temporary:
-        temporary.write_bytes(content)
+    record = {**run, CHECKSUM: _checksum(content)}
+    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
+    with replacing(directory / RESULTS) as results:
+        results.write_bytes(content)
+        with replacing(directory / RUN) as beside:
+            beside.write_text(text, encoding="utf-8")
+    return _tree_of(bytes(content), directory / RESULTS), json.loads(text)
 
 
-def read_results(directory: Path) -> xr.DataTree:
-    """Read ``results.nc`` into memory.
+def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
+    """Read ``results.nc`` into memory, and ``run.json``.
 
     Raises
     ------
     ResultsError
-        Where it is missing, damaged, or of another format version.
+        Where one is missing, damaged, of another format version, or where they are not of one run.
     """
     path = directory / RESULTS
     if not path.is_file():
         raise ResultsError("no results here", value=str(path), remedy="run the study first")
     try:
-        with xr.open_datatree(path, engine="h5netcdf") as opened:
-            tree = opened.load()
-    except (OSError, ValueError, KeyError, RuntimeError) as error:
+        content = path.read_bytes()
+    except OSError as error:
+        raise _unreadable(path, error) from error
+    record = _read_run(directory)
+    tree = _tree_of(content, path)
+    if record.get(CHECKSUM) != _checksum(content):
         raise ResultsError(
-            "the results file cannot be read", value=f"{path}: {error}", remedy="run the study again"
-        ) from error
+            "the results are damaged or of another run than their record: the checksum differs",
+            value=str(path),
+            remedy="run the study again",
+        )
+    return tree, record
+
+
+def _checksum(content: bytes | memoryview) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _unreadable(path: Path, error: Exception) -> ResultsError:
+    return ResultsError("the results file cannot be read", value=f"{path}: {error}", remedy="run the study again")
+
+
+def _tree_of(content: bytes, path: Path) -> xr.DataTree:
+    """The tree in the bytes of a results file; ``path`` names it in errors."""
+    try:
+        # Group by group: a tree's own load() leaves variables to be read when the file is long closed.
+        groups = {name: group.load() for name, group in xr.open_groups(io.BytesIO(content), engine="h5netcdf").items()}
+        tree = xr.DataTree.from_dict(groups)
+    except (OSError, ValueError, KeyError, RuntimeError) as error:
+        raise _unreadable(path, error) from error
     version = tree.attrs.get("format_version")
     if version != FORMAT_VERSION:
         raise ResultsError(
@@ -96,20 +135,8 @@ def read_results(directory: Path) -> xr.DataTree:
     return tree
 
 
-def write_run(run: Mapping[str, Any], directory: Path) -> None:
-    """Write ``run.json`` whole or not at all."""
-    with replacing(directory / RUN) as temporary:
-        temporary.write_text(json.dumps(run, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
-
-
-def read_run(directory: Path) -> dict[str, Any]:
-    """Read ``run.json``.
-
-    Raises
-    ------
-    ResultsError
-        Where it is missing or damaged.
-    """
+def _read_run(directory: Path) -> dict[str, Any]:
+    """Read ``run.json``."""
     path = directory / RUN
     try:
         run = json.loads(path.read_text(encoding="utf-8"))

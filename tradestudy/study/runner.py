@@ -6,6 +6,7 @@ import xarray as xr
 
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.execution import Steps
 from tradestudy.study.groups.claims import claims_group, requirements_group
 from tradestudy.study.groups.criteria import criteria_group
 from tradestudy.study.groups.decision import decision_group
@@ -17,7 +18,6 @@ from tradestudy.study.groups.images import images_group
 from tradestudy.study.groups.point_spread import point_spread_group
 from tradestudy.study.groups.registers import assumptions_group, cameras_group, contradictions_group
 from tradestudy.study.groups.uncertain import uncertain_groups
-from tradestudy.study.progress import Progress
 from tradestudy.study.timing import Seconds
 
 NOMINAL = "as declared"
@@ -25,7 +25,7 @@ NOMINAL = "as declared"
 
 def compute(
     definition: StudyDefinition,
-    progress: Progress = lambda _step, _share: None,
+    steps: Steps | None = None,
     seconds: Seconds | None = None,
 ) -> xr.DataTree:
     """Compute everything that a study asks for.
@@ -34,8 +34,8 @@ def compute(
     ----------
     definition
         The study.
-    progress
-        Called with the name of the step and the share done, 0 … 1.
+    steps
+        How independent points are computed: where, what is kept of them, and who hears of progress.
     seconds
         Takes what the parts that are timed took.
 
@@ -45,6 +45,8 @@ def compute(
         As declared in `tradestudy.results`.
     """
     file = definition.file
+    steps = Steps() if steps is None else steps
+    progress = steps.progress
     seconds = {} if seconds is None else seconds
     readings = {NOMINAL: definition, **definition.readings}
     groups: dict[str, xr.Dataset] = {
@@ -62,7 +64,7 @@ def compute(
         "/contradictions": contradictions_group(definition),
     }
     if definition.case.cameras:
-        groups["/depth"] = depth_group(definition, progress)
+        groups["/depth"] = depth_group(definition, steps)
         progress("decision", 0.0)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"])
     if file.calibration is not None:

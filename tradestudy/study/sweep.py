@@ -68,6 +68,16 @@ def sweep_points(definition: StudyDefinition, axes: tuple[SweepAxis, ...]) -> li
     ]
 
 
+def point_labels(axes: tuple[SweepAxis, ...]) -> list[str]:
+    """What a person calls each combination, in the order of `sweep_points`."""
+    if not axes:
+        return ["the study as declared"]
+    return [
+        ", ".join(f"{axis.path}={value}" for axis, value in zip(axes, values, strict=True))
+        for values in itertools.product(*(axis.values for axis in axes))
+    ]
+
+
 def _values_of_range(path: str, part: SweepRangePart) -> tuple[str, ...]:
     dimension = common_dimension(part.start, part.stop)
     if dimension is None:

@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.depth import QUANTILES, WAYS, DepthEvaluation, evaluate_depth
-from tradestudy.study.progress import Progress
-from tradestudy.study.sweep import sweep_axes, sweep_points
-from tradestudy.study.usable import LIMIT_NAMES, Interval, all_met, evaluate_limits, usable_intervals
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.depth import QUANTILES, WAYS
+from tradestudy.study.depth_points import DepthPoint, DepthTable, depth_table
+from tradestudy.study.execution import Steps
+from tradestudy.study.sweep import point_labels, sweep_axes, sweep_points
+from tradestudy.study.usable import LIMIT_NAMES, Interval
 
 
-def depth_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
+def depth_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     """/depth over (swept parameters, camera, distance)."""
     axes = sweep_axes(definition)
-    points = sweep_points(definition, axes)
-    tables = []
-    for number, point in enumerate(points):
-        progress("depth", number / len(points))
-        tables.append(_depth_of_case(point.case))
-    part_names = list(dict.fromkeys(name for table in tables for name in table["parts"]))
-    intervals = max(len(rows) for table in tables for rows in table["intervals"])
+    points = [DepthPoint.of(point.case) for point in sweep_points(definition, axes)]
+    tables = steps.map("depth", depth_table, points, point_labels(axes))
+    part_names = list(dict.fromkeys(name for table in tables for name in table.parts))
+    intervals = max(len(rows) for table in tables for rows in table.intervals)
     shape = tuple(len(axis.labels) for axis in axes)
     arrays = [_depth_arrays(table, part_names, max(intervals, 1)) for table in tables]
     stacked = {
@@ -52,28 +48,9 @@ def depth_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
     return result
 
 
-def _depth_of_case(case: Case) -> dict[str, Any]:
-    """Evaluate all cameras of one case; ragged things stay lists."""
-    evaluations = {name: evaluate_depth(camera, case.distance) for name, camera in case.cameras.items()}
-    limits = [evaluate_limits(camera, case.criteria, case.distance) for camera in case.cameras.values()]
-    return {
-        "evaluations": list(evaluations.values()),
-        "limits": limits,
-        "parts": list(dict.fromkeys(name for e in evaluations.values() for name in e.parts)),
-        "intervals": [usable_intervals(camera, case.criteria, case.distance) for camera in case.cameras.values()],
-        "virtual_depth": [
-            camera.virtual_depth(case.distance)
-            if isinstance(camera, FocusedPlenoptic)
-            else np.full_like(case.distance, np.nan)
-            for camera in case.cameras.values()
-        ],
-        "usable": [all_met(limit, case.distance.shape) for limit in limits],
-    }
-
-
-def _depth_arrays(table: Mapping[str, Any], part_names: list[str], most_intervals: int) -> dict[str, Any]:
+def _depth_arrays(table: DepthTable, part_names: list[str], most_intervals: int) -> dict[str, Any]:
     """The variables of /depth for one case, camera first."""
-    evaluations: list[DepthEvaluation] = table["evaluations"]
+    evaluations = table.evaluations
     distance = evaluations[0].distance
     missing = np.full_like(distance, np.nan)
 
@@ -86,12 +63,12 @@ def _depth_arrays(table: Mapping[str, Any], part_names: list[str], most_interval
                 )
                 for name in LIMIT_NAMES
             ]
-            for limits in table["limits"]
+            for limits in table.limits
         ]
         return np.moveaxis(np.array(rows), 1, 2)
 
     def over_intervals(attribute: str, absent: Any) -> Any:
-        return np.array([_padded(rows, attribute, absent, most_intervals) for rows in table["intervals"]])
+        return np.array([_padded(rows, attribute, absent, most_intervals) for rows in table.intervals])
 
     uncertainty = np.stack([e.uncertainty for e in evaluations])
     return {
@@ -106,8 +83,8 @@ def _depth_arrays(table: Mapping[str, Any], part_names: list[str], most_interval
         "failed_fraction": np.stack([e.failed_fraction.T for e in evaluations]),
         "equivalent_baseline": np.stack([e.equivalent_baseline for e in evaluations]),
         "disparity_px": np.stack([e.disparity_px for e in evaluations]),
-        "virtual_depth": np.stack(table["virtual_depth"]),
-        "usable": np.stack(table["usable"]),
+        "virtual_depth": np.stack(table.virtual_depth),
+        "usable": np.stack(table.usable),
         "limit_value": over_limits("value", math.nan),
         "limit_met": over_limits("met", -1.0).astype(np.int8),
         "limit_bound": over_limits("bound", math.nan)[:, 0],
@@ -124,5 +101,5 @@ def _padded(rows: tuple[Interval, ...], attribute: str, absent: Any, length: int
 
 def depth_as_declared(definition: StudyDefinition) -> xr.Dataset:
     """/depth of the study as declared, without its sweep."""
-    table = _depth_of_case(definition.case)
-    return dataset("depth", _depth_arrays(table, table["parts"], 1 + max(map(len, table["intervals"]))), {})
+    table = depth_table(DepthPoint.of(definition.case))
+    return dataset("depth", _depth_arrays(table, list(table.parts), 1 + max(map(len, table.intervals))), {})

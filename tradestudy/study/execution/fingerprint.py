@@ -1,0 +1,78 @@
+"""A hash of what a point says: equal for equal content in every process, whatever shares memory with what."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import partial
+from pathlib import PurePath
+from types import FunctionType, MethodType
+from typing import Any
+
+import numpy as np
+
+
+def fingerprint(*values: object) -> bytes:
+    """SHA-256 of numbers, texts, arrays, mappings in their order, lists, dataclasses and functions of modules.
+
+    Pickles would not do: their bytes depend on which parts are one object, and on the order of sets.
+
+    Raises
+    ------
+    TypeError
+        For anything else: what cannot be told apart must not be confused.
+    """
+    parts: list[bytes] = []
+    _tell(values, parts)
+    return hashlib.sha256(b"".join(parts)).digest()
+
+
+def _tell(value: Any, parts: list[bytes]) -> None:
+    kind = type(value)
+    if value is None or kind in (bool, int, float):
+        parts.append(f"{kind.__name__} {value!r};".encode())
+    elif kind in (str, bytes):
+        content = value.encode() if kind is str else value
+        parts += (f"{kind.__name__} {len(content)}:".encode(), content)
+    elif kind in (tuple, list):
+        parts.append(f"{kind.__name__} {len(value)}:".encode())
+        for item in value:
+            _tell(item, parts)
+    elif isinstance(value, np.ndarray | np.generic) and not value.dtype.hasobject:
+        parts += (f"{value.dtype.str} {value.shape}:".encode(), value.tobytes())
+    elif isinstance(value, Enum):
+        parts.append(f"{_name(kind)}.{value.name};".encode())
+    elif isinstance(value, Mapping):
+        parts.append(f"mapping {len(value)}:".encode())
+        for item in value.items():
+            _tell(item, parts)
+    elif isinstance(value, FunctionType) and "<" not in value.__qualname__:
+        parts.append(f"{_name(value)};".encode())
+    elif isinstance(value, PurePath):
+        _tell(("path", str(value)), parts)
+    else:
+        inside = _inside(value)
+        if inside is None:
+            raise TypeError(f"{_name(kind)} has no fingerprint")
+        parts.append(f"{_name(kind)} {len(inside)}:".encode())
+        for item in inside:
+            _tell(item, parts)
+
+
+def _inside(value: Any) -> list[Any] | None:
+    """What an object consists of; None where that is not known."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return [getattr(value, one.name) for one in fields(value)]
+    if hasattr(type(value), "model_fields"):  # parts of a study file
+        return [getattr(value, name) for name in type(value).model_fields]
+    if isinstance(value, partial):
+        return [value.func, value.args, value.keywords]
+    if isinstance(value, MethodType):
+        return [value.__self__, value.__func__]
+    return None
+
+
+def _name(what: type | FunctionType) -> str:
+    return f"{what.__module__}.{what.__qualname__}"
