@@ -9,8 +9,15 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
 _COARSER_TOLERANCE = 2.0
-_COARSER_NODES = 0.9
-_COARSER_SAMPLING = 0.9
+_COARSER = 0.9
+_KNOBS = (
+    "pupil_nodes",
+    "microlens_nodes",
+    "field_sampling",
+    "diffraction_reach",
+    "pixel_sampling",
+    "source_sampling",
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,28 +62,32 @@ class ChainAccuracy:
     def __post_init__(self) -> None:
         if not 1e-6 <= self.tolerance <= 0.2:
             raise OutOfRangeError("tolerance of the chain", value=f"{self.tolerance:g}", limit="1e-6 … 0.2")
-        for name in (
-            "pupil_nodes",
-            "microlens_nodes",
-            "field_sampling",
-            "diffraction_reach",
-            "pixel_sampling",
-            "source_sampling",
-            "memory_limit",
-        ):
+        for name in (*_KNOBS, "memory_limit"):
             value = getattr(self, name)
             if not (value > 0 and math.isfinite(value)):
                 raise OutOfRangeError(name, value=f"{value:g}", limit="> 0, finite")
 
-    def coarser(self) -> ChainAccuracy:
-        """The settings whose result is compared with this one's to state its error."""
+    def compared(self) -> ChainAccuracy:
+        """The settings whose result is compared with this one's to state its error.
+
+        They are coarser; but a knob below 1 is compared with 1, for where samples alias, fewer of them alias alike.
+        """
         return replace(
             self,
             tolerance=min(_COARSER_TOLERANCE * self.tolerance, 0.2),
-            pupil_nodes=_COARSER_NODES * self.pupil_nodes,
-            microlens_nodes=_COARSER_NODES * self.microlens_nodes,
-            field_sampling=_COARSER_SAMPLING * self.field_sampling,
-            diffraction_reach=_COARSER_SAMPLING * self.diffraction_reach,
+            **{
+                name: _COARSER * value if value >= 1 else 1.0
+                for name in ("pupil_nodes", "microlens_nodes", "field_sampling", "diffraction_reach")
+                for value in [getattr(self, name)]
+            },
+        )
+
+    def unstarved(self) -> ChainAccuracy:
+        """No knob below 1, and a tenth of the tolerance: what single points of a spot are checked against."""
+        return replace(
+            self,
+            tolerance=max(self.tolerance / 10, 1e-6),
+            **{name: max(1.0, getattr(self, name)) for name in _KNOBS},
         )
 
 
@@ -90,7 +101,7 @@ class ChainImage:
         Share of the power through the main pupil that falls on each pixel, shape (rows, columns); an extended source
         is averaged over its area.
     numerical_error
-        Relative L2 error over the pixels: the change against a coarser computation, or the sum of `error_terms`.
+        Relative L2 error over the pixels: by the change against a coarser computation, or the sum of `error_terms`.
     error_terms
         Parts of it, each relative L2.
     direct_check

@@ -19,7 +19,7 @@ from tradestudy.optics.propagation.fresnel import FresnelKernel
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave, PointSource
 from tradestudy.optics.propagation.paths import Array, SphericalPath
-from tradestudy.optics.propagation.sampling import net_phase
+from tradestudy.optics.propagation.sampling import net_phase, outline
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
@@ -120,8 +120,10 @@ class PupilWave:
         radius, z = self.path.main_lens.radius, self.path.array_distance
         # Every point of a coherent disc arrives at its own slope, which is as good as targets farther out.
         wider = z * self.coherent_radius / math.hypot(self.coherent_radius, self.source.distance)
-        x, y = (np.concatenate([c - wider, c + wider]) for c in region)
-        half_range, turns = net_phase(self.wave.paths, self.kernel, radius=radius, x=x, y=y, z=np.full(x.shape, z))
+        low_x, low_y = (np.min(c) - wider for c in region)
+        high_x, high_y = (np.max(c) + wider for c in region)
+        box = outline(np.array([low_x, high_x]), np.array([low_y, high_y]), np.array([z, z]))
+        half_range, turns = net_phase(self.wave.paths, self.kernel, radius=radius, x=box[0], y=box[1], z=box[2])
         return tapered_disc_nodes(radius=radius, radial_phase=2 * density * half_range, angular_phase=density * turns)
 
 

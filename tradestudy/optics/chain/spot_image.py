@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -407,7 +407,7 @@ def _points_check(spot: _Spot, nodes: SourceNodes, rng: np.random.Generator) -> 
     """Relative L2 difference of random source points' pixels from the single-point computation, root mean square."""
     squares, sizes = [], []
     picks = rng.choice(nodes.all, size=_CHECKED_POINTS, replace=False)
-    finer = replace(spot.accuracy, tolerance=max(spot.accuracy.tolerance / 10, 1e-6))
+    finer = spot.accuracy.unstarved()
     for pick in picks:
         at = (float(pick[0]), float(pick[1]))
         fast = light_on_pixels(
