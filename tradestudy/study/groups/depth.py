@@ -83,6 +83,8 @@ def _depth_arrays(table: DepthTable, part_names: list[str], most_intervals: int)
         "failed_fraction": np.stack([e.failed_fraction.T for e in evaluations]),
         "equivalent_baseline": np.stack([e.equivalent_baseline for e in evaluations]),
         "disparity_px": np.stack([e.disparity_px for e in evaluations]),
+        "disparity_error_px": np.stack([e.disparity_error_px for e in evaluations]),
+        "disparity_error_px_error": np.stack([e.disparity_error_px_error for e in evaluations]),
         "virtual_depth": np.stack(table.virtual_depth),
         "usable": np.stack(table.usable),
         "limit_value": over_limits("value", math.nan),
