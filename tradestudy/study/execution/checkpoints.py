@@ -7,9 +7,10 @@ import hashlib
 import os
 import secrets
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from io import FileIO
 from pathlib import Path
+from pickle import UnpicklingError
 from typing import Any, Final
 
 from tradestudy.study.execution.trusted_pickle import from_bytes, to_bytes
@@ -45,16 +46,16 @@ class Checkpoints:
         else:
             self._index_all()
 
-    def __contains__(self, key: bytes) -> bool:
-        return key in self._index
-
-    def __len__(self) -> int:
-        return len(self._index)
-
-    def __getitem__(self, key: bytes) -> Any:
-        file, start, length = self._index[key]
-        file.seek(start)
-        return from_bytes(file.read(length))
+    def finished(self, keys: Sequence[bytes]) -> dict[int, Any]:
+        """Values of those keys that are there, by their place among the keys."""
+        values = {}
+        for place, key in enumerate(keys):
+            if key in self._index:
+                file, start, length = self._index[key]
+                file.seek(start)
+                with contextlib.suppress(UnpicklingError):  # nothing that a run has written
+                    values[place] = from_bytes(file.read(length))
+        return values
 
     def add(self, key: bytes, value: object) -> None:
         """Put a value on disk at once."""

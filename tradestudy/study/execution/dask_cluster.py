@@ -20,9 +20,8 @@ from tradestudy.study.execution.outcome import Point, Raised, Value, attempt
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-GRAIN: Final = 0.1
+GRAIN: Final = 0.2
 """Seconds of work that go to a worker at once: one point, or as many cheap ones as take this long."""
-_AHEAD: Final = 2  # chunks for each thread of the cluster, so that none waits for the network
 _LOOK_AGAIN: Final = 2.0  # s without a result until the cluster is looked at
 _WITHOUT_WORKERS: Final = 30.0  # s until a cluster that has lost all its workers is given up
 
@@ -89,35 +88,41 @@ class _Work:
     computed: int = 0
     seconds: float = 0.0
     underway: dict[Future[Any], list[int]] = field(default_factory=dict)
-    alone: deque[int] = field(default_factory=deque)  # points of chunks that killed workers, to find the one that does
+    suspects: deque[int] = field(default_factory=deque)  # were on workers that died; computed alone to find the one
+    alone: bool = False
     done: SimpleQueue[Future[Any]] = field(default_factory=SimpleQueue)
 
     def __post_init__(self) -> None:
         self.waiting = deque(range(len(self.points)))
-        self.threads = sum(self.client.nthreads().values())
+        self.threads: int = max(1, sum(self.client.nthreads().values()))
 
     @property
     def left(self) -> int:
         return len(self.points) - self.computed
 
     def submit(self) -> None:
-        """Keep every thread of the cluster busy, and no more: what is not sent yet needs not be cancelled."""
-        while (self.alone or self.waiting) and len(self.underway) < _AHEAD * self.threads:
-            if self.alone:
-                chunk = [self.alone.popleft()]
-            else:
-                chunk = [self.waiting.popleft() for _ in range(min(self._chunk_size(), len(self.waiting)))]
-            # As bytes of our own, since Dask would look for its futures in every part of a point.
-            payload = pickle.dumps((self.function, [self.points[index] for index in chunk]))
-            future = self.client.submit(_compute, payload, environment(), pure=False)
-            self.underway[future] = chunk
-            future.add_done_callback(self.done.put)
+        """Give every thread of the cluster one chunk, and no more.
+
+        A worker has nothing to compute until its last results have been fetched, or they would die with it.
+        """
+        self.alone = bool(self.suspects) and not self.underway
+        if self.alone:
+            self._send([self.suspects.popleft()])
+        while self.waiting and not self.suspects and len(self.underway) < self.threads:
+            self._send([self.waiting.popleft() for _ in range(min(self._chunk_size(), len(self.waiting)))])
+
+    def _send(self, chunk: list[int]) -> None:
+        # As bytes of our own, since Dask would look for its futures in every part of a point.
+        payload = pickle.dumps((self.function, [self.points[index] for index in chunk]))
+        future = self.client.submit(_compute, payload, environment(), pure=False)
+        self.underway[future] = chunk
+        future.add_done_callback(self.done.put)
 
     def _chunk_size(self) -> int:
         if not self.computed:
             return 1
         affordable = int(GRAIN * self.computed / max(self.seconds, 1e-9))
-        return max(1, min(affordable, math.ceil(len(self.waiting) / (_AHEAD * self.threads))))
+        return max(1, min(affordable, math.ceil(len(self.waiting) / self.threads / 2)))
 
     def received(self) -> Iterator[tuple[int, Any]]:
         """Wait for a chunk and give what it holds."""
@@ -128,9 +133,9 @@ class _Work:
         try:
             seconds, outcomes = pickle.loads(future.result())
         except KilledWorker as killed:
-            if len(chunk) == 1:
+            if self.alone:
                 raise LostPointError(chunk[0], killed.allowed_failures + 1) from killed
-            self.alone.extend(chunk)
+            self.suspects.extend(chunk)  # whatever the dead workers had: Dask cannot tell which it was
             return
         except Exception as error:  # by the worker around the points, which themselves raise nothing
             if future.status != "error":
@@ -148,16 +153,20 @@ class _Work:
         while True:
             try:
                 return self.done.get(timeout=_LOOK_AGAIN)
-            except Empty:
+            except Empty:  # look at the cluster
                 pass
-            if self.client.status != "running":
-                raise self._lost()
-            if self.client.nthreads():
+            if self._has_workers():
                 empty_since = None
             elif empty_since is None:
                 empty_since = time.monotonic()
             elif time.monotonic() - empty_since > _WITHOUT_WORKERS:
                 raise self._lost()
+
+    def _has_workers(self) -> bool:
+        try:
+            return bool(self.client.nthreads())
+        except Exception as error:  # whatever the client says where its scheduler is gone
+            raise self._lost() from error
 
     def _lost(self) -> ClusterLostError:
         return ClusterLostError(

@@ -55,8 +55,9 @@ class Processes:
                     try:
                         index, outcome = worker.connection.recv()
                     except (EOFError, OSError):
+                        workers.remove(worker)
                         _bury(worker, deaths, waiting)
-                        workers[workers.index(worker)] = _Worker.start(function)
+                        workers.append(_Worker.start(function))
                         continue
                     worker.ready, worker.underway = True, _IDLE
                     # Before the result is handed on, so that the worker does not wait for whoever takes it.

@@ -72,7 +72,7 @@ class Steps:
         keys: list[bytes] = []
         if self.checkpoints is not None:
             keys = [fingerprint(environment(), function, point) for point in points]
-            values = {i: self.checkpoints[key] for i, key in enumerate(keys) if key in self.checkpoints}
+            values = self.checkpoints.finished(keys)
         taken = len(values)
         missing = [i for i in range(len(points)) if i not in values]
         executor = self.executor if len(missing) > 1 else Serial()  # one point alone is nothing to spread
