@@ -112,14 +112,13 @@ def picture_geometry(camera: DepthCamera, distance: ArrayLike) -> PictureGeometr
         For a camera of another kind.
     """
     a = np.asarray(distance, dtype=np.float64)
-    a = np.where(camera.images(a), a, np.nan)
     match camera:
         case StereoRig():
-            return _stereo(camera, a)
+            return _stereo(camera, np.where(camera.images(a), a, np.nan))
         case FocusedPlenoptic():
-            return _focused(camera, a)
+            return _focused(camera, np.where(camera.images(a), a, np.nan))
         case UnfocusedPlenoptic():
-            return _unfocused(camera, a)
+            return _unfocused(camera, np.where(camera.images(a), a, np.nan))
         case _:
             raise OutOfRangeError(
                 "a picture of this camera is not known",

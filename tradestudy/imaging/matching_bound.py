@@ -12,7 +12,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class BandNodes:
     """Nodes of one eighth of the square band of the samples, 0 ≤ ν_y ≤ ν_x ≤ ½ cycles/px, densest at 0.
 
@@ -82,7 +82,7 @@ def matching_bound_px(nodes: BandNodes, *, signal: ArrayLike, noise: ArrayLike, 
     24, 320 (1976); G. C. Carter, "Coherence and time delay estimation", Proc. IEEE 75, 236 (1987), here in the plane.
     """
     S, N = np.asarray(signal, dtype=np.float64), np.asarray(noise, dtype=np.float64)
-    noisy = N > 0.0
+    noisy = ~(N <= 0.0)  # NaN, for no picture, goes through
     ratio = S / np.where(noisy, N, 1.0)
     usable = np.where(noisy, ratio * (ratio / (1.0 + 2.0 * ratio)), np.where(S > 0.0, np.inf, 0.0))
     # By symmetry ν_x² may stand for half of |ν|².

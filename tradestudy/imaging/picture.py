@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import product
 from typing import Literal, assert_never
 
 import numpy as np
@@ -48,8 +49,8 @@ _WINDOW_OVER_BLUR = 1.0
 _PEAK_CONTRAST = 3.0
 
 _REPLICAS = 3
-_ALIAS_RADII = 240
-_COARSER = 0.75
+_ALIAS_RADII = 193
+_COARSER = (0.85, 0.7, 0.55)
 _MOST_BLUR_FOR_NODES_PX = 24.0
 
 
@@ -158,8 +159,8 @@ class DerivedDisparityError:
     value
         Standard deviation of one disparity [samples]; NaN where the camera forms no picture.
     error
-        Estimated numerical error of it [samples]: of the quadrature over the band, of aliased power from beyond the
-        replicas that are summed, of Kirchhoff's transfer.
+        Estimated numerical error of it [samples]: of the quadrature over the band (twice the largest change by three
+        coarser rules), of aliased power from beyond the replicas that are summed, of Kirchhoff's transfer.
     violated
         By condition, where the bound is not what a matcher can reach.
     """
@@ -193,14 +194,17 @@ def disparity_error_px(
     if models.spectrum == "weighted" and not settings.spectrum:
         raise OutOfRangeError("a weighted spectrum without wavelengths", remedy="give wavelengths and weights")
     electrons = _electrons(geometry, settings, models)
-    along = 20 + int(np.ceil(min(_largest(geometry.blur_px), _MOST_BLUR_FOR_NODES_PX)))
     window = window_px(geometry, settings)
-    fine, tail, transfer_error = _bound(geometry, settings, models, electrons, window, along)
-    coarse, _, _ = _bound(geometry, settings, models, electrons, window, int(_COARSER * along))
-    with np.errstate(invalid="ignore"):  # an infinite bound has no error
-        error = np.abs(fine - coarse) + np.abs(fine - tail) + transfer_error
+    along = 18.0 + 0.8 * min(_largest(geometry.blur_px), _MOST_BLUR_FOR_NODES_PX)
+    rules = tuple(band_nodes(round(share * along), max(5, round(share * along / 5.0))) for share in (1.0, *_COARSER))
+    found = _bounds(geometry, settings, models, electrons, window, rules)
+    value = found.by_rule[0]
+    with np.errstate(invalid="ignore"):  # an infinite bound has no error: NaN
+        quadrature = 2.0 * np.max(np.abs(np.stack(found.by_rule[1:]) - value), axis=0)
+        aliasing = np.abs(value - found.without_tail) + np.abs(value - found.fewer_radii)
+        error = quadrature + aliasing + found.transfer_error
     return DerivedDisparityError(
-        value=fine, error=error, violated=_violated(geometry, settings, electrons, window, fine)
+        value=value, error=error, violated=_violated(geometry, settings, electrons, window, value)
     )
 
 
@@ -227,7 +231,7 @@ def optical_transfer(
     shape = (geometry.distance.size, frequency_px.size)
     transfer, error = np.zeros(shape), np.zeros(shape[0])
     for wavelength, weight in spectrum:
-        product = np.ones(shape)
+        passed = np.ones(shape)
         for stage, model in (
             (geometry.main_lens, models.main_lens_diffraction),
             (geometry.microlens, models.microlens_diffraction),
@@ -236,9 +240,9 @@ def optical_transfer(
                 found, off = _stage_transfer(
                     stage, model, models.defocus_blur, settings, wavelength, frequency_px / geometry.sample_pitch
                 )
-                product *= found
+                passed *= found
                 error += weight / total * off
-        transfer += weight / total * product
+        transfer += weight / total * passed
     return transfer, error
 
 
@@ -301,41 +305,63 @@ def _electrons(geometry: PictureGeometry, settings: PictureSettings, models: Pic
     return mean_electrons(settings.light, geometry.light_f_number, geometry.pixel_pitch, left)
 
 
-def _bound(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Bounds:
+    """The bound in several ways, and by how much the error of the transfer moves it.
+
+    By rules of falling order; without the tail of aliased power; with every other alias radius.
+    """
+
+    by_rule: list[FloatArray]
+    without_tail: FloatArray
+    fewer_radii: FloatArray
+    transfer_error: FloatArray
+
+
+def _bounds(
     geometry: PictureGeometry,
     settings: PictureSettings,
     models: PictureModels,
     electrons: FloatArray,
     window: FloatArray,
-    along: int,
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """The bound, the bound without the tail of aliased power, and what the error of the transfer does to it."""
-    nodes = band_nodes(along, max(6, along // 3))
+    rules: tuple[BandNodes, ...],
+) -> _Bounds:
+    """The bound by each rule, and by the first in the other ways."""
     radii = _alias_radii()
-    transfer, transfer_error = optical_transfer(geometry, settings, models, np.concatenate([nodes.radius, radii]))
-    squared = np.square(transfer)
-    inside, outside = squared[:, : nodes.radius.size], squared[:, nodes.radius.size :]
+    ends = np.cumsum([rule.x.size for rule in rules])
+    frequency = np.concatenate([*(rule.radius for rule in rules), radii])
+    transfer, transfer_error = optical_transfer(geometry, settings, models, frequency)
     width = _sample_width(geometry, settings, models)
     if geometry.sample_shape == "disc":  # a microlens collects from a disc: rotationally symmetric, like the lenses
-        inside = inside * np.square(disc_transfer(nodes.radius, width))
-        outside = outside * np.square(disc_transfer(radii, width))
+        transfer = transfer * disc_transfer(frequency, width)
         width = 0.0
     length = (settings.texture.correlation_length * geometry.magnification / geometry.sample_pitch)[:, np.newaxis]
     contrast, n = settings.texture.contrast, electrons[:, np.newaxis]
-    pixel = np.square(square_transfer(nodes.x, nodes.y, width))
-    signal = n**2 * texture_spectrum(nodes.radius, contrast, length) * inside * pixel
-    replicas, ring = _alias_matrix(along, max(6, along // 3), width)
-    beyond = n**2 * texture_spectrum(radii, contrast, length) * outside
+    density = n**2 * texture_spectrum(frequency, contrast, length) * np.square(transfer)
+    *inside, beyond = np.split(density, ends, axis=1)
     # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.
-    tail = (n * contrast) ** 2 * share_beyond(_REPLICAS + 0.5, length) * (outside @ ring)[:, np.newaxis]
-    noise = noise_variance(n, settings.sensor_noise, models.sensor_noise) + beyond @ replicas
-    with_tail = matching_bound_px(nodes, signal=signal, noise=noise + tail, window_px=window)
-    without = matching_bound_px(nodes, signal=signal, noise=noise, window_px=window)
+    outermost = np.square(transfer[:, ends[-1] :]) @ _ring_weights(width)
+    tail = (n * contrast) ** 2 * share_beyond(_REPLICAS + 0.5, length) * outermost[:, np.newaxis]
+    floor = noise_variance(n, settings.sensor_noise, models.sensor_noise)
+
+    def bound(k: int, aliased: FloatArray, every: int = 1) -> FloatArray:
+        rule = rules[k]
+        signal = inside[k] * np.square(square_transfer(rule.x, rule.y, width))
+        replicas = beyond[:, ::every] @ _alias_weights(rule, width, every)
+        return matching_bound_px(rule, signal=signal, noise=floor + replicas + aliased, window_px=window)
+
+    value = bound(0, tail)
     # A transfer that is off by δ everywhere moves the bound by about δ over its root mean square where it matters.
-    strength = np.sqrt(np.average(inside * pixel, axis=1, weights=nodes.weight * np.square(nodes.radius)))
+    slope = rules[0].weight * np.square(rules[0].radius)
+    strength = np.sqrt(np.square(transfer[:, : ends[0]]) @ (slope / slope.sum()))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nothing passed: the bound itself is infinite
-        moved = np.where(transfer_error > 0.0, with_tail * transfer_error / strength, 0.0)
-    return with_tail, without, moved
+        moved = np.where(transfer_error > 0.0, value * transfer_error / strength, 0.0)
+    return _Bounds(
+        by_rule=[value, *(bound(k, tail) for k in range(1, len(rules)))],
+        without_tail=bound(0, np.zeros_like(tail)),
+        fewer_radii=bound(0, tail, every=2),
+        transfer_error=moved,
+    )
 
 
 def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> float:
@@ -351,38 +377,42 @@ def _alias_radii() -> FloatArray:
     return np.linspace(0.5, (_REPLICAS + 0.5) * np.sqrt(2.0), _ALIAS_RADII)
 
 
-@lru_cache(maxsize=32)
-def _alias_matrix(along: int, across: int, width: float) -> tuple[FloatArray, FloatArray]:
-    """What every replica of the spectrum adds at the nodes, as weights of its radial values; and those of the tail.
+@lru_cache(maxsize=64)
+def _alias_weights(nodes: BandNodes, width: float, every: int) -> FloatArray:
+    """What every replica of a radial spectrum adds at the nodes, as weights of its values at the alias radii.
+
+    Only each ``every``-th radius counts.
 
     Linear between the radii, times the pixel's square transfer.
     """
-    nodes: BandNodes = band_nodes(along, across)
-    radii = _alias_radii()
+    radii = _alias_radii()[::every]
     step = radii[1] - radii[0]
-    shifts = np.arange(-_REPLICAS, _REPLICAS + 1)
     columns = np.arange(nodes.x.size)
     matrix = np.zeros((radii.size, nodes.x.size))
-    for row in shifts:
-        for column in shifts:
-            if row == column == 0:
-                continue
-            x, y = nodes.x + column, nodes.y + row
-            position = (np.hypot(x, y) - radii[0]) / step
-            below = np.clip(position.astype(np.intp), 0, radii.size - 2)
-            share = position - below
-            passed = np.square(square_transfer(x, y, width))
-            matrix[below, columns] += (1.0 - share) * passed
-            matrix[below + 1, columns] += share * passed
-    ring = np.where(radii > _REPLICAS, 1.0, 0.0)
-    angle = np.linspace(0.0, np.pi / 2.0, 33)
-    seen = np.square(square_transfer(np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), width)).mean(
-        axis=1
-    )
-    ring *= seen / ring.sum()
+    shifts = range(-_REPLICAS, _REPLICAS + 1)
+    for row, column in product(shifts, shifts):
+        if row == column == 0:
+            continue
+        x, y = nodes.x + column, nodes.y + row
+        position = (np.hypot(x, y) - radii[0]) / step
+        below = np.clip(position.astype(np.intp), 0, radii.size - 2)
+        passed = np.square(square_transfer(x, y, width))
+        matrix[below, columns] += (1.0 - (position - below)) * passed
+        matrix[below + 1, columns] += (position - below) * passed
     matrix.setflags(write=False)
-    ring.setflags(write=False)
-    return matrix, ring
+    return matrix
+
+
+@lru_cache(maxsize=64)
+def _ring_weights(width: float) -> FloatArray:
+    """The mean over the outermost ring of alias radii and over directions, the pixel's square transfer included."""
+    radii = _alias_radii()
+    angle = np.linspace(0.0, np.pi / 2.0, 33)
+    seen = np.square(square_transfer(np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), width))
+    ring = radii > _REPLICAS
+    weights = np.where(ring, seen.mean(axis=1), 0.0) / np.count_nonzero(ring)
+    weights.setflags(write=False)
+    return weights
 
 
 def _violated(

@@ -1,0 +1,284 @@
+"""The derived disparity error: where cameras picture an object, how steps combine, what limits it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.cameras.builders import F_MAIN, PITCH, r5, stereo
+from tests.cameras.test_unfocused_plenoptic import camera as unfocused
+from tests.imaging.scenes import RAYS, unit_geometry
+from tradestudy.cameras.conventional import ConventionalCamera
+from tradestudy.cameras.depth_camera import declared_disparity_error
+from tradestudy.cameras.parts import Lens, Sensor
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.geometry import picture_geometry
+from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
+from tradestudy.imaging.noise import Light, SensorNoise
+from tradestudy.imaging.picture import PictureModels, PictureSettings, disparity_error_px, window_px
+from tradestudy.imaging.texture import Texture, texture_spectrum
+from tradestudy.imaging.transfer import disc_transfer, square_transfer
+
+SETTINGS = PictureSettings(
+    texture=Texture(contrast=0.2, correlation_length=100e-6),
+    light=Light(electrons=8000.0, f_number=9.8),
+    sensor_noise=SensorNoise(read_noise_electrons=10.0, full_well_electrons=1e5, bits=12),
+    wavelength=550e-9,
+    window_px=15.0,
+)
+CLOSED = PictureModels(
+    defocus_blur="disc",
+    main_lens_diffraction="airy",
+    microlens_diffraction="none",
+    pixel_integration="square",
+    spectrum="central",
+    vignetting="off",
+    sensor_noise="shot+read+quantisation",
+)
+
+
+def hand_lens(f_number: float = 9.8):
+    """A pair of lenses such as the hand-lens imager's at 25 mm working distance: 55 mm from the principal plane."""
+    return stereo(
+        lens=Lens(focal_length=18.3e-3, f_number=f_number),
+        sensor=Sensor(columns=1600, rows=1200, pixel_pitch=7.4e-6),
+        focus_distance=55e-3,
+        baseline=10e-3,
+    )
+
+
+def error_of(camera, distance, settings=SETTINGS, **models):
+    return disparity_error_px(picture_geometry(camera, np.atleast_1d(distance)), settings, replace(CLOSED, **models))
+
+
+# ---- geometry -------------------------------------------------------------------------------------------------------
+
+
+def test_a_stereo_picture_by_hand() -> None:
+    geometry = picture_geometry(hand_lens(), np.array([50e-3, 55e-3, 10e-3]))
+    image = 18.3e-3 * 55 / (55 - 18.3)
+    assert geometry.main_lens.f_number[:2] == pytest.approx([image / (18.3e-3 / 9.8)] * 2)
+    assert geometry.magnification[:2] == pytest.approx([image / 50e-3, image / 55e-3])
+    # Blur by similar triangles behind the lens: the image of 50 mm lies behind the sensor.
+    behind = 18.3e-3 * 50 / (50 - 18.3)
+    assert geometry.blur_px[0] == pytest.approx((18.3e-3 / 9.8) * (behind - image) / behind / 7.4e-6)
+    assert geometry.blur_px[1] == pytest.approx(0.0, abs=1e-9)
+    assert np.isnan(geometry.magnification[2])
+
+
+def test_a_micro_image_by_hand() -> None:
+    camera, a = r5(), np.array([0.15, 0.3])
+    geometry = picture_geometry(camera, a)
+    image = a * F_MAIN / (a - F_MAIN)
+    v = (camera.mla_distance - image) / camera.microlenses.gap
+    assert geometry.magnification == pytest.approx(image / a / np.abs(v))
+    assert geometry.main_lens.relay == pytest.approx(1 / np.abs(v))
+    assert geometry.microlens is not None
+    assert geometry.microlens.f_number == pytest.approx(camera.microlenses.gap / PITCH)
+    # Types in focus at 1/v = 1/2 − (1, 3, 5)/23; at 150 mm, v = 2, the first is the sharpest, off by 1/23 of the pitch.
+    assert geometry.blur_px[0] == pytest.approx(1.0, rel=1e-3)
+    # A square that fits into the micro-image, 23 px wide where f-numbers match.
+    assert window_px(geometry, replace(SETTINGS, window_px=500.0)) == pytest.approx(23 / math.sqrt(2), rel=1e-3)
+
+
+def test_neighbours_of_different_types_are_as_sharp_as_the_second() -> None:
+    pair = r5(estimator="adjacent-pair", lenses="all")
+    blur = np.sort(pair.blur_px(np.array([0.2])), axis=0)[1]
+    assert picture_geometry(pair, np.array([0.2])).blur_px == pytest.approx(blur)
+
+
+def test_the_views_of_an_unfocused_camera_are_sampled_by_microlenses() -> None:
+    camera = unfocused()
+    geometry = picture_geometry(camera, np.array([0.1, camera.focus_distance]))
+    assert geometry.sample_pitch == camera.microlenses.pitch
+    assert geometry.main_lens.f_number == pytest.approx(camera.mla_distance / camera.view_pupil_diameter)
+    assert geometry.blur_px == pytest.approx(camera.blur_px(np.array([0.1, camera.focus_distance])), abs=1e-12)
+
+
+def test_a_window_on_the_object_is_the_same_there_for_every_camera() -> None:
+    settings = replace(SETTINGS, window_px=None, window_length=0.5e-3)
+    for camera, distance in ((hand_lens(), 55e-3), (stereo(), 0.5), (r5(), 0.3)):
+        geometry = picture_geometry(camera, np.array([distance]))
+        assert window_px(geometry, settings) * geometry.sample_pitch / geometry.magnification == pytest.approx(0.5e-3)
+
+
+def test_other_cameras_are_refused() -> None:
+    camera = ConventionalCamera(
+        lens=Lens(focal_length=0.01, f_number=4), sensor=Sensor(columns=9, rows=9, pixel_pitch=1e-5), focus_distance=1.0
+    )
+    with pytest.raises(OutOfRangeError, match="ConventionalCamera"):
+        picture_geometry(camera, np.array([1.0]))
+
+
+# ---- how the steps combine ------------------------------------------------------------------------------------------
+
+
+def test_aliased_texture_is_the_sum_of_all_replicas() -> None:
+    """Against replicas summed one by one on the nodes, far beyond those that the program sums."""
+    blur, texture = 0.6, Texture(contrast=0.3, correlation_length=1.5)
+    settings = replace(SETTINGS, texture=texture, light=Light(electrons=4000.0, f_number=1.0))
+    found = disparity_error_px(unit_geometry(blur), settings, RAYS)
+    nodes = band_nodes(40, 16)
+
+    def density(x, y):
+        r = np.hypot(x, y)
+        passed = disc_transfer(r, blur) * square_transfer(x, y, 1.0)
+        return 4000.0**2 * texture_spectrum(r, 0.3, 1.5) * passed**2
+
+    aliased = sum(
+        density(nodes.x + i, nodes.y + j) for i, j in itertools.product(range(-9, 10), repeat=2) if (i, j) != (0, 0)
+    )
+    direct = float(matching_bound_px(nodes, signal=density(nodes.x, nodes.y), noise=4100.0 + aliased, window_px=15.0))
+    assert abs(found.value[0] - direct) < found.error[0] + 2e-4 * direct
+    clean = float(matching_bound_px(nodes, signal=density(nodes.x, nodes.y), noise=4100.0, window_px=15.0))
+    assert direct > 1.05 * clean  # aliasing is no small thing here
+
+
+@pytest.mark.parametrize(
+    ("camera", "distances"),
+    [
+        (hand_lens(), np.linspace(48e-3, 64e-3, 9)),
+        (stereo(), np.geomspace(0.6, 4.0, 9)),
+        (r5(), np.geomspace(0.15, 2, 9)),
+    ],
+    ids=["hand lens", "stereo", "r5"],
+)
+def test_the_stated_error_covers_a_much_finer_quadrature(camera, distances, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tradestudy.imaging import picture
+
+    models = {"microlens_diffraction": "airy"} if camera.family == "plenoptic" else {}
+    found = error_of(camera, distances, **models)
+    monkeypatch.setattr(picture, "band_nodes", lambda along, across: band_nodes(4 * along, 4 * across))
+    finer = error_of(camera, distances, **models)
+    assert np.all(np.abs(found.value - finer.value) <= found.error + 1e-9)
+    assert np.all(found.error[found.applies] < 1e-2 * found.value[found.applies])
+
+
+def test_diffraction_and_defocus_in_one_pupil_lose_less_than_their_product() -> None:
+    distance = np.linspace(50e-3, 60e-3, 11)
+    product, one = (error_of(hand_lens(), distance, main_lens_diffraction=m).value for m in ("airy", "fresnel"))
+    assert np.all(one <= product * (1 + 1e-9))
+    assert one[5] == pytest.approx(product[5], rel=1e-6)  # in focus they are one
+    assert np.max(product / one) < 1.2
+
+
+def test_kirchhoff_and_fresnel_agree_for_a_slow_well_corrected_lens() -> None:
+    distance = np.array([53e-3, 55e-3])
+    wave, fresnel = (error_of(hand_lens(), distance, main_lens_diffraction=m) for m in ("kirchhoff", "fresnel"))
+    assert np.all(np.abs(wave.value - fresnel.value) < 5e-4 * fresnel.value + wave.error)
+    in_focus = error_of(hand_lens(), distance, main_lens_diffraction="kirchhoff", defocus_blur="off")
+    assert in_focus.value[1] == pytest.approx(wave.value[1], rel=1e-6)
+    assert in_focus.value[0] < wave.value[0]
+
+
+def test_light_through_microlenses_is_blurred_by_them() -> None:
+    models = {"main_lens_diffraction": "none", "defocus_blur": "off"}
+    dim = replace(SETTINGS, light=Light(electrons=100.0, f_number=4.5))  # or aliasing, which blur heals, would rule
+    errors = [
+        error_of(r5(), 0.3, dim, microlens_diffraction=m, **models).value[0]
+        for m in ("none", "airy", "fresnel", "kirchhoff")
+    ]
+    assert errors[1] > 1.02 * errors[0]
+    assert errors[2] == pytest.approx(errors[1], rel=1e-6)
+    assert errors[3] == pytest.approx(errors[2], rel=0.02)
+    with pytest.raises(OutOfRangeError, match="not blurred by microlenses"):
+        error_of(hand_lens(), 55e-3, microlens_diffraction="airy")
+
+
+def test_a_spectrum_of_one_line_is_that_line_and_a_wide_one_lies_between_its_ends() -> None:
+    one = replace(SETTINGS, spectrum=((550e-9, 3.0),))
+    assert error_of(hand_lens(22), 55e-3, one, spectrum="weighted").value == pytest.approx(
+        error_of(hand_lens(22), 55e-3).value, rel=1e-12
+    )
+    wide = replace(SETTINGS, spectrum=((450e-9, 1.0), (650e-9, 1.0)))
+    blue, red = (error_of(hand_lens(22), 55e-3, replace(SETTINGS, wavelength=w)).value[0] for w in (450e-9, 650e-9))
+    assert blue < error_of(hand_lens(22), 55e-3, wide, spectrum="weighted").value[0] < red
+    with pytest.raises(OutOfRangeError, match="spectrum"):
+        error_of(hand_lens(), 55e-3, spectrum="weighted")
+
+
+def test_vignetting_costs_the_light_it_takes() -> None:
+    tilted = replace(SETTINGS, field_angle=math.radians(30))
+    dimmer = replace(SETTINGS, light=Light(electrons=8000.0 * 9 / 16, f_number=9.8))
+    assert error_of(hand_lens(), 55e-3, tilted, vignetting="cos4").value == pytest.approx(
+        error_of(hand_lens(), 55e-3, dimmer).value, rel=1e-12
+    )
+    assert error_of(hand_lens(), 55e-3, tilted).value == pytest.approx(error_of(hand_lens(), 55e-3).value, rel=1e-12)
+
+
+def test_stopping_down_at_fixed_light_raises_the_error_and_more_than_its_light_alone() -> None:
+    errors = [error_of(hand_lens(n), 55e-3).value[0] for n in (5.6, 9.8, 16.0, 22.0)]
+    assert all(a < b for a, b in itertools.pairwise(errors))
+    undiffracted = [error_of(hand_lens(n), 55e-3, main_lens_diffraction="none").value[0] for n in (9.8, 22.0)]
+    assert errors[3] / errors[1] > 1.5 * undiffracted[1] / undiffracted[0]
+
+
+# ---- where it applies -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"texture": Texture(contrast=0.001, correlation_length=100e-6)}, "too large"),
+        ({"window_px": 3.0}, "too few samples"),
+        ({"texture": Texture(contrast=0.2, correlation_length=5e-3)}, "correlation length"),
+        ({"light": Light(electrons=5e5, f_number=9.8)}, "saturate"),
+    ],
+)
+def test_conditions_are_named(change: dict, words: str) -> None:
+    assert error_of(hand_lens(), 55e-3).applies.all()
+    found = error_of(hand_lens(), 55e-3, replace(SETTINGS, **change))
+    broken = [name for name, where in found.violated.items() if where[0]]
+    assert not found.applies.any()
+    assert any(words in name for name in broken)
+
+
+def test_blur_wider_than_the_window_and_no_noise_at_all_are_outside() -> None:
+    far = error_of(hand_lens(), 75e-3)
+    assert far.violated["the window is smaller than the blur"].all()
+    clean = error_of(hand_lens(22), 55e-3, sensor_noise="off", defocus_blur="off")
+    assert clean.value[0] < error_of(hand_lens(22), 55e-3).value[0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"window_px": None},
+        {"window_length": 1e-3},
+        {"window_px": 0.0},
+        {"wavelength": 0.0},
+        {"pixel_fill": 1.1},
+        {"spectrum": ((0.0, 1.0),)},
+        {"spectrum": ((5e-7, 0.0),)},
+    ],
+)
+def test_impossible_settings_are_refused(change: dict) -> None:
+    with pytest.raises(OutOfRangeError):
+        replace(SETTINGS, **change)
+
+
+# ---- as the law of a camera -----------------------------------------------------------------------------------------
+
+
+def test_the_law_follows_its_camera_and_survives_transport() -> None:
+    law = pickle.loads(pickle.dumps(PictureDisparityError(settings=SETTINGS, models=CLOSED)))
+    camera = replace(hand_lens(), disparity_error_px=law)
+    distance = np.array([[54e-3, 55e-3], [56e-3, 5e-3]])
+    found = law.error_px(camera, distance)
+    assert found.shape == (2, 2)
+    assert np.isnan(found[1, 1])
+    assert found.ravel()[:3] == pytest.approx(error_of(hand_lens(), distance.ravel()[:3]).value)
+    stopped = replace(camera, lens=Lens(focal_length=18.3e-3, f_number=22))
+    assert law.error_px(stopped, 55e-3) == pytest.approx(error_of(hand_lens(22), 55e-3).value[0])
+    noise = next(part for part in camera.depth_error_parts(distance[0]) if part.name == "pixel_noise")
+    assert noise.disparity_error == pytest.approx(found[0] * 7.4e-6)
+    assert camera.error_directions(distance[0])["pixel_noise"][0]["pixel_noise"] == pytest.approx(found[0] * 7.4e-6)
+    with pytest.raises(OutOfRangeError, match="declare disparity_error"):
+        declared_disparity_error(camera)
+    assert declared_disparity_error(hand_lens()) == 0.1
