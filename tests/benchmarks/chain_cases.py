@@ -145,7 +145,7 @@ def nested_pixels(case: ChainCase, pixels: list[tuple[int, int]]) -> np.ndarray:
     path, k = case.path, case.wavelength
     first, second = case.legs.to_array == "fresnel", case.legs.to_detector == "fresnel"
     wave = PupilWave(path=path, source=case.source, wavelength=k, paraxial=first)
-    t, g = gauss_legendre(6)
+    t, g = gauss_legendre(14)
     h = path.pixels.pitch
     at = np.array(
         [(path.pixels.edges_x[j] + h * a, path.pixels.edges_y[i] + h * b) for i, j in pixels for a in t for b in t]

@@ -76,12 +76,8 @@ def wave_point_image(
     UnaffordableError
         If nodes or samples need more memory than allowed.
     """
-    with ThreadPoolExecutor(2) as pool:
-        fine, coarse = pool.map(
-            lambda each: compute_point(wave, paraxial_detector_leg, each), (accuracy, accuracy.compared())
-        )
-    change = _SAFETY * float(np.linalg.norm(fine.pixels - coarse.pixels) / np.linalg.norm(fine.pixels))
-    error = math.hypot(change, fine.pixel_error)
+    fine, terms = stated_point(wave, paraxial_detector_leg, accuracy)
+    error = math.hypot(*terms.values())
     check = {
         "field on the array": _field_check(wave, fine, rng),
         "intensity on the detector": _intensity_check(wave, fine, paraxial_detector_leg, accuracy, rng),
@@ -98,7 +94,7 @@ def wave_point_image(
     return ChainImage(
         pixels=fine.pixels / power,
         numerical_error=error,
-        error_terms={"other sampling": change, "pixel integration": fine.pixel_error},
+        error_terms=terms,
         direct_check=check,
         microlens_share=behind / power,
         effort={
@@ -120,6 +116,15 @@ class PointComputation:
     samples: ComplexArray
     pixels: FloatArray
     pixel_error: float
+
+
+def stated_point(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> tuple[PointComputation, dict[str, float]]:
+    """Computation and the terms of its stated error: a second one on other samples, side by side."""
+    with ThreadPoolExecutor(2) as pool:
+        fine, other = pool.map(lambda each: compute_point(wave, paraxial, each), (accuracy, accuracy.compared()))
+    size = min(float(np.linalg.norm(one.pixels)) for one in (fine, other))  # starved nodes invent light
+    change = _SAFETY * float(np.linalg.norm(fine.pixels - other.pixels)) / size
+    return fine, {"other sampling": change, "pixel integration": fine.pixel_error}
 
 
 def compute_point(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> PointComputation:

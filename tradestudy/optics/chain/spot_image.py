@@ -166,7 +166,7 @@ def _prepare(
         target_reach=half_patch,
         density=accuracy.microlens_nodes,
     )
-    tilt = max(float(np.linalg.norm(one.slope, axis=1).max()) for one in reaches)
+    tilt = _steepest(reaches[0], reaches[1])
     transfer = choose_transfer(
         wavelength=wavelength,
         distance=path.detector_distance,
@@ -202,6 +202,15 @@ def _prepare(
         per_pixel=per_pixel,
         lit_within=lit_within,
     )
+
+
+def _steepest(centre: RayReach, rim: RayReach) -> float:
+    """Largest slope at the middle of any microlens: the disc's centre's, and as much more as any point of its rim's.
+
+    The rim point that was traced may lie across the direction of a microlens, and another one along it.
+    """
+    added = np.linalg.norm(rim.slope - centre.slope, axis=1).max()
+    return float(np.linalg.norm(centre.slope, axis=1).max() + added)
 
 
 def _tables(
