@@ -160,6 +160,13 @@ def test_the_stated_error_covers_a_much_finer_quadrature(camera, distances, monk
     assert np.all(found.error[found.applies] < 1e-2 * found.value[found.applies])
 
 
+def test_a_distance_is_answered_alike_alone_and_among_others() -> None:
+    distance = np.linspace(45e-3, 70e-3, 26)
+    together = error_of(hand_lens(), distance)
+    alone = [error_of(hand_lens(), a).value[0] for a in distance]
+    np.testing.assert_allclose(together.value, alone, rtol=1e-12)
+
+
 def test_diffraction_and_defocus_in_one_pupil_lose_less_than_their_product() -> None:
     distance = np.linspace(50e-3, 60e-3, 11)
     product, one = (error_of(hand_lens(), distance, main_lens_diffraction=m).value for m in ("airy", "fresnel"))
@@ -241,7 +248,7 @@ def test_conditions_are_named(change: dict, words: str) -> None:
 
 def test_blur_wider_than_the_window_and_no_noise_at_all_are_outside() -> None:
     far = error_of(hand_lens(), 75e-3)
-    assert far.violated["the window is smaller than the blur"].all()
+    assert far.violated["the window is too small for the blur"].all()
     clean = error_of(hand_lens(22), 55e-3, sensor_noise="off", defocus_blur="off")
     assert clean.value[0] < error_of(hand_lens(22), 55e-3).value[0]
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
@@ -49,6 +49,17 @@ class LensStage:
     def f_number(self) -> FloatArray:
         """Working f-number: distance of the plane over the aperture."""
         return np.asarray(self.plane_distance / self.aperture_diameter)
+
+    def at(self, index: NDArray[np.intp]) -> LensStage:
+        """The same at some of the distances."""
+        return LensStage(
+            aperture_diameter=self.aperture_diameter,
+            focal_length=self.focal_length[index],
+            object_distance=self.object_distance[index],
+            plane_distance=self.plane_distance[index],
+            blur_diameter=self.blur_diameter[index],
+            relay=self.relay[index],
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,6 +109,17 @@ class PictureGeometry:
         """Sum of the geometric blurs of the stages [samples]."""
         stages = [stage for stage in (self.main_lens, self.microlens) if stage is not None]
         return np.asarray(sum(stage.blur_diameter * stage.relay for stage in stages) / self.sample_pitch)
+
+    def at(self, index: NDArray[np.intp]) -> PictureGeometry:
+        """The same at some of the distances."""
+        return replace(
+            self,
+            distance=self.distance[index],
+            magnification=self.magnification[index],
+            light_f_number=self.light_f_number[index],
+            main_lens=self.main_lens.at(index),
+            microlens=None if self.microlens is None else self.microlens.at(index),
+        )
 
 
 def picture_geometry(camera: DepthCamera, distance: ArrayLike) -> PictureGeometry:
