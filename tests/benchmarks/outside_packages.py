@@ -1,0 +1,102 @@
+"""The image-plane pattern of a circular lens by other people's packages, timed; needs none of this project.
+
+    python outside_packages.py '{"radius": …, "distance": …, "wavelength": …, "pitch": …, "count": …, "repeat": …}'
+
+Prints one JSON line per package and setting: seconds (least of the repeats, set-up included) and relative L2 error of
+the intensity from the Airy pattern, which is exact for the law that all of them compute. Packages that are not
+installed are left out.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator
+from importlib.metadata import PackageNotFoundError, version
+
+import numpy as np
+from scipy.special import j1
+
+Setting = tuple[str, Callable[[], np.ndarray], np.ndarray]
+
+
+def airy(case: dict[str, float], x: np.ndarray) -> np.ndarray:
+    """(2 J₁(v)/v)², v = k R r/b."""
+    v = 2 * np.pi / case["wavelength"] * case["radius"] / case["distance"] * np.hypot(x[:, None], x)
+    v = np.maximum(v, 1e-9)
+    return (2 * j1(v) / v) ** 2
+
+
+def prysm(case: dict[str, float]) -> Iterator[Setting]:
+    """Matrix Fourier transform of a pupil sampled by yes and no."""
+    from prysm import fttools, propagation
+
+    count = int(case["count"])
+    x = case["pitch"] * (np.arange(count) - count // 2)
+
+    def image(n: int) -> np.ndarray:
+        fttools.mdft.clear()  # the set-up is part of the time
+        step = 2 * case["radius"] / n
+        u = step * (np.arange(n) - n // 2)
+        pupil = (np.hypot(u[:, None], u) <= case["radius"]).astype(complex)
+        field = propagation.focus_fixed_sampling(
+            pupil, step * 1e3, case["distance"] * 1e3, case["wavelength"] * 1e6, case["pitch"] * 1e6, count
+        )
+        return np.abs(field) ** 2
+
+    for n in (256, 512, 1024, 2048):
+        yield f"{n}² pupil samples", lambda n=n: image(n), x
+
+
+def hcipy(case: dict[str, float]) -> Iterator[Setting]:
+    """Matrix Fourier transform of a pupil, its samples averaged over finer ones."""
+    import hcipy as hc
+
+    count = int(case["count"])
+    x = case["pitch"] * (np.arange(count) - (count - 1) / 2)
+
+    def image(n: int, finer: int) -> np.ndarray:
+        grid = hc.make_pupil_grid(n, 2 * case["radius"])
+        shape = hc.make_circular_aperture(2 * case["radius"])
+        pupil = hc.evaluate_supersampled(shape, grid, finer) if finer > 1 else shape(grid)
+        focal = hc.make_uniform_grid([count, count], [count * case["pitch"]] * 2)
+        lens = hc.FraunhoferPropagator(grid, focal, focal_length=case["distance"])
+        return np.asarray(lens(hc.Wavefront(pupil, case["wavelength"])).intensity.shaped)
+
+    for n, finer in ((128, 8), (256, 1), (256, 8), (512, 8), (1024, 8)):
+        yield f"{n}² pupil samples, each of {finer}²", lambda n=n, finer=finer: image(n, finer), x
+
+
+def error(intensity: np.ndarray, truth: np.ndarray) -> float:
+    """Relative L2, after the best common factor: every package has its own unit."""
+    scaled = intensity * (np.sum(intensity * truth) / np.sum(intensity**2))
+    return float(np.linalg.norm(scaled - truth) / np.linalg.norm(truth))
+
+
+def main() -> None:
+    """Time every setting of every package that is installed."""
+    case = json.loads(sys.argv[1])
+    for package in (prysm, hcipy):
+        try:
+            release = version(package.__name__)
+        except PackageNotFoundError:
+            continue
+        for setting, compute, x in package(case):
+            compute()
+            seconds = []
+            for _ in range(int(case["repeat"])):
+                start = time.perf_counter()
+                intensity = compute()
+                seconds.append(time.perf_counter() - start)
+            row = {
+                "package": f"{package.__name__} {release}",
+                "setting": setting,
+                "milliseconds": round(1e3 * min(seconds), 1),
+                "error": float(f"{error(intensity, airy(case, x)):.2g}"),
+            }
+            print(json.dumps(row, ensure_ascii=False), flush=True)
+
+
+if __name__ == "__main__":
+    main()
