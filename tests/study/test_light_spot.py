@@ -131,7 +131,7 @@ def test_seconds_stand_in_the_record_and_never_in_the_results(result: Result) ->
     assert np.isnan(float(hours.sel(propagator="geometric")))
     part = tradestudy.load(STUDY, SMALL).file.light_spot
     assert part is not None
-    spot_images._spot_image.cache_clear()
+    spot_images._spot_picture.cache_clear()
     pixels = spot_images.spot_image(part, "kirchhoff").pixels
     assert np.array_equal(pixels, image(result, "kirchhoff"))
 

@@ -58,14 +58,26 @@ def picture_change(scene: LightScene, change: FloatArray) -> float:
         Largest change of the picture's spectrum at `frequencies`, relative to its value at zero.
     """
     f = frequencies(scene)
+    # f df = f² d ln f on the logarithmic grid
+    return math.sqrt(float(np.trapezoid(f**2 * change**2, np.log(f)))) / _norm(scene)
+
+
+def peak_change(scene: LightScene, change: FloatArray) -> float:
+    """The same change all in the one pixel in whose centre all frequencies are in phase: p ∫ change 2π f df."""
+    f = frequencies(scene)
+    peak = float(np.trapezoid(f**2 * np.abs(change), np.log(f)))
+    return math.sqrt(2.0 * math.pi) * scene.path.pixels.pitch * peak / _norm(scene)
+
+
+def _norm(scene: LightScene) -> float:
+    """√∫ |picture|² f df of the most complete models, at least: defocus and displacement of rays blur it besides."""
+    f = frequencies(scene)
     law = math.hypot(_finite(scene.main_law.displacement), _finite(scene.detector_law.displacement))
-    aberration = np.exp(-2.0 * np.minimum(math.pi * f * law, 10.0) ** 2 / 2.0)
+    aberration = np.exp(-np.minimum(math.pi * f * law, 10.0) ** 2)
     picture = aperture_transfer(scene, f) * source_transfer(scene, f) * pixel_transfer(scene, f)
     picture = picture * disc_transfer(f, scene.blur_on_detector) * aberration
-    # f df = f² d ln f on the logarithmic grid; what lies below its first point is a whole disc of frequencies
-    held = float(np.trapezoid(f**2 * picture**2, np.log(f)) + f[0] ** 2 / 2.0)
-    moved = float(np.trapezoid(f**2 * change**2, np.log(f)))
-    return math.sqrt(moved / held)
+    # what lies below the first frequency is a whole disc of them
+    return math.sqrt(float(np.trapezoid(f**2 * picture**2, np.log(f)) + f[0] ** 2 / 2.0))
 
 
 def edge_wave(fresnel_number: float) -> float:

@@ -11,6 +11,7 @@ from tradestudy.effects.main_lens_diffraction import complete
 from tradestudy.effects.picture_change import (
     aperture_transfer,
     frequencies,
+    peak_change,
     picture_change,
     pixel_transfer,
     source_transfer,
@@ -20,11 +21,12 @@ from tradestudy.effects.picture_change import (
 def pixel_integration_in_picture(scene: LightScene) -> Slot:
     """One sample at the middle of a pixel, or the integral over its square.
 
-    A sample keeps of every frequency 1 − sinc more than the integral does; fringes between microlenses, which the
-    integral averages, it keeps whole.
+    A sample keeps of every frequency 1 − sinc more than the integral does, spread over the picture or, for an image
+    below a pixel, at its peak; fringes between microlenses, which the integral averages, it keeps whole.
     """
     f = frequencies(scene)
     kept = (1.0 - pixel_transfer(scene, f)) * aperture_transfer(scene, f) * source_transfer(scene, f)
+    largest = max(picture_change(scene, kept), peak_change(scene, kept))
     fringes = 2.0 * math.sqrt(light_behind_neighbours(scene))
     x = 2.0 * math.pi * scene.path.microlenses.pitch / (scene.wavelength * scene.path.detector_distance)
     x *= scene.spot_radius
@@ -36,7 +38,7 @@ def pixel_integration_in_picture(scene: LightScene) -> Slot:
                 name=OFF,
                 bounds={
                     "pixel_intensity": Bound(
-                        relative_change=picture_change(scene, kept) + fringes,
+                        relative_change=largest + fringes,
                         criterion="width of a diffraction image over pixel",
                         number=1.0 / (scene.cutoff * scene.path.pixels.pitch),
                         reason="one sample at the centre stands for the whole pixel",

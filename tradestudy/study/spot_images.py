@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
 
@@ -22,6 +23,7 @@ from tradestudy.optics.chain import (
     Microlenses,
     PixelGrid,
     chain_image,
+    separate_image,
     square_centres,
 )
 from tradestudy.optics.propagation import CircularLens
@@ -63,20 +65,57 @@ def light_path(part: LightSpotPart) -> LightPath:
     )
 
 
+def light_source(part: LightSpotPart) -> DiscSource:
+    """The spot as declared."""
+    return DiscSource(diameter=part.spot.diameter, distance=part.spot.distance, x=part.spot.x, y=part.spot.y)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpotModels:
+    """What makes a picture of the spot.
+
+    Parameters
+    ----------
+    method
+        Laws of both legs.
+    tolerance
+        Relative numerical error that is aimed at.
+    separate
+        Every pixel takes the light of its own microlens alone.
+    integrated
+        Pixels integrate; else they take their centres' light times their area.
+    point
+        All light comes from the middle of the spot.
+    """
+
+    method: MethodName
+    tolerance: float
+    separate: bool = False
+    integrated: bool = True
+    point: bool = False
+
+
 def spot_image(part: LightSpotPart, method: MethodName) -> ChainImage:
-    """Image of the declared spot by one method; what does not touch the image does not compute it again."""
-    return _spot_image(part.model_copy(update={"methods": (), "published": (), "benchmarks": False}), method)
+    """Image of the declared spot by one of the methods that are compared, with nothing else left out."""
+    return spot_picture(part, SpotModels(method=method, tolerance=part.tolerance))
+
+
+def spot_picture(part: LightSpotPart, models: SpotModels) -> ChainImage:
+    """Image of the declared spot by any models; what does not touch the image does not compute it again."""
+    bare = {"methods": (), "tolerance": 1.0, "published": (), "benchmarks": False}
+    return _spot_picture(part.model_copy(update=bare), models)
 
 
 @lru_cache(maxsize=64)
-def _spot_image(part: LightSpotPart, method: MethodName) -> ChainImage:
-    spot = part.spot
-    return chain_image(
-        light_path(part),
-        DiscSource(diameter=spot.diameter, distance=spot.distance, x=spot.x, y=spot.y),
+def _spot_picture(part: LightSpotPart, models: SpotModels) -> ChainImage:
+    path, source = light_path(part), light_source(part)
+    image_of = separate_image if models.separate else chain_image
+    return image_of(
+        replace(path, pixels=replace(path.pixels, integrated=models.integrated)),
+        source.centre if models.point else source,
         wavelength=part.wavelength,
-        legs=LEGS[method],
-        accuracy=ChainAccuracy(tolerance=part.tolerance),
+        legs=LEGS[models.method],
+        accuracy=ChainAccuracy(tolerance=models.tolerance),
         rng=np.random.default_rng(part.seed),
     )
 

@@ -1,4 +1,4 @@
-"""/images: the light spot by every method, side by side."""
+"""/images: the light spot by the models that were chosen, and by every method side by side."""
 
 from __future__ import annotations
 
@@ -9,29 +9,59 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from tradestudy.effects.selection import Selection
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.light_benchmarks import light_benchmarks
 from tradestudy.study.progress import Progress
-from tradestudy.study.schema.wave_optics import LightSpotPart
-from tradestudy.study.spot_images import image_difference, lit_pixels, spot_image
+from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
+from tradestudy.study.situations.light_spot import spot_models
+from tradestudy.study.spot_images import SpotModels, image_difference, lit_pixels, spot_picture
 from tradestudy.study.timing import Seconds, timed
 
 LIT_ABOVE = 0.01
 
 
-def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
-    """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``."""
-    found = []
-    for number, method in enumerate(part.methods):
-        progress("image of the spot", number / len(part.methods))
-        with timed(seconds, f"image: {method}"):
-            found.append(spot_image(part, method))
+def images_group(
+    part: LightSpotPart, progress: Progress, seconds: Seconds, selection: Selection | None = None
+) -> xr.Dataset:
+    """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``.
+
+    Parameters
+    ----------
+    part
+        The spot, and the methods to compare at the tolerance of their own.
+    progress, seconds
+        Hear of what is done and what it took.
+    selection
+        The models that make the picture of the study, in ``chosen_image``; without methods it is the only one.
+        None where the study's plan chooses nothing: the methods alone.
+
+    Raises
+    ------
+    OutOfRangeError
+        If there is nothing to compute, neither methods nor a selection.
+    """
+    chosen = None if selection is None else spot_models(selection)
+    if chosen is None and not part.methods:
+        raise OutOfRangeError("pictures of the spot", value="0", limit="a selection, or methods", remedy="give one")
+    compared = [SpotModels(method=method, tolerance=part.tolerance) for method in part.methods]
+    asked = compared if chosen is None or chosen in compared else [*compared, chosen]
+    pictures = {}
+    for number, models in enumerate(asked):
+        progress("image of the spot", number / len(asked))
+        name = f"image: {models.method}" if models in compared else "image: chosen"
+        with timed(seconds, name):
+            pictures[models] = spot_picture(part, models)
+    shown = compared or asked
+    found = [pictures[models] for models in shown]
     progress("image of the spot", 1.0)
     benchmarks: dict[str, float] = {}
     if part.benchmarks:
         progress("benchmarks of light", 0.0)
         benchmarks = light_benchmarks(part, seconds)
+    methods = [models.method for models in shown]
     images = np.stack([one.pixels for one in found])
     pitch, count = part.detector.pixel_pitch, part.detector.pixels
     centres = pitch * (np.arange(count) - (count - 1) / 2)
@@ -40,15 +70,28 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> x
         "numerical_error": [one.numerical_error for one in found],
         "power": images.sum(axis=(1, 2)),
         "lit_pixels": [lit_pixels(image, LIT_ABOVE) for image in images],
-        **_against_geometric(part, images),
+        **_against_geometric(methods, images),
         "difference": [[image_difference(image, other) for other in images] for image in images],
         "difference_l2": [
             [float(np.linalg.norm(image - other) / np.linalg.norm(other)) for other in images] for image in images
         ],
         **({"benchmark_error": list(benchmarks.values())} if benchmarks else {}),
-        **_published(part),
+        **_published(part, methods),
     }
-    methods = list(part.methods)
+    attributes = {}
+    if chosen is not None:
+        values |= {
+            "chosen": [float(method == chosen.method) for method in methods],
+            "chosen_image": pictures[chosen].pixels,
+            "chosen_error": pictures[chosen].numerical_error,
+        }
+        attributes = {
+            "chosen_method": chosen.method,
+            "chosen_tolerance": chosen.tolerance,
+            "chosen_crosstalk": float(not chosen.separate),
+            "chosen_pixel_integration": float(chosen.integrated),
+            "chosen_source_extent": float(not chosen.point),
+        }
     result = dataset(
         "images",
         values,
@@ -65,6 +108,7 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> x
             "microlens_pitch": part.microlenses.pitch,
             "main_lens_phase": part.main_lens.lens_phase,
             "microlens_phase": part.microlenses.lens_phase,
+            **attributes,
         },
     )
     for name in ("row", "column"):
@@ -72,16 +116,16 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds) -> x
     return result
 
 
-def _against_geometric(part: LightSpotPart, images: FloatArray) -> Mapping[str, Any]:
-    if "geometric" not in part.methods:
+def _against_geometric(methods: list[MethodName], images: FloatArray) -> Mapping[str, Any]:
+    if "geometric" not in methods:
         return {}
-    dark = images[part.methods.index("geometric")] == 0.0
+    dark = images[methods.index("geometric")] == 0.0
     return {"outside_geometric": images[:, dark].sum(axis=1) / images.sum(axis=(1, 2))}
 
 
-def _published(part: LightSpotPart) -> Mapping[str, Any]:
+def _published(part: LightSpotPart, methods: list[MethodName]) -> Mapping[str, Any]:
     stated = {one.method: one for one in part.published}
-    shown = [stated.get(method) for method in part.methods]
+    shown = [stated.get(method) for method in methods]
     return {
         "published_seconds": [math.nan if one is None or one.takes is None else one.takes for one in shown],
         "published_words": ["" if one is None else one.says for one in shown],

@@ -196,8 +196,12 @@ class LightSpotPart(Part):
     detector: SpotDetectorPart
     spot: SpotSourcePart
     wavelength: PositiveWavelength
-    methods: Annotated[tuple[MethodName, ...], Field(min_length=1, max_length=4)]
-    tolerance: ImageTolerance = Field(description="Relative numerical error of each image that is aimed at.")
+    methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
+        default=(), description="To compare, besides the picture by the models that the accuracy wanted calls for."
+    )
+    tolerance: ImageTolerance = Field(
+        default=0.01, description="Relative numerical error that is aimed at in the pictures by methods."
+    )
     seed: Annotated[int, Field(ge=0, strict=True)] = 0
     benchmarks: bool = Field(
         default=False, description="Whether to time one aperture and one source point too, whatever the methods."
@@ -208,4 +212,12 @@ class LightSpotPart(Part):
     def _distinct(self) -> Self:
         if len(set(self.methods)) < len(self.methods):
             raise MistakeAt(("methods",), "names one twice")
+        return self
+
+    @model_validator(mode="after")
+    def _compared_to_a_tolerance(self) -> Self:
+        if "tolerance" in self.model_fields_set and not self.methods:
+            raise MistakeAt(
+                ("tolerance",), "belongs to methods that are compared; accuracy.pixel_intensity is for the picture"
+            )
         return self
