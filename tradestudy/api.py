@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 
     from tradestudy.comparison import Comparison
     from tradestudy.study.execution import Checkpoints, Executor
+    from tradestudy.study.plan import Plan
     from tradestudy.study.schema.root import StudyFile
 
 
-def load(path: str | Path, overrides: Sequence[str] = ()) -> Study:
+def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | None = None) -> Study:
     """Read and check a study file.
 
     Parameters
@@ -42,13 +43,16 @@ def load(path: str | Path, overrides: Sequence[str] = ()) -> Study:
         The study file.
     overrides
         ``path=value`` texts that replace values, as ``--set`` does.
+    tolerance
+        Relative error wanted of every quantity, such as ``"1 %"``, in place of the study's own.
 
     Raises
     ------
     StudyError
         With every mistake of the file at once.
     """
-    return Study(load_definition(Path(path), tuple(overrides)))
+    definition = load_definition(Path(path), tuple(overrides))
+    return Study(definition if tolerance is None else definition.with_tolerance(tolerance))
 
 
 @dataclass(frozen=True)
@@ -95,6 +99,37 @@ class Study:
         """The same study with other values by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""
         return Study(self.definition.with_values(values))
 
+    def plan(self) -> Plan:
+        """Which effects a run simulates, which it leaves out and why, and how long it will take; computes nothing else.
+
+        Raises
+        ------
+        UnaffordableError
+            Where nothing is accurate enough, or not within the budget; with the nearest accuracy that can be had.
+        """
+        from tradestudy.study.plan import plan_of
+
+        return plan_of(self.definition)
+
+    def cost(
+        self, *, repeats: int = 3, budget: float = 300.0, progress: Progress = lambda _step, _share: None
+    ) -> xr.Dataset:
+        """Measure error against seconds for every model and setting that can answer what the study asks.
+
+        Parameters
+        ----------
+        repeats
+            How often each computation is timed, 3 or more.
+        budget
+            Wall time for everything [s]; what does not fit is left out and named.
+        progress
+            Called with the step and the share of it done, 0 … 1.
+        """
+        from tradestudy.cost.study_cost import study_cost
+
+        found = study_cost(self.definition, repeats=repeats, budget=budget, progress=progress)
+        return found.assign_attrs(study=self.name, study_hash=self.hash)
+
     def run(
         self,
         progress: Progress = lambda _step, _share: None,
@@ -121,10 +156,12 @@ class Study:
         begin = time.perf_counter()
         seconds: dict[str, float] = {}
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
-        tree = compute(self.definition, steps, seconds)
+        plan = self.plan()
+        tree = compute(plan, steps, seconds)
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
-        return Result(data=tree, run_record={**self._record(started, seconds), "points": steps.counts})
+        record = {**self._record(started, seconds), "predicted_seconds": list(plan.seconds), "points": steps.counts}
+        return Result(data=tree, run_record=record)
 
     def _record(self, started: datetime, seconds: Mapping[str, float]) -> dict[str, Any]:
         return {
@@ -212,7 +249,7 @@ class Result:
         target = Path(directory)
         storage.remove_abandoned(target)
         tree, record = storage.write_finished(self.data, self.run_record, target)
-        report.write(tree, record, target, pdf=pdf)
+        report.write(_with_cost(tree, target), record, target, pdf=pdf)
         return target
 
     def _repr_html_(self) -> str:
@@ -258,7 +295,7 @@ def run(
         else:
             progress("report", 0.0)
             storage.remove_abandoned(directory)
-            renderer.write(result.data, dict(result.run_record), directory, pdf=pdf)
+            renderer.write(_with_cost(result.data, directory), dict(result.run_record), directory, pdf=pdf)
         checkpoints.remove()
     progress("report", 1.0)
     return result
@@ -297,7 +334,35 @@ def report(directory: str | Path, *, pdf: bool = True) -> None:
     from tradestudy import report as renderer
 
     result = open_result(directory)
-    renderer.write(result.data, dict(result.run_record), Path(directory), pdf=pdf)
+    renderer.write(_with_cost(result.data, Path(directory)), dict(result.run_record), Path(directory), pdf=pdf)
+
+
+def cost(
+    study: Study,
+    directory: Path,
+    *,
+    repeats: int = 3,
+    budget: float = 300.0,
+    progress: Progress = lambda _s, _p: None,
+) -> xr.Dataset:
+    """Measure what accuracy costs and write it beside the results; a finished run there gets a report that shows it."""
+    from tradestudy.cost.stored import write_cost
+
+    found = study.cost(repeats=repeats, budget=budget, progress=progress)
+    write_cost(found, directory)
+    if _finished(study, directory) is not None:
+        progress("report", 0.0)
+        report(directory, pdf=(directory / "report.pdf").is_file())
+        progress("report", 1.0)
+    return found
+
+
+def _with_cost(tree: xr.DataTree, directory: Path) -> xr.DataTree:
+    """The results with the last cost of the same study on this machine, where a folder has one."""
+    from tradestudy.cost.stored import read_cost
+
+    found = read_cost(directory, str(tree.attrs.get("study_hash", "")))
+    return tree if found is None else tree.assign({"cost": type(tree)(found)})
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
 import signal
 import sys
@@ -42,6 +43,12 @@ SetOption = Annotated[
         "--set", metavar="PATH=VALUE", help="Replace a value, such as stereo-short.baseline='50 mm'; repeatable."
     ),
 ]
+ToleranceOption = Annotated[
+    str | None,
+    typer.Option(
+        "--tolerance", metavar="X", help="Relative error wanted of every quantity, such as '1 %'.", show_default=False
+    ),
+]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
@@ -62,6 +69,7 @@ def run(
         Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
     ] = None,
     set_: SetOption = None,
+    tolerance: ToleranceOption = None,
     jobs: Annotated[
         int | None, typer.Option("--jobs", metavar="N", help="Compute on N worker processes.", show_default=False)
     ] = None,
@@ -82,7 +90,7 @@ def run(
     with _answering(debug=debug):
         from tradestudy import api
 
-        loaded = api.load(study, set_ or ())
+        loaded = api.load(study, set_ or (), tolerance=tolerance)
         directory = out if out is not None else Path("reports") / loaded.name
         executor = _executor(jobs=jobs, threads=threads, dask=dask)
         with _shown_progress(quiet=quiet) as progress:
@@ -91,6 +99,46 @@ def run(
             _say(f"{directory / 'report.html'}")
         if strict and result.unmet_requirements:
             raise RequirementsNotMetError("requirements not met", value=", ".join(result.unmet_requirements))
+
+
+@app.command()
+def plan(
+    study: StudyArgument,
+    set_: SetOption = None,
+    tolerance: ToleranceOption = None,
+    debug: DebugOption = False,
+) -> None:
+    """Say which effects a run will simulate, which it leaves out and why, and how long it will take."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        _say(str(api.load(study, set_ or (), tolerance=tolerance).plan()))
+
+
+@app.command()
+def cost(
+    study: StudyArgument,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
+    ] = None,
+    set_: SetOption = None,
+    repeats: Annotated[int, typer.Option("--repeats", metavar="N", help="Time each computation N times or more.")] = 3,
+    budget: Annotated[
+        float, typer.Option("--budget", metavar="SECONDS", help="Time for all; what does not fit is left out and named.")
+    ] = 300.0,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Measure error against seconds for every model and setting that can answer what the study asks."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        loaded = api.load(study, set_ or ())
+        directory = out if out is not None else Path("reports") / loaded.name
+        with _shown_progress(quiet=quiet) as progress:
+            api.cost(loaded, directory, repeats=repeats, budget=budget, progress=progress)
+        if not quiet:
+            _say(f"{directory / 'cost.json'}")
 
 
 @app.command()
@@ -186,6 +234,7 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Exe
     assert dask is not None
     cluster = DaskCluster(dask)
     cluster.check()  # before anything is computed or written
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it would tell of every lost worker; so does the run
     return cluster
 
 

@@ -211,6 +211,12 @@ def require_disparity_error(error: DisparityError) -> None:
         require_positive("disparity error", error, "px")
 
 
+def require_expansion(expansion: float) -> None:
+    """Refuse a relative change of length that is negative or as large as the length."""
+    if not 0.0 <= expansion < 1.0:
+        raise OutOfRangeError("relative expansion with temperature", value=f"{expansion:g}", limit="0 to below 1")
+
+
 def declared_disparity_error(camera: DepthCamera) -> float:
     """The one disparity error [px] of a camera that declares it, for what knows no error that depends on distance.
 

@@ -18,6 +18,7 @@ from tradestudy.cameras.depth_camera import (
     UsableCriteria,
     disparity_error_at,
     require_disparity_error,
+    require_expansion,
 )
 from tradestudy.cameras.focus import MicrolensTypesFocus
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
@@ -61,6 +62,8 @@ class FocusedPlenoptic:
         The disparity step [px] of the depth discrimination.
     calibration
         See `PlenopticCalibration`.
+    expansion
+        Standard deviation of the relative change of z with temperature since the calibration.
 
     Raises
     ------
@@ -77,6 +80,7 @@ class FocusedPlenoptic:
     disparity_error_px: DisparityError
     discrimination_step_px: float
     calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
+    expansion: float = 0.0
 
     family: Literal["plenoptic"] = field(default="plenoptic", init=False)
 
@@ -84,6 +88,7 @@ class FocusedPlenoptic:
         require_positive("distance from main lens to microlens array", self.mla_distance)
         require_disparity_error(self.disparity_error_px)
         require_positive("discrimination step", self.discrimination_step_px, "px")
+        require_expansion(self.expansion)
         only = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}.get(self.estimator)
         if only is not None and self.lenses != only:
             raise OutOfRangeError(
@@ -223,6 +228,7 @@ class FocusedPlenoptic:
             ("pixel_noise", disparity_error_at(self, distance) * self.sensor.pixel_pitch, "normal"),
             ("mla_distance_and_focal_length", np.abs(per_shift) * np.sqrt(np.maximum(joint, 0.0)), "normal"),
             ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
+            ("temperature", np.abs(per_shift) * self.mla_distance * self.expansion, "normal"),
         )
         return tuple(
             DepthErrorPart(
@@ -264,7 +270,9 @@ class FocusedPlenoptic:
 
     def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        return self.calibration.error_directions(disparity_error_at(self, distance) * self.sensor.pixel_pitch)
+        return self.calibration.error_directions(
+            disparity_error_at(self, distance) * self.sensor.pixel_pitch, self.expansion * self.mla_distance
+        )
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well.

@@ -48,10 +48,13 @@ class PlenopticCalibration:
                     f"the error of {name} is drawn jointly with its partner", value="uniform", limit="normal"
                 )
 
-    def error_directions(self, disparity_noise: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
-        """Independent one-standard-deviation errors by part, with the noise of one disparity [m]; zeros left out.
+    def error_directions(
+        self, disparity_noise: ArrayLike, expanded: float = 0.0
+    ) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
+        """Independent one-standard-deviation errors by part; zeros left out.
 
-        z and f are split into what they share and what f has alone.
+        z and f are split into what they share and what f has alone. ``disparity_noise`` [m] is that of one disparity,
+        ``expanded`` [m] what temperature adds to z.
         """
         sigma_z, sigma_f = self.mla_distance.standard_deviation, self.focal_length.standard_deviation
         alone = math.sqrt(1.0 - self.correlation**2)
@@ -62,6 +65,7 @@ class PlenopticCalibration:
                 {"focal_length": alone * sigma_f},
             ),
             "microlens_gap": ({"microlens_gap": self.microlens_gap.standard_deviation},),
+            "temperature": ({"mla_distance": expanded},),
         }
         return {
             name: parts

@@ -18,6 +18,7 @@ from tradestudy.cameras.depth_camera import (
     UsableCriteria,
     disparity_error_at,
     require_disparity_error,
+    require_expansion,
 )
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.parts import Lens, Sensor, require_positive
@@ -76,6 +77,8 @@ class StereoRig:
         The disparity step [px] of the depth discrimination.
     calibration
         See `StereoCalibration`.
+    expansion
+        Standard deviation of the relative change of the baseline with temperature since the calibration.
 
     Raises
     ------
@@ -92,6 +95,7 @@ class StereoRig:
     disparity_error_px: DisparityError
     discrimination_step_px: float
     calibration: StereoCalibration = field(default_factory=StereoCalibration)
+    expansion: float = 0.0
 
     family: Literal["stereo"] = field(default="stereo", init=False)
 
@@ -99,6 +103,7 @@ class StereoRig:
         require_positive("baseline", self.baseline)
         require_disparity_error(self.disparity_error_px)
         require_positive("discrimination step", self.discrimination_step_px, "px")
+        require_expansion(self.expansion)
         if not abs(self.convergence_angle) < math.pi:
             raise OutOfRangeError(
                 "convergence of the stereo axes",
@@ -177,6 +182,10 @@ class StereoRig:
             "baseline": (errors.baseline, f * inverse * (1.0 + x2) / (1.0 + u2)),
             "focal_length": (errors.focal_length, np.abs(d) / f),
             "principal_point": (errors.principal_point, one),
+            "temperature": (
+                ErrorSource(standard_deviation=self.expansion),
+                B * f * inverse * (1.0 + x2) / (1.0 + u2),
+            ),
         }
         noise = DepthErrorPart(
             name="pixel_noise",
@@ -244,9 +253,11 @@ class StereoRig:
         """One standard deviation of each error, all independent."""
         noise = disparity_error_at(self, distance) * self.sensor.pixel_pitch
         deviations = {f.name: getattr(self.calibration, f.name).standard_deviation for f in fields(self.calibration)}
+        expanded = {"temperature": ({"baseline": self.expansion * self.baseline},)} if self.expansion > 0.0 else {}
         return {
             "pixel_noise": ({"pixel_noise": noise},),
             **{name: ({name: deviation},) for name, deviation in deviations.items() if deviation > 0.0},
+            **expanded,
         }
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:

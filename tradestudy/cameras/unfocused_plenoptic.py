@@ -28,6 +28,7 @@ from tradestudy.cameras.depth_camera import (
     UsableCriteria,
     disparity_error_at,
     require_disparity_error,
+    require_expansion,
 )
 from tradestudy.cameras.focus import RefocusedViewsFocus
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
@@ -60,6 +61,8 @@ class UnfocusedPlenoptic:
         The disparity step of the depth discrimination, in microlenses.
     calibration
         See `PlenopticCalibration`.
+    expansion
+        Standard deviation of the relative change of z with temperature since the calibration.
 
     Raises
     ------
@@ -75,12 +78,14 @@ class UnfocusedPlenoptic:
     disparity_error_px: DisparityError
     discrimination_step_px: float
     calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
+    expansion: float = 0.0
 
     family: Literal["plenoptic"] = field(default="plenoptic", init=False)
 
     def __post_init__(self) -> None:
         require_disparity_error(self.disparity_error_px)
         require_positive("discrimination step", self.discrimination_step_px, "px")
+        require_expansion(self.expansion)
         require_positive("focus distance", self.focus_distance)
         if not self.focus_distance > self.main_lens.focal_length:
             raise OutOfRangeError(
@@ -232,6 +237,7 @@ class UnfocusedPlenoptic:
             ("pixel_noise", disparity_error_at(self, distance) * self.microlenses.pitch, "normal"),
             ("mla_distance_and_focal_length", np.sqrt(np.maximum(joint, 0.0)), "normal"),
             ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
+            ("temperature", np.abs(reach * (1.0 / z**2 - 2.0 * (d / reach) / z)) * z * self.expansion, "normal"),
         )
         return tuple(
             DepthErrorPart(
@@ -280,7 +286,9 @@ class UnfocusedPlenoptic:
 
     def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        return self.calibration.error_directions(disparity_error_at(self, distance) * self.microlenses.pitch)
+        return self.calibration.error_directions(
+            disparity_error_at(self, distance) * self.microlenses.pitch, self.expansion * self.mla_distance
+        )
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well: ``Δu z/f``."""

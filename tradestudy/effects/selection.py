@@ -226,7 +226,9 @@ def _nothing_fits(
     else:
         factor = float(shortfall[nearest]) * 1.000001
         loosest = ", ".join(dict.fromkeys(_share(value * factor) for value in accuracy.relative.values()))
-        offer = f"{loosest} can be had in {cost(nearest):.3g} s; ask for that, or raise the budget"
+        offer = f"{loosest} can be had; ask for that"
+        if math.isfinite(accuracy.budget):
+            offer = f"{loosest} can be had in {cost(nearest):.3g} s; ask for that, or raise the budget"
     if fitting_costs.size:
         short = f"the cheapest set that is accurate enough takes {fitting_costs.min():.3g} s"
     else:
@@ -239,7 +241,7 @@ def _nothing_fits(
 
 
 def _share(value: float) -> str:
-    return "without bound" if math.isinf(value) else f"{100.0 * value:.2g} %"
+    return "without bound" if math.isinf(value) else f"{100.0 * value:.{2 if value < 0.1 else 3}g} %"
 
 
 def _words(quantity: Quantity) -> str:

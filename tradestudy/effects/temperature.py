@@ -28,7 +28,7 @@ def temperature_slot(
     if not is_declared:
         reason = "the study declares no change of temperature"
     else:
-        reason = "the uncertainty without it falls short of that with it by this share, where the camera is usable"
+        reason = "the uncertainty without it falls short of that with it by at most this share, at any distance"
     off = Model(
         name=OFF,
         bounds={"depth_uncertainty": Bound(

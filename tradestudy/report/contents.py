@@ -10,6 +10,7 @@ from tradestudy.report.document import Block, Contents, Document, PageBreak
 from tradestudy.report.sections.answer import answer
 from tradestudy.report.sections.calibration import calibration
 from tradestudy.report.sections.cameras import cameras
+from tradestudy.report.sections.cost import cost
 from tradestudy.report.sections.depth_of_field import depth_of_field, sharp_answer
 from tradestudy.report.sections.effects import effects
 from tradestudy.report.sections.fresnel_validity import fresnel_answer, fresnel_validity
@@ -34,7 +35,7 @@ def compose(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     tree
         The content of ``results.nc``.
     run
-        The content of ``run.json``; only the section on provenance depends on it.
+        The content of ``run.json``; what took how long, and where it was computed.
     drawings
         The figures that the tree allows.
     """
@@ -59,7 +60,7 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from cameras(tree)
     yield from assumptions(tree)
     yield from method(tree)
-    yield from effects(tree)
+    yield from effects(tree, run)
     yield from results(tree, drawings)
     yield from calibration(tree, drawings)
     yield from depth_of_field(tree, drawings)
@@ -67,6 +68,7 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from fresnel_validity(tree, drawings)
     yield from light_spot(tree, run, drawings)
     yield from hard_cases(tree, drawings)
+    yield from cost(tree, drawings)
     yield from claims(tree)
     yield from requirements(tree)
     yield from contradictions(tree)

@@ -11,8 +11,8 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "situation": Variable(dims=("decision",), units="", long_name="camera, lens or light path the model belongs to"),
     "slot": Variable(dims=("decision",), units="", long_name="effect"),
     "model": Variable(dims=("decision",), units="", long_name="way to treat the effect; off leaves it out"),
-    "chosen": Variable(dims=("decision",), units="1", long_name="whether it acts"),
-    "forced": Variable(dims=("decision",), units="1", long_name="whether the study insists on it"),
+    "chosen": Variable(dims=("decision",), units="1", long_name="whether it acts", error="exact"),
+    "forced": Variable(dims=("decision",), units="1", long_name="whether the study insists on it", error="exact"),
     "bound": Variable(
         dims=("decision", "quantity"),
         units="1",
@@ -30,7 +30,10 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "reason": Variable(dims=("decision",), units="", long_name="why the bound holds"),
     "why": Variable(dims=("decision",), units="", long_name="why the model was taken or not"),
     "predicted_seconds": Variable(
-        dims=("decision",), units="s", long_name="predicted cost of the model on this machine", error="a factor of 2"
+        dims=("decision",),
+        units="s",
+        long_name="predicted cost of the model on the reference machine",
+        error="a factor of 2",
     ),
     "joint_bound": Variable(
         dims=("piece", "quantity"),
@@ -43,6 +46,9 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     ),
     "piece_title": Variable(dims=("piece",), units="", long_name="the camera, lens or light path in words"),
     "piece_seconds": Variable(
-        dims=("piece",), units="s", long_name="predicted cost of the models that act", error="a factor of 2"
+        dims=("piece",),
+        units="s",
+        long_name="predicted cost of the models that act, on the reference machine",
+        error="a factor of 2",
     ),
 }

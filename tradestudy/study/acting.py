@@ -43,6 +43,8 @@ def acting(camera: AnyDepthCamera, chosen: Models) -> AnyDepthCamera:
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):
         camera = replace(camera, disparity_error_px=replace(law, models=with_models(law.models, chosen)))
+    if chosen.get("temperature") == OFF:
+        camera = replace(camera, expansion=0.0)
     if chosen.get("calibration") != OFF:
         return camera
     if isinstance(camera, StereoRig):

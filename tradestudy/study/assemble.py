@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import assert_never
 
 from tradestudy.cameras.conventional import ConventionalCamera, FocusStackPlan
@@ -44,6 +45,7 @@ from tradestudy.study.schema.cameras import (
 from tradestudy.study.schema.depth_of_field import BlurPart
 from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.questions import UsablePart
+from tradestudy.study.schema.scene import TemperaturePart
 
 COVERING_VIRTUAL_DEPTH = 2.0
 AnyCamera = FocusedPlenoptic | UnfocusedPlenoptic | StereoRig | ConventionalCamera
@@ -75,6 +77,14 @@ def camera_of(part: CameraPart, picture: PictureSettings | None) -> AnyCamera:
             return conventional_of(part)
         case _:
             assert_never(part)
+
+
+def with_expansion(camera: AnyCamera, part: CameraPart, temperature: TemperaturePart | None) -> AnyCamera:
+    """The camera with what the temperature of the scene does to the length that its depth rests on."""
+    if temperature is None or isinstance(camera, ConventionalCamera) or isinstance(part, ConventionalPart):
+        return camera
+    own = temperature.expansion if part.thermal_expansion is None else part.thermal_expansion
+    return replace(camera, expansion=abs(own) * temperature.deviation)
 
 
 def picture_of(part: PicturePart, wavelength: float) -> PictureSettings:

@@ -9,13 +9,14 @@ from functools import cached_property
 
 import numpy as np
 
+from tradestudy.accuracy import QUANTITIES
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.conventional import ConventionalCamera
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
-from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of, picture_of
+from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of, picture_of, with_expansion
 from tradestudy.study.reader import Document, validate, with_values
 from tradestudy.study.schema.cameras import ConventionalPart
 from tradestudy.study.schema.root import StudyFile
@@ -89,7 +90,9 @@ class StudyDefinition:
         picture = None if scene is None or scene.picture is None else picture_of(scene.picture, scene.wavelength)
         for name, part in self.file.cameras.items():
             try:
-                cameras[name] = camera_of(part, picture)
+                cameras[name] = with_expansion(
+                    camera_of(part, picture), part, None if scene is None else scene.temperature
+                )
             except TradestudyError as error:
                 file, line, column = self.document.locate(("cameras", name))
                 problems.append(Problem(file=file, line=line, column=column, path=f"cameras.{name}", what=str(error)))
@@ -150,6 +153,11 @@ class StudyDefinition:
         texts = {path: _as_yaml(value) for path, value in values.items()}
         places = None if written_at is None else {path: (*written_at, path) for path in values}
         return StudyDefinition.of(with_values(self.document, texts, written_at=places), self.models)
+
+    def with_tolerance(self, relative: str) -> StudyDefinition:
+        """The same study with one relative error wanted of every quantity, such as ``"1 %"``."""
+        own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
+        return self.with_values({"accuracy.relative": relative, **{f"accuracy.{name}": None for name in own}})
 
     def with_models(self, models: Mapping[str, Models]) -> StudyDefinition:
         """The same study, its readings and designs too, with models that act in its slots of effects."""

@@ -12,6 +12,7 @@ from tradestudy.effects.selection import Selection
 from tradestudy.errors import Problem, StudyError, UnaffordableError
 from tradestudy.machine import machine_speed
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.plan_text import plan_text
 from tradestudy.study.predicted_time import PredictedStep, predicted_seconds
 from tradestudy.study.situations.every import every_situation
 from tradestudy.study.situations.situation import Situation
@@ -26,6 +27,8 @@ class Plan:
 
     Parameters
     ----------
+    definition
+        The study, with the chosen models acting in it.
     accuracy
         What was asked for.
     situations
@@ -36,20 +39,19 @@ class Plan:
         What every step of the run will take on this machine.
     """
 
+    definition: StudyDefinition
     accuracy: Accuracy
     situations: tuple[Situation, ...]
     selections: Mapping[str, Selection]
     steps: tuple[PredictedStep, ...]
 
     @property
-    def models(self) -> Mapping[str, Mapping[SlotName, str]]:
-        """Name of the model that acts in every slot of every piece."""
-        return _models(self.selections)
-
-    @property
     def seconds(self) -> tuple[float, float]:
         """Least and most that the whole run will take [s]; they differ where samplers stop by themselves."""
         return math.fsum(step.low for step in self.steps), math.fsum(step.high for step in self.steps)
+
+    def __str__(self) -> str:
+        return plan_text(self)
 
 
 def _models(selections: Mapping[str, Selection]) -> Mapping[str, Mapping[SlotName, str]]:
@@ -72,12 +74,18 @@ def plan_of(definition: StudyDefinition) -> Plan:
     accuracy = definition.file.accuracy.wanted()
     forced = definition.file.effects.forced()
     speed = machine_speed()
-    situations = every_situation(definition, speed=speed)
+    situations = every_situation(definition)
     _check_forced(definition, situations, forced)
     timeless = Accuracy(relative=accuracy.relative)
     selections = {one.name: one.select(timeless, forced) for one in situations}
-    steps = predicted_seconds(definition.with_models(_models(selections)), speed)
-    plan = Plan(accuracy=accuracy, situations=situations, selections=selections, steps=steps)
+    acting = definition.with_models(_models(selections))
+    plan = Plan(
+        definition=acting,
+        accuracy=accuracy,
+        situations=situations,
+        selections=selections,
+        steps=predicted_seconds(acting, speed),
+    )
     if plan.seconds[0] > accuracy.budget:
         raise _too_long(definition, situations, forced, speed, plan)
     return plan

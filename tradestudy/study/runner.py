@@ -1,30 +1,31 @@
-"""From a study definition to the results tree."""
+"""From the plan of a study to the results tree."""
 
 from __future__ import annotations
 
 import xarray as xr
 
 from tradestudy.results import FORMAT_VERSION
-from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.execution import Steps
 from tradestudy.study.groups.claims import claims_group, requirements_group
 from tradestudy.study.groups.criteria import criteria_group
 from tradestudy.study.groups.decision import decision_group
 from tradestudy.study.groups.depth import depth_group
 from tradestudy.study.groups.depth_of_field import depth_of_field_group
+from tradestudy.study.groups.effects import effects_group
 from tradestudy.study.groups.fresnel_validity import fresnel_validity_group
 from tradestudy.study.groups.hard_cases import hard_cases_group
 from tradestudy.study.groups.images import images_group
 from tradestudy.study.groups.point_spread import point_spread_group
 from tradestudy.study.groups.registers import assumptions_group, cameras_group, contradictions_group
 from tradestudy.study.groups.uncertain import uncertain_groups
+from tradestudy.study.plan import Plan
 from tradestudy.study.timing import Seconds
 
 NOMINAL = "as declared"
 
 
 def compute(
-    definition: StudyDefinition,
+    plan: Plan,
     steps: Steps | None = None,
     seconds: Seconds | None = None,
 ) -> xr.DataTree:
@@ -32,8 +33,8 @@ def compute(
 
     Parameters
     ----------
-    definition
-        The study.
+    plan
+        The study, and the models that act in it.
     steps
         How independent points are computed: where, what is kept of them, and who hears of progress.
     seconds
@@ -44,6 +45,7 @@ def compute(
     xarray.DataTree
         As declared in `tradestudy.results`.
     """
+    definition = plan.definition
     file = definition.file
     steps = Steps() if steps is None else steps
     progress = steps.progress
@@ -63,6 +65,8 @@ def compute(
         "/assumptions": assumptions_group(definition),
         "/contradictions": contradictions_group(definition),
     }
+    if plan.situations:
+        groups["/effects"] = effects_group(plan)
     if definition.case.cameras:
         groups["/depth"] = depth_group(definition, steps)
         progress("decision", 0.0)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,7 +32,7 @@ _COLUMNS = (
 )
 
 
-def effects(tree: xr.DataTree) -> Iterator[Block]:
+def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
     """Write the section on effects: what was asked for, what acts, and what was weighed and not taken."""
     rows = facts.records(tree, "effects", "decision")
     if not rows:
@@ -43,7 +44,7 @@ def effects(tree: xr.DataTree) -> Iterator[Block]:
             "Every effect has models, from leaving it out to the most complete one, and each states beforehand how far "
             "it can move a result. The cheapest set was taken whose bounds add up to no more than the accuracy wanted, "
             "at the worst distance of the worst reading and design of the study. {wanted}",
-            wanted=" ".join(_wanted(data)),
+            wanted=" ".join((*_wanted(data), *_foreseen(run))),
         )
     )
     yield Table(
@@ -63,7 +64,7 @@ def effects(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _wanted(data: xr.Dataset) -> Iterator[str]:
-    """What was wanted of each quantity, what was kept, and what time it was foreseen to take."""
+    """What was wanted of each quantity, and what was kept."""
     for number, quantity in enumerate(data["quantity"].values):
         wanted = data["wanted"].values[:, number]
         if np.isnan(wanted).all():
@@ -73,38 +74,84 @@ def _wanted(data: xr.Dataset) -> Iterator[str]:
             f"Wanted of the {_QUANTITIES[str(quantity)]}: {_share(float(np.nanmax(wanted)))}; "
             f"all omissions together change it by at most {_share(float(joint))}."
         )
-    low, high = (float(data.attrs[f"predicted_seconds_{end}"]) for end in ("low", "high"))
-    ends = [pretty(seconds, DURATION, digits=2) for seconds in (low, high)]
-    yield f"The run was foreseen to take {' to '.join(dict.fromkeys(ends))}."
+
+
+def _foreseen(run: Mapping[str, Any]) -> Iterator[str]:
+    """How long the run was foreseen to take, and took."""
+    if (foreseen := run.get("predicted_seconds")) is None:
+        return
+    ends = dict.fromkeys(pretty(float(seconds), DURATION, digits=2) for seconds in foreseen)
+    took = pretty(float(run["seconds"]["compute"]), DURATION, digits=2)
+    yield f"The run was foreseen to take {' to '.join(ends)}, its report included; computing took {took}."
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Row:
+    """Pieces of the study that treat an effect alike, numbers as ranges."""
+
+    effect: str
+    model: str
+    pieces: str
+    changes: tuple[float, float]
+    number: str
+    because: str
+
+    def cells(self) -> tuple[Text, ...]:
+        """In the order of the columns."""
+        ends = [_share(change) for change in self.changes]
+        return self.effect, self.model, self.pieces, _range(ends), self.number or "—", self.because
 
 
 def _merged(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[tuple[Text, ...]]:
-    """One row for all pieces that treat an effect alike, numbers as ranges; effects in the order of the light."""
+    """One row for all pieces that treat an effect alike, and for all effects that one reason keeps from mattering."""
+    found: list[_Row] = []
+    for row in _rows(rows, data):
+        twin = next(
+            (
+                k
+                for k, other in enumerate(found)
+                if row.changes[1] == other.changes[1] == 0.0
+                and (row.model, row.pieces, row.because) == (other.model, other.pieces, other.because)
+            ),
+            None,
+        )
+        if twin is None:
+            found.append(row)
+        else:
+            other = found[twin]
+            numbers = [text for text in (other.number, row.number) if text]
+            found[twin] = replace(other, effect=f"{other.effect}, {row.effect}", number="; ".join(numbers))
+    return (row.cells() for row in found)
+
+
+def _rows(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[_Row]:
+    """Effects in the order of the light."""
     titles = dict(zip(data["piece"].values, data["piece_title"].values, strict=True))
     groups: dict[tuple[str, str, str, str], list[dict[str, Any]]] = {}
     for row in rows:
         verdict = str(row["why"]).split(":")[0].split(";")[0]
         groups.setdefault((str(row["slot"]), str(row["model"]), verdict, str(row["reason"])), []).append(row)
-    bounds = data["bound"].values
     position = {str(name): index for index, name in enumerate(data["decision"].values)}
     for (slot, model, verdict, reason), members in groups.items():
-        changes = [float(np.nanmax(bounds[position[str(row["decision"])]])) for row in members]
+        changes = [float(np.nanmax(data["bound"].values[position[str(row["decision"])]])) for row in members]
         same_why = {str(row["why"]) for row in members}
-        text = reason if verdict == "accepted" else same_why.pop() if len(same_why) == 1 else verdict
-        yield (
-            facts.in_words(slot),
-            model,
-            ", ".join(str(titles[row["situation"]]) for row in members) if len(members) < len(titles) else "all",
-            _range([_share(change) for change in (min(changes), max(changes))]),
-            _number([float(row["number"]) for row in members], str(members[0]["criterion"])),
-            text,
+        told = same_why.pop() if len(same_why) == 1 else verdict
+        if verdict.startswith("forced"):
+            told = f"{verdict}; {reason}"
+        yield _Row(
+            effect=facts.in_words(slot),
+            model=model,
+            pieces=", ".join(str(titles[row["situation"]]) for row in members) if len(members) < len(titles) else "all",
+            changes=(min(changes), max(changes)),
+            number=_number([float(row["number"]) for row in members], str(members[0]["criterion"])),
+            because=reason if verdict == "accepted" else told,
         )
 
 
 def _number(values: list[float], criterion: str) -> str:
     known = [value for value in values if not math.isnan(value)]
     if not known:
-        return "—"
+        return ""
     return f"{criterion}: {_range([significant(min(known), 2), significant(max(known), 2)])}"
 
 

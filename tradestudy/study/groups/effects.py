@@ -15,7 +15,6 @@ def effects_group(plan: Plan) -> xr.Dataset:
     """/effects over decisions, and over the pieces of the study that they belong to."""
     decisions = [(one, decision) for one in plan.situations for decision in plan.selections[one.name].decisions]
     worst = [max(decision.model.bounds.values(), key=lambda b: b.relative_change) for _, decision in decisions]
-    low, high = plan.seconds
     return dataset(
         "effects",
         {
@@ -48,5 +47,4 @@ def effects_group(plan: Plan) -> xr.Dataset:
             "quantity": list(QUANTITIES),
             "piece": [one.name for one in plan.situations],
         },
-        attributes={"predicted_seconds_low": low, "predicted_seconds_high": high, "budget": plan.accuracy.budget},
     )

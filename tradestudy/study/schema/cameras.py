@@ -20,6 +20,7 @@ from tradestudy.study.schema.quantities import (
     PositiveLengthOrInfinity,
     PositiveNumber,
     PositivePixels,
+    ThermalExpansion,
 )
 
 AttributeName = Annotated[str, Field(pattern=r"^[a-z][\w -]*$", max_length=60)]
@@ -330,6 +331,9 @@ class FocusedPlenopticPart(_CameraPart):
     focus: FocusPart
     depth: PlenopticDepthPart
     calibration: PlenopticCalibrationPart
+    thermal_expansion: ThermalExpansion | None = Field(
+        default=None, description="Of what holds its parts apart; default: that of scene.temperature."
+    )
 
 
 class UnfocusedPlenopticPart(_CameraPart):
@@ -342,6 +346,9 @@ class UnfocusedPlenopticPart(_CameraPart):
     focus: UnfocusedFocusPart
     depth: UnfocusedDepthPart
     calibration: PlenopticCalibrationPart
+    thermal_expansion: ThermalExpansion | None = Field(
+        default=None, description="Of what holds its parts apart; default: that of scene.temperature."
+    )
 
 
 class ConventionalPart(_CameraPart):
@@ -366,6 +373,9 @@ class StereoPart(_CameraPart):
     )
     depth: StereoDepthPart
     calibration: StereoCalibrationPart
+    thermal_expansion: ThermalExpansion | None = Field(
+        default=None, description="Of what holds its parts apart; default: that of scene.temperature."
+    )
 
 
 CameraPart = Annotated[

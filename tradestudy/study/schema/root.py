@@ -11,7 +11,7 @@ from tradestudy.study.mistakes import MistakeAt, nearest_name
 from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.calibration import CalibrationStudyPart, calibration_mistakes
-from tradestudy.study.schema.cameras import CameraPart, measures_depth
+from tradestudy.study.schema.cameras import CameraPart, ConventionalPart, measures_depth
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
 from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.study.schema.questions import (
@@ -94,6 +94,14 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("cameras",), "this key is missing or empty, and nothing else is asked for"))
         if self.cameras and self.scene is None:
             mistakes.append(MistakeAt(("scene",), "this key is missing; cameras need it"))
+        if self.scene is None or self.scene.temperature is None:
+            mistakes += [
+                MistakeAt(
+                    ("cameras", name, "thermal_expansion"), "needs scene.temperature, without which it does nothing"
+                )
+                for name, part in self.cameras.items()
+                if not isinstance(part, ConventionalPart) and part.thermal_expansion is not None
+            ]
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
         if self.depth_of_field is not None and not self.cameras:
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))

@@ -11,7 +11,12 @@ from pydantic import Field, model_validator
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.picture import PicturePart
-from tradestudy.study.schema.quantities import PositiveLength, PositiveWavelength
+from tradestudy.study.schema.quantities import (
+    NonNegativeTemperatureDifference,
+    PositiveLength,
+    PositiveWavelength,
+    ThermalExpansion,
+)
 
 MOST_DISTANCES = 100_000
 
@@ -36,6 +41,13 @@ class DistanceRangePart(Part):
         return tuple(float(value) for value in space(self.start, self.stop, self.points))
 
 
+class TemperaturePart(Part):
+    """How far the temperature may be from that of the calibration, and what that does to lengths."""
+
+    deviation: NonNegativeTemperatureDifference = Field(description="One standard deviation.")
+    expansion: ThermalExpansion = Field(description="Of cameras that declare none: their baseline, or lens to array.")
+
+
 class ScenePart(Part):
     """What is looked at."""
 
@@ -44,6 +56,7 @@ class ScenePart(Part):
     picture: PicturePart | None = Field(
         default=None, description="Texture, light and sensor: what derived disparity errors follow from."
     )
+    temperature: TemperaturePart | None = Field(default=None, description="Default: that of the calibration.")
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:

@@ -11,13 +11,15 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, declared_disparity_error
-from tradestudy.effects.base import Slot, SlotName
+from tradestudy.effects.base import OFF, Slot, SlotName
 from tradestudy.effects.calibration import calibration_slot
 from tradestudy.effects.declared import declared_slots
+from tradestudy.effects.temperature import temperature_slot
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import PictureGeometry, picture_geometry
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.psf_difference import FIRST_DARK_RING
+from tradestudy.study.acting import AnyDepthCamera, acting
 from tradestudy.study.decision import question_ends
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.depth import closed_form_error, depth_uncertainty
@@ -44,7 +46,7 @@ class _Variant:
     wavelength: float
 
 
-def depth_situations(definition: StudyDefinition, *, speed: float) -> tuple[Situation, ...]:
+def depth_situations(definition: StudyDefinition) -> tuple[Situation, ...]:
     """One situation for each camera that measures depth, its bounds the worst over all variants of the study."""
     variants = tuple(_every_variant(definition))
     found = []
@@ -60,8 +62,8 @@ def depth_situations(definition: StudyDefinition, *, speed: float) -> tuple[Situ
                 title=definition.file.cameras[name].title,
                 quantities=("depth_uncertainty",),
                 slots=(
-                    *_picture(own, definition.case.distance.size, speed),
-                    _calibration(own, definition.case.distance.size, speed),
+                    *_picture(own, definition.case.distance.size),
+                    *_errors(own, definition.case.distance.size),
                 ),
             )
         )
@@ -111,12 +113,12 @@ def _usable(variant: _Variant) -> FloatArray:
     return variant.distance[met]
 
 
-def _picture(variants: Sequence[_Variant], distances: int, speed: float) -> tuple[Slot, ...]:
+def _picture(variants: Sequence[_Variant], distances: int) -> tuple[Slot, ...]:
     """Slots of the picture: weighed where the disparity error is derived from it, all off where it is declared."""
     derived = [_picture_case(variant) for variant in variants]
     found = [case for case in derived if case is not None]
     if found:
-        return picture_slots(found, distances=distances, speed=speed)
+        return picture_slots(found, distances=distances)
     first = variants[0]
     geometry = picture_geometry(first.camera, _places(first)[:1])
     return declared_slots(
@@ -164,29 +166,45 @@ def _imaged(variant: _Variant) -> FloatArray:
     return variant.distance[variant.camera.images(variant.distance)]
 
 
-def _calibration(variants: Sequence[_Variant], distances: int, speed: float) -> Slot:
-    shares, errors, declared = [0.0], [0.0], False
-    for variant in variants:
-        declared |= _has_calibration_errors(variant.camera)
-        shares.append(_share_of_calibration(variant.camera, _imaged(variant)))
-        places = _usable(variant)
-        if places.size:
-            errors.append(float(np.nanmax(closed_form_error(variant.camera, places), initial=0.0)))
-    return calibration_slot(
-        share_of_uncertainty=max(shares),
-        linear_error=max(errors),
-        seconds=distances * _SECONDS_PER_DISTANCE / speed,
-        are_declared=declared,
+def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
+    """Slots of calibration and of temperature, each held against the camera with everything."""
+    names = {name for variant in variants for name in variant.camera.error_directions(np.ones(1))}
+    linear_error = max((_linear_error(variant) for variant in variants), default=0.0)
+    seconds = distances * _SECONDS_PER_DISTANCE
+    return (
+        calibration_slot(
+            share_of_uncertainty=max(_share_of(variant, "calibration") for variant in variants),
+            linear_error=linear_error,
+            seconds=seconds,
+            are_declared=bool(names - {"pixel_noise", "temperature"}),
+        ),
+        temperature_slot(
+            share_of_uncertainty=max(_share_of(variant, "temperature") for variant in variants),
+            expansion=max(_depth_camera(variant).expansion for variant in variants),
+            error=linear_error,
+            seconds=seconds,
+            is_declared="temperature" in names,
+        ),
     )
 
 
-def _share_of_calibration(camera: DepthCamera, places: FloatArray) -> float:
-    """1 − u(noise)/u(both), the largest over places; an interval without a far end counts as the whole."""
-    noise, both = (depth_uncertainty(camera, places, way) for way in ("noise", "both"))
-    with np.errstate(invalid="ignore"):  # infinite over infinite: noise alone leaves no far end
-        share = 1.0 - np.where(np.isinf(noise), 1.0, noise / both)
+def _linear_error(variant: _Variant) -> float:
+    """Largest stated error of errors added up in disparity, as a share of the uncertainty, where it counts."""
+    places = _usable(variant)
+    return float(np.nanmax(closed_form_error(variant.camera, places), initial=0.0)) if places.size else 0.0
+
+
+def _share_of(variant: _Variant, slot: SlotName) -> float:
+    """1 − u(without)/u(with), the largest where a picture is formed; a lost far end counts as the whole."""
+    places = _imaged(variant)
+    without = depth_uncertainty(acting(_depth_camera(variant), {slot: OFF}), places)
+    everything = depth_uncertainty(variant.camera, places)
+    with np.errstate(invalid="ignore"):  # infinite over infinite: the far end is lost without it as well
+        share = 1.0 - np.where(np.isinf(without), 1.0, without / everything)
     return float(np.nanmax(share, initial=0.0))
 
 
-def _has_calibration_errors(camera: DepthCamera) -> bool:
-    return any(name != "pixel_noise" for name in camera.error_directions(np.ones(1)))
+def _depth_camera(variant: _Variant) -> AnyDepthCamera:
+    camera = variant.camera
+    assert isinstance(camera, AnyDepthCamera)  # a case holds no others
+    return camera

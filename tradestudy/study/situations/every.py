@@ -7,6 +7,9 @@ from tradestudy.study.situations.depth import depth_situations
 from tradestudy.study.situations.situation import Situation
 
 
-def every_situation(definition: StudyDefinition, *, speed: float) -> tuple[Situation, ...]:
-    """Cameras that measure depth, one after the other; costs are for a machine of this speed."""
-    return depth_situations(definition, speed=speed) if definition.case.cameras else ()
+def every_situation(definition: StudyDefinition) -> tuple[Situation, ...]:
+    """Cameras that measure depth, one after the other; costs are those of the reference machine.
+
+    So the choice is the same on every machine.
+    """
+    return depth_situations(definition) if definition.case.cameras else ()

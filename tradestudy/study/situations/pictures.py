@@ -117,7 +117,7 @@ class PictureCase:
         return float(np.nanmax(half**2 / (half**2 + stage.plane_distance**2)))
 
 
-def picture_slots(cases: Sequence[PictureCase], *, distances: int, speed: float) -> tuple[Slot, ...]:
+def picture_slots(cases: Sequence[PictureCase], *, distances: int) -> tuple[Slot, ...]:
     """Slots of the picture of one camera, weighed over every variant of it; costs are for so many distances."""
     stages = [(case, case.geometry.main_lens, case.geometry.microlens) for case in cases]
     noise = [_noise_shares(case) for case in cases]
@@ -126,7 +126,7 @@ def picture_slots(cases: Sequence[PictureCase], *, distances: int, speed: float)
         return max(value(case) for case in cases)
 
     def seconds(name: str) -> float:
-        return _SECONDS.get(name, 0.0) * distances / speed
+        return _SECONDS.get(name, 0.0) * distances
 
     trial = PictureTrial(
         change=lambda slot, name: worst(lambda case: case.change(slot, name)),

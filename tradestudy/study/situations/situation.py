@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from tradestudy.accuracy import Accuracy, Quantity
 from tradestudy.effects.base import Slot, SlotName
 from tradestudy.effects.selection import Chosen, Selection, select, sum_of_seconds
+from tradestudy.errors import UnaffordableError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +34,17 @@ class Situation:
     seconds: Callable[[Chosen], float] = sum_of_seconds
 
     def select(self, accuracy: Accuracy, forced: dict[SlotName, str]) -> Selection:
-        """Choose its models; what the study forces elsewhere and this piece does not have is no concern here."""
+        """Choose its models; what the study forces elsewhere and this piece does not have is no concern here.
+
+        Raises
+        ------
+        UnaffordableError
+            Where no set of its models is accurate enough.
+        """
         own = {slot.name: forced[slot.name] for slot in self.slots if forced.get(slot.name) in slot.model_names}
-        return select(self.slots, quantities=self.quantities, accuracy=accuracy, forced=own, seconds=self.seconds)
+        try:
+            return select(self.slots, quantities=self.quantities, accuracy=accuracy, forced=own, seconds=self.seconds)
+        except UnaffordableError as error:
+            raise UnaffordableError(
+                f"{self.title}: {error.what}", value=error.value, limit=error.limit, remedy=error.remedy
+            ) from None

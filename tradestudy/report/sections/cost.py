@@ -1,0 +1,225 @@
+"""What accuracy costs: what one more digit would, the figure, and every entry; or how to find out."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tradestudy.report import facts
+from tradestudy.report.document import (
+    Block,
+    Bullets,
+    Callout,
+    Column,
+    Heading,
+    Paragraph,
+    Picture,
+    Spans,
+    Table,
+    Text,
+    say,
+)
+from tradestudy.units import DURATION, pretty, significant
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from tradestudy.figures.drawing import Drawing
+
+_HAS_PRICES: Final = ("depth", "depth_of_field", "calibration", "images", "point_spread")
+_NO_ANSWER: Final = 10.0
+_LEVELS: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+
+
+def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Write the last measured cost of the study on this machine, or say how to measure it."""
+    if not any(group in tree.children for group in _HAS_PRICES):
+        return
+    yield Heading(text="What accuracy costs", anchor="cost")
+    if not facts.has(tree, "cost", "relative_error"):
+        yield Paragraph(
+            say(
+                "Not measured on this machine for this study as it stands. `python -m tradestudy cost STUDY`, with the "
+                "same folder for its output, measures error against seconds for every model and setting; the next "
+                "report shows it here."
+            )
+        )
+        return
+    data = facts.dataset(tree, "cost")
+    yield Callout(title="What would one more digit cost?", blocks=(Bullets(tuple(_answers(data))),), tone="answer")
+    yield Paragraph(_circumstances(data, str(tree.attrs.get("code_hash", ""))))
+    if "cost" in drawings:
+        drawing = drawings["cost"]
+        yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
+    yield _digits(data)
+    for name in (str(key) for key in data["cost_quantity"].values):
+        yield from _quantity(data, name)
+
+
+def _answers(data: xr.Dataset) -> Iterator[Spans]:
+    for name in data["cost_quantity"].values:
+        one = data.sel(cost_quantity=name)
+        if math.isfinite(float(one["chosen_seconds"])):
+            yield _answer(one)
+
+
+def _answer(one: xr.Dataset) -> Spans:
+    error, seconds = float(one["chosen_error"]), float(one["chosen_seconds"])
+    wanted, needed = float(one["next_error"]), float(one["next_seconds"])
+    floor = float(one["reference_error"])
+    if wanted < floor:
+        then = (
+            f"whether a tenth of that could be had cannot be told: the reference itself errs by {_error(floor)}, and "
+            "nothing measured is closer to it"
+        )
+        if error > floor:
+            then = f"a tenth of that is below the error of the reference, {_error(floor)}"
+    elif math.isinf(needed):
+        best, took = float(one["best_error"]), float(one["best_seconds"])
+        then = f"a tenth of that cannot be had: the best measured errs by {_error(best)} and takes {_duration(took)}"
+    elif needed <= seconds:
+        then = f"a tenth of that can be had in no more time, {_duration(needed)}, by another model on the frontier"
+    else:
+        then = f"a tenth of that costs {_duration(needed)}, {significant(needed / seconds, 2)} times as long"
+    return say(
+        "**{title}:** a run errs by {error} in {seconds}; {then}.",
+        title=str(one["title"].item()),
+        error=_error(error),
+        seconds=_duration(seconds),
+        then=then,
+    )
+
+
+def _circumstances(data: xr.Dataset, code_hash: str) -> Spans:
+    machine = json.loads(str(data.attrs["machine"]))
+    load, cores = float(data.attrs["load_average"]), int(machine["cores"])
+    busy = " It was busy with other work, which lengthens the times." if load > cores else ""
+    other = "" if data.attrs.get("code_hash") == code_hash else " An earlier state of this program was measured."
+    return say(
+        "Measured on {date} on {cores} cores of {processor}, load average {load} at the end.{busy}{other} Every "
+        "computation starts afresh, its caches emptied; seconds are medians over the repeats. Memory is the most that "
+        "Python and numpy held at once (tracemalloc, in a run of its own); what compiled libraries allocate for "
+        "themselves is not in it.",
+        date=str(data.attrs["measured"])[:10],
+        cores=str(cores),
+        processor=str(machine["processor"]),
+        load="unknown" if math.isnan(load) else f"{load:.1f}",
+        busy=busy,
+        other=other,
+    )
+
+
+def _digits(data: xr.Dataset) -> Table:
+    """Seconds by wanted error along every frontier."""
+    names = [str(name) for name in data["cost_quantity"].values]
+    return Table(
+        name="cost-digits",
+        caption="What each digit costs: seconds along the frontier for a relative error, log–log between measured "
+        "entries.",
+        columns=(
+            Column(title="Quantity", weight=1),
+            *(Column(title=f"{100 * level:g} %", align="right") for level in _LEVELS),
+        ),
+        rows=tuple((str(data.sel(cost_quantity=name)["title"].item()), *_levels(data, name)) for name in names),
+        notes=("—: nothing measured is that accurate. ?: below the error of the reference, so that nobody can tell.",),
+    )
+
+
+def _levels(data: xr.Dataset, name: str) -> Iterator[str]:
+    one = _entries(data, name)
+    one = one.isel(entry=np.flatnonzero(one["frontier"].values))
+    floor = float(data.sel(cost_quantity=name)["reference_error"])
+    error = np.maximum(np.asarray(one["relative_error"].values, dtype=float), floor)
+    seconds = np.asarray(one["seconds"].values, dtype=float)
+    order = np.argsort(-error)
+    error, seconds = error[order], seconds[order]
+    for level in _LEVELS:
+        if error.size == 0 or not math.isfinite(floor):
+            yield "—"
+        elif level < floor:
+            yield "?"
+        elif level < error[-1]:
+            yield "—"
+        elif level >= error[0]:
+            yield _duration(float(seconds[0]))
+        else:
+            yield _duration(float(np.exp(np.interp(-np.log(level), -np.log(error), np.log(seconds)))))
+
+
+def _entries(data: xr.Dataset, name: str) -> xr.Dataset:
+    return data.isel(entry=np.flatnonzero(data["quantity"].values == name))
+
+
+def _quantity(data: xr.Dataset, name: str) -> Iterator[Block]:
+    one, entries = data.sel(cost_quantity=name), _entries(data, name)
+    title = str(one["title"].item())
+    yield Heading(text=title, anchor=f"cost-{name}", level=2)
+    yield Paragraph(
+        say(
+            "{says} Reference: {reference}, itself within {error}.",
+            says=str(one["says"].item()),
+            reference=str(one["reference"].item()),
+            error=_error(float(one["reference_error"])),
+        )
+    )
+    notes = [line for line in str(one["notes"].item()).split("\n") if line]
+    if notes:
+        yield Bullets(tuple(notes))
+    if entries.sizes["entry"]:
+        yield _table(entries, name, title)
+    left_out = [line for line in str(one["left_out"].item()).split("\n") if line]
+    if left_out:
+        yield Paragraph(say("Left out: {what}.", what="; ".join(left_out)))
+
+
+def _table(entries: xr.Dataset, name: str, title: str) -> Table:
+    rows: list[tuple[Text, ...]] = []
+    for place in range(entries.sizes["entry"]):
+        entry: dict[str, Any] = {str(key): entries[key].values[place] for key in entries.data_vars}
+        words = f"{entry['model']}, {entry['setting']}" if entry["setting"] else str(entry["model"])
+        marks = [word for word, given in (("frontier", entry["frontier"]), ("chosen", entry["chosen"])) if given]
+        rows.append(
+            (
+                say("**{words}**", words=words) if entry["chosen"] else words,
+                _error(float(entry["relative_error"])),
+                _error(float(entry["typical_error"])),
+                _duration(float(entry["seconds"])),
+                f"{significant(float(entry['peak_memory']) / 1e6, 2)}",
+                str(int(entry["repeats"])),
+                ", ".join(marks),
+            )
+        )
+    return Table(
+        name=f"cost-{name}-table",
+        caption=f"{title}: every model and setting that was measured.",
+        columns=(
+            Column(title="Model and setting", weight=1),
+            Column(title="Error", align="right"),
+            Column(title="Typical", align="right"),
+            Column(title="Time", align="right"),
+            Column(title="Memory", unit="MB", align="right"),
+            Column(title="Repeats", align="right"),
+            Column(title=""),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Error: the worst over cameras and places, of random methods its root mean square over the repeats. "
+            "Typical: the median over them. Frontier: nothing else is as accurate in less time.",
+        ),
+    )
+
+
+def _error(value: float) -> str:
+    if math.isnan(value):
+        return "—"
+    if value > _NO_ANSWER:
+        return "no answer"
+    return f"{significant(100.0 * value, 2)}\N{NO-BREAK SPACE}%"
+
+
+def _duration(seconds: float) -> str:
+    return pretty(seconds, DURATION, digits=2).replace(" ", "\N{NO-BREAK SPACE}")
