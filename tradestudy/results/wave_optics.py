@@ -234,6 +234,9 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         long_name="value of what is varied, in the SI unit of varied_units; NaN beyond the last",
         error="declared",
     ),
+    "chosen": Variable(
+        dims=("propagator",), units="1", long_name="1 for the law that the accuracy wanted calls for", error="a choice"
+    ),
     "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of the value"),
     "standing": Variable(
         dims=("element", "varied"), units="mixed", long_name="value while something else is varied", error="declared"

@@ -32,6 +32,7 @@ from tradestudy.optics.propagation import (
 from tradestudy.optics.psf_difference import FIRST_DARK_RING, airy_radius
 from tradestudy.optics.quadrature import disc_nodes
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread
+from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
 
 SpreadMethod = Literal["fresnel", "kirchhoff"]
 MEASURES: Final = (
@@ -123,6 +124,50 @@ class LensAndPoint:
     def geometric_radius(self) -> float:
         """Radius of the disc that paraxial rays fill [m]: R b |1/a' − 1/a|."""
         return 2 * abs(self.defocus_waves) * self.wavelength * self.image_distance / self.radius
+
+
+def every_case(part: PointSpreadPart) -> list[LensAndPoint]:
+    """All cases of a study, lens by lens, one thing varied at a time."""
+    return [
+        case_of(part, element, {name: value})
+        for element in part.elements.values()
+        for name, values in varied_values(part).items()
+        for value in values
+    ]
+
+
+def varied_values(part: PointSpreadPart) -> Mapping[str, tuple[float, ...]]:
+    """What is varied, and its values."""
+    return {
+        "f_number": part.f_numbers,
+        "wavelength": part.wavelengths,
+        "field_angle": part.field_angles,
+        "defocus": part.defocus,
+    }
+
+
+def standing_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str, float]:
+    """What each is while something else is varied."""
+    return {
+        "f_number": element.f_number,
+        "wavelength": part.standing_wavelength,
+        "field_angle": 0.0,
+        "defocus": 0.0,
+    }
+
+
+def case_of(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, float]) -> LensAndPoint:
+    """A lens as it stands, with something changed."""
+    values = {**standing_values(part, element), **changed}
+    return LensAndPoint(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        f_number=values["f_number"],
+        wavelength=values["wavelength"],
+        lens_phase=part.lens_phase,
+        field_angle=values["field_angle"],
+        defocus_waves=values["defocus"],
+    )
 
 
 def point_spread_of(case: LensAndPoint, *, method: SpreadMethod, window: float, tolerance: float) -> PointSpread:

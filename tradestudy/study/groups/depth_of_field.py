@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -12,6 +13,8 @@ import xarray as xr
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.effects.base import OFF
+from tradestudy.effects.selection import Selection
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.microlens_coverage import mean_seen_count
 from tradestudy.optics.microlens_projection import object_distance_of_virtual_depth
@@ -24,11 +27,18 @@ from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 _SCENE_POINTS: Final = 401
 
 
-def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -> xr.Dataset:
-    """/depth_of_field over (camera, criterion, distance)."""
+def depth_of_field_group(
+    definition: StudyDefinition, asked: DepthOfFieldPart, selection: Selection | None = None
+) -> xr.Dataset:
+    """/depth_of_field over (camera, criterion, distance).
+
+    A selection that leaves diffraction out takes it out of every criterion; ``diffraction`` says what counted.
+    """
     case, wavelength = definition.case, definition.case.wavelength
     cameras = case.all_cameras
     sharp = {name: blur_criterion_of(part, wavelength) for name, part in asked.sharp.items()}
+    if selection is not None and selection.name_of("main_lens_diffraction") == OFF:
+        sharp = {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
     ranges = [[camera.focus.sharp_range(criterion) for criterion in sharp.values()] for camera in cameras.values()]
     values = {
         "blur_px": [criterion.blur_px for criterion in sharp.values()],

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 import xarray as xr
 
+from tradestudy.effects.selection import Selection
 from tradestudy.results import dataset
-from tradestudy.study.point_spreads import MEASURES, LensAndPoint, SpreadMethod, spread_measures
+from tradestudy.study.point_spreads import (
+    MEASURES,
+    SpreadMethod,
+    case_of,
+    spread_measures,
+    standing_values,
+    varied_values,
+)
 from tradestudy.study.progress import Progress
-from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
+from tradestudy.study.schema.wave_optics import PointSpreadPart
 from tradestudy.study.timing import Seconds, timed
 
 METHODS: Final[tuple[SpreadMethod, ...]] = ("fresnel", "kirchhoff")
@@ -20,15 +27,16 @@ _UNITS: Final = {"f_number": "1", "wavelength": "m", "field_angle": "rad", "defo
 _STEP: Final = "point spread"
 
 
-def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
-    """/point_spread over (element, propagator, varied, step)."""
+def point_spread_group(
+    part: PointSpreadPart, progress: Progress, seconds: Seconds, selection: Selection | None = None
+) -> xr.Dataset:
+    """/point_spread over (element, propagator, varied, step).
+
+    Both laws are computed, as each is the other's check; ``chosen`` marks the one that the accuracy wanted of widths
+    calls for, where the study's plan has chosen one.
+    """
     elements = list(part.elements.values())
-    varied = {
-        "f_number": part.f_numbers,
-        "wavelength": part.wavelengths,
-        "field_angle": part.field_angles,
-        "defocus": part.defocus,
-    }
+    varied = varied_values(part)
     steps = max(map(len, varied.values()))
     shape = (len(elements), len(METHODS), len(varied), steps)
     values = {name + suffix: np.full(shape, np.nan) for name in MEASURES for suffix in ("", "_error")}
@@ -40,7 +48,7 @@ def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Secon
             progress(_STEP, number / len(places))
             element, method, what, step = place
             name = list(varied)[what]
-            case = _case(part, elements[element], {name: varied[name][step]})
+            case = case_of(part, elements[element], {name: varied[name][step]})
             found = spread_measures(
                 case,
                 method=METHODS[method],
@@ -57,34 +65,17 @@ def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Secon
         "point_spread",
         {
             "title": [element.title for element in elements],
-            "airy_radius": [_case(part, element, {}).airy_radius for element in elements],
+            "airy_radius": [case_of(part, element, {}).airy_radius for element in elements],
             "value": [padded] * len(elements),
             "varied_units": [_UNITS[name] for name in varied],
-            "standing": [[_standing(part, element)[name] for name in varied] for element in elements],
+            "standing": [[standing_values(part, element)[name] for name in varied] for element in elements],
             **values,
+            **({} if selection is None else {"chosen": _chosen(selection)}),
         },
         {"element": list(part.elements), "propagator": list(METHODS), "varied": list(varied)},
         attributes={"window": part.window, "rms_radius": part.rms_radius, "pixel_pitch": part.pixel_pitch},
     )
 
 
-def _standing(part: PointSpreadPart, element: ElementPart) -> Mapping[str, float]:
-    return {
-        "f_number": element.f_number,
-        "wavelength": part.standing_wavelength,
-        "field_angle": 0.0,
-        "defocus": 0.0,
-    }
-
-
-def _case(part: PointSpreadPart, element: ElementPart, changed: Mapping[str, float]) -> LensAndPoint:
-    chosen = {**_standing(part, element), **changed}
-    return LensAndPoint(
-        focal_length=element.focal_length,
-        object_distance=element.object_distance,
-        f_number=chosen["f_number"],
-        wavelength=chosen["wavelength"],
-        lens_phase=part.lens_phase,
-        field_angle=chosen["field_angle"],
-        defocus_waves=chosen["defocus"],
-    )
+def _chosen(selection: Selection) -> list[float]:
+    return [float(selection.name_of("main_lens_diffraction") == method) for method in METHODS]

@@ -1,0 +1,122 @@
+"""The law of propagation behind one lens, and what it may change in the width of a point's image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from tradestudy.effects.base import Bound, Model, Slot
+from tradestudy.effects.main_lens_diffraction import complete
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation import CircularLens, PointSource
+from tradestudy.optics.propagation.lens import lens_paths
+from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
+from tradestudy.optics.quadrature import disc_nodes
+
+# Seconds per image of a point on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
+SECONDS_PER_IMAGE: Final = {"fresnel": 0.07, "kirchhoff": 0.07}
+_HALF_ENERGY: Final = 0.5352  # of λ N: 1 − J₀²(v) − J₁²(v) = ½ at v = π r/(λ N) = 1.6816
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointImage:
+    """A lens, a point, and the plane in which its image is looked at.
+
+    Parameters
+    ----------
+    lens, source
+        Lens and point.
+    image_distance
+        Lens → plane [m].
+    centre
+        Where the chief ray meets the plane, about which the width is taken (x, y) [m].
+    wavelength
+        λ [m].
+    """
+
+    lens: CircularLens
+    source: PointSource
+    image_distance: float
+    centre: tuple[float, float]
+    wavelength: float
+
+    @property
+    def diffraction_radius(self) -> float:
+        """Radius that holds half the light in focus without aberration [m]."""
+        return _HALF_ENERGY * self.wavelength * self.image_distance / (2.0 * self.lens.radius)
+
+    @cached_property
+    def blur(self) -> float:
+        """Root mean square by which paraxial rays miss the centre [m]."""
+        error = self._slopes(paraxial=True)
+        return self.image_distance * float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+
+    @cached_property
+    def displacement(self) -> float:
+        """Root mean square by which exact rays land elsewhere than paraxial ones [m]."""
+        error = self._slopes(paraxial=False) - self._slopes(paraxial=True)
+        return self.image_distance * float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+
+    @cached_property
+    def brightness(self) -> float:
+        """Mean share of the light by which the cosines of both legs, one in Fresnel's law, lower it."""
+        x, y = self._pupil
+        behind = (x - self.centre[0]) ** 2 + (y - self.centre[1]) ** 2
+        return float(np.mean(1.0 - 1.0 / (1.0 + behind / self.image_distance**2) ** 2))
+
+    @property
+    def _pupil(self) -> tuple[FloatArray, FloatArray]:
+        nodes = disc_nodes(radius=self.lens.radius, radial_count=6, angular_count=16)
+        return nodes.x, nodes.y
+
+    def _slopes(self, *, paraxial: bool) -> FloatArray:
+        """Slope of the path from the source through every pupil point to the centre: zero for a perfect image."""
+        x, y = self._pupil
+        kind = ParabolicPath if paraxial else SphericalPath
+        leg = kind(x=self.centre[0], y=self.centre[1], distance=self.image_distance)
+        behind = lens_paths(self.source, self.lens, paraxial=paraxial).slope(x, y)
+        return np.column_stack([a + b for a, b in zip(behind, leg.slope(x, y), strict=True)])
+
+    def fresnel_change(self) -> float:
+        """Bound on |r_Fresnel − r_Kirchhoff|/r_Kirchhoff of the radius that holds half the light.
+
+        Blur q and displacement δ add as vectors and widen the radius r of diffraction by squares: |Δ r²| ≤ 2 q δ + δ²;
+        where δ exceeds r, the radius moves by δ at most. Light that the cosines take counts as light outside.
+        """
+        r, q, moved = self.diffraction_radius, self.blur, self.displacement
+        return min((2.0 * q * moved + moved**2) / r**2, 2.0 * moved / r) + 2.0 * self.brightness
+
+
+def diffraction_of_points(images: Sequence[PointImage]) -> Slot:
+    """Fresnel's law or Kirchhoff's for points behind single lenses; the bound is that of the worst of them.
+
+    The width is the radius about the chief ray that holds half the light of the pupil. Rays are not offered: a point
+    in focus has no width by them.
+    """
+    worst = max(images, key=PointImage.fresnel_change)
+    return Slot(
+        name="main_lens_diffraction",
+        models=(
+            Model(
+                name="fresnel",
+                bounds={
+                    "psf_width": Bound(
+                        relative_change=worst.fresnel_change(),
+                        criterion="displacement of rays over the diffraction radius",
+                        number=worst.displacement / worst.diffraction_radius,
+                        reason="second-order paths leave out aberration, which widens the image of a point",
+                    )
+                },
+                seconds=SECONDS_PER_IMAGE["fresnel"] * len(images),
+            ),
+            Model(
+                name="kirchhoff",
+                bounds={"psf_width": complete()},
+                seconds=SECONDS_PER_IMAGE["kirchhoff"] * len(images),
+            ),
+        ),
+    )

@@ -1,0 +1,60 @@
+"""Diffraction in what counts as sharp: the spot beside the blur, or the blur alone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tradestudy.cameras.focus import BlurCriterion, Focus
+from tradestudy.effects.base import OFF, Bound, Model, Slot
+from tradestudy.effects.main_lens_diffraction import complete
+from tradestudy.optics.arrays import FloatArray
+
+
+def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCriterion]) -> Slot:
+    """Whether criteria that allow for the diffraction spot do so; what the ends of all sharp ranges move otherwise.
+
+    Both are closed forms, so that the bound is the largest change itself: infinite where an end appears or vanishes.
+    """
+    allowing = [one for one in criteria if one.measure != "none"]
+    if not allowing:
+        return Slot(name="main_lens_diffraction", models=(Model(name=OFF, bounds={"depth_of_field": complete()}),))
+    change = max(_changes(focuses, allowing), default=0.0)
+    return Slot(
+        name="main_lens_diffraction",
+        models=(
+            Model(
+                name=OFF,
+                bounds={
+                    "depth_of_field": Bound(
+                        relative_change=change,
+                        criterion="largest change of a near or far end",
+                        number=change,
+                        reason="without the diffraction spot all of the allowed blur is left to defocus",
+                    )
+                },
+            ),
+            Model(name="airy", bounds={"depth_of_field": complete()}),
+        ),
+    )
+
+
+def _changes(focuses: Sequence[Focus], criteria: Sequence[BlurCriterion]) -> Iterable[float]:
+    for focus in focuses:
+        for criterion in criteria:
+            own, geometric = (focus.sharp_range(one).slices for one in (criterion, replace(criterion, measure="none")))
+            for end in ("near", "far"):
+                yield _largest(np.atleast_1d(getattr(geometric, end)), np.atleast_1d(getattr(own, end)))
+
+
+def _largest(simple: FloatArray, complete_one: FloatArray) -> float:
+    """Largest relative difference; infinite where only one of two is finite."""
+    if simple.shape != complete_one.shape:
+        return math.inf
+    same = (simple == complete_one) | (np.isnan(simple) & np.isnan(complete_one))
+    with np.errstate(invalid="ignore"):  # ∞/∞ where both are infinite, which is the same
+        change = np.where(same, 0.0, np.abs(simple / complete_one - 1.0))
+    return float(np.max(np.where(np.isnan(change), math.inf, change), initial=0.0))
