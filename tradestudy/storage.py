@@ -98,14 +98,14 @@ def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
     except OSError as error:
         raise _unreadable(path, error) from error
     record = _read_run(directory)
-    tree = _tree_of(content, path)
+    # Before anything looks into them: what HDF5 makes of changed bytes is anyone's guess.
     if record.get(CHECKSUM) != _checksum(content):
         raise ResultsError(
             "the results are damaged or of another run than their record: the checksum differs",
             value=str(path),
             remedy="run the study again",
         )
-    return tree, record
+    return _tree_of(content, path), record
 
 
 def _checksum(content: bytes | memoryview) -> str:

@@ -149,18 +149,19 @@ def _deaf_to_control_c() -> Iterator[None]:
 def _work(connection: Connection, function: Callable[[Any], Any]) -> None:
     """What a worker process does: take a point, compute it, give its value back."""
     Thread(target=_end_with_the_run, daemon=True).start()
-    connection.send((_READY, None))
-    while True:
-        try:
+    with suppress(EOFError, OSError):  # the run has gone
+        connection.send((_READY, None))
+        while True:
             index, point = connection.recv()
-        except EOFError:
-            return
-        outcome = attempt(function, point)
-        try:
-            message = pickle.dumps((index, outcome), protocol=pickle.HIGHEST_PROTOCOL)
-        except Exception as error:
-            message = pickle.dumps((index, Raised(TypeError(f"the value of a point cannot be sent: {error}"))))
-        connection.send_bytes(message)
+            outcome = attempt(function, point)
+            connection.send_bytes(_message(index, outcome))
+
+
+def _message(index: int, outcome: object) -> bytes:
+    try:
+        return pickle.dumps((index, outcome), protocol=pickle.HIGHEST_PROTOCOL)
+    except Exception as error:
+        return pickle.dumps((index, Raised(TypeError(f"the value of a point cannot be sent: {error}"))))
 
 
 def _end_with_the_run() -> None:
