@@ -18,6 +18,7 @@ from tradestudy.figures import (
     uncertainty_parts,
 )
 from tradestudy.figures.calibration_gallery import calibration_drawings
+from tradestudy.figures.cost import cost_drawing, measured_quantities
 from tradestudy.figures.depth_data import (
     Camera,
     cameras,
@@ -60,6 +61,8 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     yield from light_spot.drawings(tree)
     if "hard_cases" in tree.children:
         yield hard_cases_drawing(tree)
+    if "cost" in tree.children and measured_quantities(tree["cost"].to_dataset()):
+        yield cost_drawing(tree)
 
 
 def _whole_range(tree: xr.DataTree) -> Drawing:

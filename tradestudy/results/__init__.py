@@ -12,6 +12,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.results.calibration import CALIBRATION, DECISION_ADDITIONS, SENSITIVITY
+from tradestudy.results.cost import COST
 from tradestudy.results.depth import DEPTH
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.results.effects import EFFECTS
@@ -38,6 +39,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "point_spread": POINT_SPREAD,
     "hard_cases": HARD_CASES,
     "effects": EFFECTS,
+    "cost": COST,
     "claims": CLAIMS,
     "requirements": REQUIREMENTS,
     "assumptions": ASSUMPTIONS,

@@ -9,12 +9,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
+from tradestudy.effects.light_scene import LightScene
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.calibration.propagation import FIELDS, WAYS
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.study.schema.questions import ImageDifferenceClaim, LitPixelsClaim
 from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, MethodName, PointSpreadPart
+from tradestudy.study.situations.light_cost import LightWork, seconds_of_rays
+from tradestudy.study.spot_images import light_path, light_source
 from tradestudy.study.sweep import sweep_axes
 
 # Seconds per unit of work on the reference machine (speed 1): processor seconds, so that what else ran on it while it
@@ -36,12 +39,9 @@ SECONDS: Final[Mapping[str, float]] = {
     "Fresnel against Kirchhoff on axis": 0.095,
     "root of a limit": 0.06,
     "Fresnel against Kirchhoff off axis": 4.4,
-    "rays of a spot": 0.7,
-    "tables of a spot": 3.0,
-    "source point through a microlens": 9e-3,
-    "aperture of 256² targets": 0.35,
-    "source point through both lenses": 2.5,
-    "point spread": 0.12,
+    "aperture of 256² targets": 0.035,
+    "source point through both lenses": 1.4,
+    "point spread": 0.28,
     "hard case": 0.03,
     "report": 1.6,
     "figure": 0.25,
@@ -229,12 +229,15 @@ def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
 
 
 def _light_spot(part: LightSpotPart) -> Iterator[PredictedStep]:
-    yield PredictedStep(
-        name="image of the spot",
-        low=math.fsum(spot_seconds(part, method) for method in part.methods),
-        high=math.fsum(spot_seconds(part, method) for method in part.methods),
-        work=f"by {', '.join(part.methods)}, {_source_points(part)} source points each by waves",
-    )
+    if part.methods and part.tolerance is not None:
+        seconds = math.fsum(spot_seconds(part, method, part.tolerance) for method in part.methods)
+        points = _spot_work(_bare(part), part.tolerance).source_points
+        yield PredictedStep(
+            name="image of the spot",
+            low=seconds,
+            high=seconds,
+            work=f"by {', '.join(part.methods)}, {points:.0f} source points each by waves",
+        )
     if part.benchmarks:
         yield _fixed(
             "benchmarks of light",
@@ -243,32 +246,18 @@ def _light_spot(part: LightSpotPart) -> Iterator[PredictedStep]:
         )
 
 
-def spot_seconds(part: LightSpotPart, method: MethodName) -> float:
-    """Seconds of one image of the spot on the reference machine."""
+def spot_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> float:
+    """Seconds of one image of the spot on the reference machine; the tolerance is nothing to rays."""
+    work = _spot_work(_bare(part), tolerance)
     if method == "geometric":
-        return SECONDS["rays of a spot"]
-    lenses = part.microlenses.across**2
-    return SECONDS["tables of a spot"] + SECONDS["source point through a microlens"] * _source_points(part) * lenses
-
-
-def _source_points(part: LightSpotPart) -> int:
-    """Points of the spot that are computed, its symmetries used."""
-    return _points_of_spot(_bare(part))
+        return seconds_of_rays(work.scene.path, point=False)
+    return work.seconds_of_disc(paraxial=method == "fresnel", separate=False)
 
 
 @lru_cache(maxsize=64)
-def _points_of_spot(part: LightSpotPart) -> int:
-    from tradestudy.optics.chain import ChainAccuracy
-    from tradestudy.optics.chain.sources import DiscSource, orbits, source_nodes, symmetries
-    from tradestudy.optics.chain.spot_image import source_density
-    from tradestudy.study.spot_images import light_path
-
-    path, spot = light_path(part), part.spot
-    source = DiscSource(diameter=spot.diameter, distance=spot.distance, x=spot.x, y=spot.y)
-    density = source_density(ChainAccuracy(tolerance=part.tolerance))
-    nodes = source_nodes(path, source, wavelength=part.wavelength, density=density)
-    group = symmetries(path, source)
-    return sum(1 for ring in range(len(nodes.rings)) for _ in orbits(nodes, ring, group))
+def _spot_work(part: LightSpotPart, tolerance: float) -> LightWork:
+    scene = LightScene(path=light_path(part), source=light_source(part), wavelength=part.wavelength)
+    return LightWork(scene=scene, tolerance=tolerance)
 
 
 def _points(part: PointSpreadPart) -> int:
@@ -286,9 +275,9 @@ def _hard_cases(names: tuple[str, ...]) -> PredictedStep:
 def _claims(definition: StudyDefinition) -> PredictedStep:
     """Claims about depth under each reading, and images of the spot that a reading asks for anew."""
     file, readings = definition.file, {"": definition, **definition.readings}
-    known: set[tuple[LightSpotPart, MethodName]] = set()
-    if file.light_spot is not None:
-        known = {(_bare(file.light_spot), method) for method in file.light_spot.methods}
+    known: set[tuple[LightSpotPart, float, MethodName]] = set()
+    if file.light_spot is not None and file.light_spot.tolerance is not None:
+        known = {(_bare(file.light_spot), file.light_spot.tolerance, method) for method in file.light_spot.methods}
     answers, seconds = 0, 0.0
     for claim in file.claims.values():
         names = list(readings) if claim.under == "all" else [claim.reading or "", *claim.under]
@@ -297,16 +286,18 @@ def _claims(definition: StudyDefinition) -> PredictedStep:
             continue
         for name, method in itertools.product(names, (claim.method, claim.reference)):
             spot = readings[name].file.light_spot
-            if spot is not None and (_bare(spot), method) not in known:
-                known.add((_bare(spot), method))
-                seconds += spot_seconds(spot, method)
+            if spot is None or spot.tolerance is None:
+                continue
+            if (_bare(spot), spot.tolerance, method) not in known:
+                known.add((_bare(spot), spot.tolerance, method))
+                seconds += spot_seconds(spot, method, spot.tolerance)
     seconds += _seconds({"claim about depth": answers + len(file.requirements)})
     return PredictedStep(name="claims", low=seconds, high=seconds, work=f"{answers} claims under their readings")
 
 
 def _bare(part: LightSpotPart) -> LightSpotPart:
     """What touches the image of a spot."""
-    return part.model_copy(update={"methods": (), "published": (), "benchmarks": False})
+    return part.model_copy(update={"methods": (), "tolerance": None, "published": (), "benchmarks": False})
 
 
 def _report(definition: StudyDefinition) -> PredictedStep:

@@ -39,7 +39,7 @@ def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the last measured cost of the study on this machine, or say how to measure it."""
     if not any(group in tree.children for group in _HAS_PRICES):
         return
-    yield Heading(text="What accuracy costs", anchor="cost")
+    yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
     if not facts.has(tree, "cost", "relative_error"):
         yield Paragraph(
             say(
@@ -71,6 +71,12 @@ def _answer(one: xr.Dataset) -> Spans:
     error, seconds = float(one["chosen_error"]), float(one["chosen_seconds"])
     wanted, needed = float(one["next_error"]), float(one["next_seconds"])
     floor = float(one["reference_error"])
+    if error == 0.0:
+        return say(
+            "**{title}:** a run takes the most complete model that there is, in {seconds}; there is no digit to buy.",
+            title=str(one["title"].item()),
+            seconds=_duration(seconds),
+        )
     if wanted < floor:
         then = (
             f"whether a tenth of that could be had cannot be told: the reference itself errs by {_error(floor)}, and "
@@ -146,6 +152,8 @@ def _levels(data: xr.Dataset, name: str) -> Iterator[str]:
             yield "—"
         elif level >= error[0]:
             yield _duration(float(seconds[0]))
+        elif error[-1] == 0.0:  # an exact entry is there or it is not
+            yield _duration(float(seconds[int(np.argmax(error <= level))]))
         else:
             yield _duration(float(np.exp(np.interp(-np.log(level), -np.log(error), np.log(seconds)))))
 
@@ -156,14 +164,14 @@ def _entries(data: xr.Dataset, name: str) -> xr.Dataset:
 
 def _quantity(data: xr.Dataset, name: str) -> Iterator[Block]:
     one, entries = data.sel(cost_quantity=name), _entries(data, name)
-    title = str(one["title"].item())
+    title, floor = str(one["title"].item()), float(one["reference_error"])
     yield Heading(text=title, anchor=f"cost-{name}", level=2)
     yield Paragraph(
         say(
-            "{says} Reference: {reference}, itself within {error}.",
+            "{says} Reference: {reference}{within}.",
             says=str(one["says"].item()),
             reference=str(one["reference"].item()),
-            error=_error(float(one["reference_error"])),
+            within=f", itself within {_error(floor)}" if floor > 0.0 else "",
         )
     )
     notes = [line for line in str(one["notes"].item()).split("\n") if line]
@@ -178,8 +186,9 @@ def _quantity(data: xr.Dataset, name: str) -> Iterator[Block]:
 
 def _table(entries: xr.Dataset, name: str, title: str) -> Table:
     rows: list[tuple[Text, ...]] = []
+    names = [str(name) for name, array in entries.data_vars.items() if array.dims == ("entry",)]
     for place in range(entries.sizes["entry"]):
-        entry: dict[str, Any] = {str(key): entries[key].values[place] for key in entries.data_vars}
+        entry: dict[str, Any] = {key: entries[key].values[place] for key in names}
         words = f"{entry['model']}, {entry['setting']}" if entry["setting"] else str(entry["model"])
         marks = [word for word, given in (("frontier", entry["frontier"]), ("chosen", entry["chosen"])) if given]
         rows.append(

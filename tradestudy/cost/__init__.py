@@ -1,0 +1,1 @@
+"""What accuracy costs: error against seconds, measured, for every model and setting that can answer a question."""

@@ -1,0 +1,96 @@
+"""Depth of field: what counting diffraction costs, and how far geometric optics alone is from it."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Final, get_args
+
+import numpy as np
+
+from tradestudy.cameras.focus import BlurCriterion, SharpRange
+from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.measuring import Allowance, measure
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.depth_of_field import DiffractionMeasure
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.progress import Progress
+from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
+
+TITLES: Final[dict[DiffractionMeasure, str]] = {
+    "none": "geometric",
+    "fwhm": "diffraction at half maximum",
+    "airy-diameter": "diffraction to the first dark ring",
+}
+_REFERENCE: Final[DiffractionMeasure] = "airy-diameter"
+assert set(TITLES) == set(get_args(DiffractionMeasure))
+
+
+def depth_of_field_cost(
+    definition: StudyDefinition, part: DepthOfFieldPart, allowance: Allowance, progress: Progress
+) -> Measured:
+    """Cost of the depth of field of every camera of the study under the widest blur that the study calls sharp."""
+    step = "cost: depth_of_field"
+    progress(step, 0.0)
+    widest = max(one.blur for one in part.sharp.values())  # diffraction alone exceeds narrower ones sooner
+    criteria = {
+        measure_: BlurCriterion(blur_px=widest, measure=measure_, wavelength=definition.case.wavelength)
+        for measure_ in TITLES
+    }
+    cameras = definition.case.all_cameras
+    near, far = float(definition.case.distance[0]), float(definition.case.distance[-1])
+
+    def ranges(measure_: DiffractionMeasure, _run: int) -> list[SharpRange]:
+        return [camera.focus.sharp_range(criteria[measure_]) for camera in cameras.values()]
+
+    reference = ranges(_REFERENCE, 0)
+    entries = []
+    for number, (measure_, title) in enumerate(TITLES.items()):
+        progress(step, number / len(TITLES))
+        timed = measure(partial(ranges, measure_), allowance)
+        errors = [_difference(own, full, near, far) for own, full in zip(timed.values[0], reference, strict=True)]
+        entries.append(
+            Entry(
+                model=title,
+                setting="",
+                evaluations=math.nan,
+                error=max(errors),
+                typical_error=float(np.median(errors)),
+                seconds=timed.seconds,
+                least_seconds=timed.least_seconds,
+                peak_memory=timed.peak_memory,
+                repeats=timed.repeats,
+                chosen=any(one.diffraction == measure_ and one.blur == widest for one in part.sharp.values()),
+            )
+        )
+    progress(step, 1.0)
+    return Measured(
+        name="depth_of_field",
+        title="Depth of field",
+        says=f"What {len(cameras)} cameras keep sharp within {widest:g} lateral samples, between the ends of the "
+        "study's distances: seconds for all together; error is the share of the distances sharp by one of two "
+        "criteria that is not sharp by both, for the worst camera.",
+        reference="the criterion that counts diffraction to the first dark ring, the most complete one there is",
+        reference_error=0.0,
+        entries=tuple(entries),
+    )
+
+
+def _difference(one: SharpRange, other: SharpRange, near: float, far: float) -> float:
+    """Length that is sharp by one alone over the length that is sharp by either; 0 where nothing is by both."""
+    ends = np.unique(np.concatenate([[near, far], *(_clipped(r, near, far).ravel() for r in (one, other))]))
+    middle, length = (ends[1:] + ends[:-1]) / 2.0, np.diff(ends)
+    first, second = (_within(_clipped(r, near, far), middle) for r in (one, other))
+    either = float(np.sum(length[first | second]))
+    return float(np.sum(length[first != second])) / either if either > 0.0 else 0.0
+
+
+def _clipped(found: SharpRange, near: float, far: float) -> FloatArray:
+    return np.asarray(np.clip(found.union.covered, near, far))
+
+
+def _within(covered: FloatArray, places: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    inside: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = np.zeros(places.shape, dtype=bool)
+    for low, high in covered:
+        inside |= (places > low) & (places < high)
+    return inside

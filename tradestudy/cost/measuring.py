@@ -1,0 +1,114 @@
+"""Timing computations afresh, within a time that is agreed on before."""
+
+from __future__ import annotations
+
+import statistics
+import sys
+import time
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final, Generic, TypeVar
+
+Value = TypeVar("Value")
+
+FEWEST_REPEATS: Final = 3
+_LONG_ENOUGH: Final = 0.2  # seconds that the repeats of a quick computation fill
+_MOST_REPEATS: Final = 200
+_LONG: Final = 5.0  # seconds from which the traced run is the only one
+# What no computation of physics owns: the sources and libraries of this process, and its processor.
+_KEPT: Final = ("tradestudy.provenance", "tradestudy.machine", "tradestudy.units")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timed(Generic[Value]):
+    """Values of a computation, one for each run, and what the runs took."""
+
+    values: tuple[Value, ...]
+    seconds: float
+    least_seconds: float
+    peak_memory: float
+    repeats: int
+
+
+@dataclass(kw_only=True)
+class Allowance:
+    """The wall time that a measurement may take.
+
+    What is predicted to exceed what is left is not begun; what has begun is finished, so that the time is kept to
+    within the error of one prediction.
+
+    Parameters
+    ----------
+    seconds
+        Altogether [s].
+    repeats
+        Wished for; one of computations of 5 s and more, and fewer where the time does not allow them.
+    """
+
+    seconds: float
+    repeats: int = FEWEST_REPEATS
+    begin: float = field(default_factory=time.perf_counter)
+
+    @property
+    def left(self) -> float:
+        """Seconds that are left."""
+        return self.seconds - (time.perf_counter() - self.begin)
+
+    def allows(self, predicted: float) -> bool:
+        """Whether a computation that takes so long may begin."""
+        return predicted <= self.left
+
+    def share(self, share: float) -> Allowance:
+        """An allowance of its own for a part of what is left."""
+        return Allowance(seconds=max(self.left, 0.0) * share, repeats=self.repeats)
+
+
+def forget() -> None:
+    """Empty every cache of this program's computations, so that the next one is done afresh."""
+    for name, module in list(sys.modules.items()):
+        if not name.startswith("tradestudy.") or name in _KEPT:
+            continue
+        for value in list(vars(module).values()):
+            if getattr(value, "__module__", None) == name and callable(getattr(value, "cache_clear", None)):
+                value.cache_clear()
+
+
+def measure(compute: Callable[[int], Value], allowance: Allowance) -> Timed[Value]:
+    """Run a computation once for its memory, and then again and again for its time.
+
+    Parameters
+    ----------
+    compute
+        Takes the number of the run, from which random ones take their seed.
+    allowance
+        Repeats, and the time that bounds them. Where it does not allow one more run, and of computations of 5 s and
+        more, the traced run is the only one, and its time counts although tracing lengthens it.
+    """
+    forget()
+    tracemalloc.start()
+    try:
+        begin = time.perf_counter()
+        values = [compute(0)]
+        first = time.perf_counter() - begin
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    taken: list[float] = []
+    while len(taken) < _MOST_REPEATS and first < _LONG and allowance.allows(first):
+        if len(taken) >= allowance.repeats and sum(taken) >= _LONG_ENOUGH:
+            break
+        forget()
+        begin = time.perf_counter()
+        value = compute(len(taken) + 1)
+        taken.append(time.perf_counter() - begin)
+        if len(values) <= allowance.repeats:
+            values.append(value)
+    taken = taken or [first]
+    return Timed(
+        values=tuple(values),
+        seconds=statistics.median(taken),
+        least_seconds=min(taken),
+        peak_memory=float(peak),
+        repeats=len(taken),
+    )

@@ -1,0 +1,173 @@
+"""Image of a point behind one lens: what every propagator costs, and how far it is from direct quadrature."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.measuring import Allowance, measure
+from tradestudy.errors import NotConvergedError, UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation import (
+    Accuracy,
+    KirchhoffKernel,
+    Method,
+    TargetGrid,
+    aperture_field,
+    direct_sum,
+    lens_wave,
+    nodes_for,
+    sample_wave,
+)
+from tradestudy.study.point_spreads import LensAndPoint
+from tradestudy.study.progress import Progress
+from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
+
+DIRECT: Final = "Kirchhoff, node by node"
+TITLES: Final[dict[Method, str]] = {
+    "geometric": "rays",
+    "boundary_wave": "boundary wave",
+    "fresnel": "Fresnel",
+    "kirchhoff": "Kirchhoff",
+}
+_TOLERANCES: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+_REFERENCE_TOLERANCE: Final = 1e-10
+_COUNT: Final = 65  # targets to a side; the reference is at every fourth, row and column
+_EVERY: Final = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Lens:
+    """A lens of the study as it stands, with its targets and the reference there."""
+
+    name: str
+    case: LensAndPoint
+    grid: TargetGrid
+    reference: FloatArray
+
+
+def point_spread_cost(part: PointSpreadPart, allowance: Allowance, progress: Progress) -> Measured:
+    """Cost of the point-spread functions of the study's lenses as they stand, together."""
+    step = "cost: point_spread"
+    progress(step, 0.0)
+    built = [_lens(name, part, element) for name, element in part.elements.items()]
+    lenses, reference_error = [one for one, _ in built], max(error for _, error in built)
+    entries: list[Entry] = []
+    left_out: list[str] = []
+    runs = list(_runs(lenses, part.tolerance))
+    for number, (model, setting, compute, chosen) in enumerate(runs):
+        progress(step, number / len(runs))
+        earlier = [entry.seconds for entry in entries if entry.model == model]
+        if not allowance.allows(4.0 * (earlier[-1] if earlier else 0.0)):
+            left_out.append(f"{model}, {setting}: no time left")
+            continue
+        try:
+            timed = measure(compute, allowance)
+        except (NotConvergedError, UnaffordableError) as error:
+            left_out.append(f"{model}, {setting}: {error}")
+            continue
+        found, nodes = timed.values[0]
+        errors = [
+            float(np.linalg.norm(one[::_EVERY, ::_EVERY] - lens.reference) / np.linalg.norm(lens.reference))
+            for one, lens in zip(found, lenses, strict=True)
+        ]
+        entries.append(
+            Entry(
+                model=model,
+                setting=setting,
+                evaluations=nodes,
+                error=max(errors),
+                typical_error=float(np.median(errors)),
+                seconds=timed.seconds,
+                least_seconds=timed.least_seconds,
+                peak_memory=timed.peak_memory,
+                repeats=timed.repeats,
+                chosen=chosen,
+            )
+        )
+    progress(step, 1.0)
+    names = ", ".join(element.title for element in part.elements.values())
+    return Measured(
+        name="point_spread",
+        title="Image of a point",
+        says=f"Intensity at {_COUNT}² places within {part.window:g} Airy radii behind {names}, on the axis: seconds "
+        "for all together, checks included; relative L2 error of the worst.",
+        reference=f"Kirchhoff's integral summed node by node at {len(range(0, _COUNT, _EVERY))}² of the places, its "
+        "error the change on 1.5 times the nodes in each direction",
+        reference_error=reference_error,
+        entries=tuple(entries),
+        left_out=tuple(left_out),
+    )
+
+
+def _lens(name: str, part: PointSpreadPart, element: ElementPart) -> tuple[_Lens, float]:
+    case = LensAndPoint(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        f_number=element.f_number,
+        wavelength=part.standing_wavelength,
+        lens_phase=part.lens_phase,
+        field_angle=0.0,
+        defocus_waves=0.0,
+    )
+    half = part.window * case.airy_radius
+    grid = TargetGrid.centred(
+        centre=case.chief_point, pitch=2 * half / (_COUNT - 1), count=_COUNT, distance=case.image_distance
+    )
+    coarse, fine = (_direct(case, grid, _REFERENCE_TOLERANCE, factor, _EVERY)[0] for factor in (1.0, 1.5))
+    error = float(np.linalg.norm(coarse - fine) / np.linalg.norm(fine))
+    return _Lens(name=name, case=case, grid=grid, reference=fine), max(error, float(np.finfo(np.float64).eps))
+
+
+def _direct(
+    case: LensAndPoint, grid: TargetGrid, tolerance: float, factor: float = 1.0, every: int = 1
+) -> tuple[FloatArray, int]:
+    """Intensity by plain quadrature of Kirchhoff's integral, and its nodes."""
+    wave = lens_wave(source=case.source, lens=case.lens, wavelength=case.wavelength, paraxial=False, obliquity="paper")
+    kernel = KirchhoffKernel(wavelength=case.wavelength, obliquity="paper")
+    counts = nodes_for(wave, kernel, grid, Accuracy(tolerance=tolerance)).scaled(factor)
+    x, y = np.meshgrid(grid.x_axis[::every], grid.y_axis[::every])
+    z = np.full(x.size, case.image_distance)
+    field = direct_sum(sample_wave(wave, counts), kernel, x.ravel(), y.ravel(), z)
+    return np.asarray(np.abs(field.reshape(x.shape)) ** 2), counts.total
+
+
+Run = tuple[str, str, Callable[[int], tuple[list[FloatArray], float]], bool]
+
+
+def _runs(lenses: list[_Lens], standing: float) -> Iterator[Run]:
+    """Model, setting, computation, and whether the study computes it so."""
+    for method, title in TITLES.items():
+        tolerances = (_TOLERANCES[0],) if method == "geometric" else sorted({*_TOLERANCES, standing}, reverse=True)
+        for tolerance in tolerances:
+
+            def compute(
+                _run: int, method: Method = method, tolerance: float = tolerance
+            ) -> tuple[list[FloatArray], float]:
+                found = [
+                    aperture_field(
+                        source=lens.case.source,
+                        lens=lens.case.lens,
+                        targets=lens.grid,
+                        wavelength=lens.case.wavelength,
+                        method=method,
+                        accuracy=Accuracy(tolerance=tolerance),
+                    )
+                    for lens in lenses
+                ]
+                return [one.intensity for one in found], float(sum(one.effort.nodes for one in found))
+
+            used = method in ("fresnel", "kirchhoff") and math.isclose(tolerance, standing)
+            yield title, "" if method == "geometric" else f"tolerance {tolerance:.0e}", compute, used
+    for tolerance in _TOLERANCES[::2]:
+
+        def by_nodes(_run: int, tolerance: float = tolerance) -> tuple[list[FloatArray], float]:
+            found = [_direct(lens.case, lens.grid, tolerance) for lens in lenses]
+            return [intensity for intensity, _ in found], float(sum(nodes for _, nodes in found))
+
+        yield DIRECT, f"nodes for {tolerance:.0e}", by_nodes, False

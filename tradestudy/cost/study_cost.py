@@ -1,0 +1,155 @@
+"""All that a study asks for and that can be had at more than one price, measured within a given time."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy import machine, provenance
+from tradestudy.cost.calibration import calibration_cost
+from tradestudy.cost.depth import depth_cost
+from tradestudy.cost.depth_of_field import depth_of_field_cost
+from tradestudy.cost.entries import Measured, next_digit, on_frontier
+from tradestudy.cost.measuring import FEWEST_REPEATS, Allowance
+from tradestudy.cost.point_spread import point_spread_cost
+from tradestudy.cost.spot import point_cost, spot_cost
+from tradestudy.errors import OutOfRangeError
+from tradestudy.results import dataset
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.progress import Progress
+
+DEFAULT_BUDGET: Final = 300.0
+_ENTRY_FIELDS: Final = {
+    "model": "model",
+    "setting": "setting",
+    "evaluations": "evaluations",
+    "relative_error": "error",
+    "typical_error": "typical_error",
+    "seconds": "seconds",
+    "least_seconds": "least_seconds",
+    "peak_memory": "peak_memory",
+    "repeats": "repeats",
+    "chosen": "chosen",
+}
+
+
+def study_cost(
+    definition: StudyDefinition,
+    *,
+    repeats: int = FEWEST_REPEATS,
+    budget: float = DEFAULT_BUDGET,
+    progress: Progress = lambda _step, _share: None,
+) -> xr.Dataset:
+    """Measure error against seconds for every model and setting that can answer a quantity of a study.
+
+    Parameters
+    ----------
+    definition
+        The study.
+    repeats
+        How often each computation is timed, 3 or more; quick ones oftener, long ones only as often as the time allows.
+    budget
+        Wall time for everything [s]; what does not fit is left out and named.
+    progress
+        Called with the step and the share done.
+
+    Returns
+    -------
+    xarray.Dataset
+        ``/cost``; machine, date and load stand in its attributes.
+
+    Raises
+    ------
+    OutOfRangeError
+        For fewer than three repeats, a budget that is no time, or a study without anything to measure.
+    """
+    if repeats < FEWEST_REPEATS:
+        raise OutOfRangeError("repeats of a measurement", value=str(repeats), limit=f">= {FEWEST_REPEATS}")
+    if not 0.0 < budget < math.inf:
+        raise OutOfRangeError("time for measuring", value=f"{budget:g} s", limit="> 0 s, finite")
+    allowance = Allowance(seconds=budget, repeats=repeats)
+    questions = list(_questions(definition, progress))
+    found = []
+    for number, question in enumerate(questions):
+        # What one question leaves of its share goes to those after it.
+        measured = question(allowance.share(1.0 / (len(questions) - number)))
+        if measured is not None:
+            found.append(measured)
+    if not found:
+        raise OutOfRangeError(
+            "this study asks for nothing that has more than one price",
+            value=definition.file.study,
+            limit="depth, depth of field, calibration, a light spot or point-spread functions",
+        )
+    return _dataset(found, budget=budget)
+
+
+def _questions(definition: StudyDefinition, progress: Progress) -> Iterator[Callable[[Allowance], Measured | None]]:
+    """What the study asks for, the quickest first, so that the dear ones get what is left."""
+    file = definition.file
+    if (asked := file.depth_of_field) is not None:
+        yield lambda allowance: depth_of_field_cost(definition, asked, allowance, progress)
+    if (spread := file.point_spread) is not None:
+        yield lambda allowance: point_spread_cost(spread, allowance, progress)
+    if definition.case.cameras:
+        yield lambda allowance: depth_cost(definition, allowance, progress)
+    if (calibration := file.calibration) is not None:
+        yield lambda allowance: calibration_cost(definition, calibration, allowance, progress)
+    if (spot := file.light_spot) is not None:
+        yield lambda allowance: point_cost(spot, allowance, progress)
+        yield lambda allowance: spot_cost(spot, allowance, progress, speed=machine.machine_speed())
+
+
+def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:
+    entries = [(measured, entry) for measured in found for entry in measured.entries]
+    frontier = [
+        on_frontier([e.error for e in one.entries], [e.seconds for e in one.entries], one.reference_error)
+        for one in found
+        if one.entries
+    ]
+    digits = [next_digit(measured) for measured in found]
+
+    def of_digit(name: str) -> list[float]:
+        return [math.nan if digit is None else float(getattr(digit, name)) for digit in digits]
+
+    values: dict[str, Any] = {
+        "quantity": [measured.name for measured, _ in entries],
+        **{name: [getattr(entry, own) for _, entry in entries] for name, own in _ENTRY_FIELDS.items()},
+        "frontier": np.concatenate(frontier) if frontier else np.zeros(0, dtype=bool),
+        "title": [measured.title for measured in found],
+        "says": [measured.says for measured in found],
+        "reference": [measured.reference for measured in found],
+        "reference_error": [measured.reference_error for measured in found],
+        "left_out": ["\n".join(measured.left_out) for measured in found],
+        "notes": ["\n".join(measured.notes) for measured in found],
+        "chosen_error": of_digit("error"),
+        "chosen_seconds": of_digit("seconds"),
+        "next_error": of_digit("wanted"),
+        "next_seconds": of_digit("needed"),
+        "best_error": of_digit("best"),
+        "best_seconds": of_digit("best_seconds"),
+    }
+    return dataset(
+        "cost",
+        values,
+        {"cost_quantity": [measured.name for measured in found]},
+        attributes={
+            "machine": json.dumps(machine.identity(), sort_keys=True),
+            "measured": datetime.now(UTC).isoformat(timespec="seconds"),
+            "load_average": _load(),
+            "budget": budget,
+            "code_hash": provenance.code_hash(),
+        },
+    )
+
+
+def _load() -> float:
+    """Processes that wanted a core over the last minute; NaN where the system does not tell."""
+    return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else math.nan

@@ -1,0 +1,86 @@
+"""/cost: error against seconds for every model and setting that was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import Variable
+
+_ENTRY: Final = ("entry",)
+_QUANTITY: Final = ("cost_quantity",)
+_SCATTER: Final = "the repeats scatter; see least_seconds and repeats"
+
+
+def _words(dims: tuple[str, ...], long_name: str) -> Variable:
+    return Variable(dims=dims, units="", long_name=long_name)
+
+
+COST: Final[Mapping[str, Variable]] = {
+    "quantity": _words(_ENTRY, "what is computed, by its name in cost_quantity"),
+    "model": _words(_ENTRY, "model, in words"),
+    "setting": _words(_ENTRY, "its setting, in words; empty where it has none"),
+    "evaluations": Variable(
+        dims=_ENTRY, units="1", long_name="draws, nodes or points that were evaluated; NaN for none", error="a count"
+    ),
+    "relative_error": Variable(
+        dims=_ENTRY,
+        units="1",
+        long_name="relative error against the reference, the worst over cameras and places; infinite for no answer",
+        error="that of the reference, see reference_error; of random methods the root mean square over the repeats",
+    ),
+    "typical_error": Variable(
+        dims=_ENTRY,
+        units="1",
+        long_name="the median of that error over cameras and places",
+        error="as relative_error",
+    ),
+    "seconds": Variable(
+        dims=_ENTRY, units="s", long_name="median wall time over the repeats, computed afresh", error=_SCATTER
+    ),
+    "least_seconds": Variable(
+        dims=_ENTRY, units="s", long_name="least wall time over the repeats, computed afresh", error=_SCATTER
+    ),
+    "peak_memory": Variable(
+        dims=_ENTRY,
+        units="byte",
+        long_name="largest memory that Python and numpy held at once, traced by tracemalloc in a run of its own; what "
+        "compiled libraries allocate for themselves is not in it",
+        error="exact for what it counts",
+    ),
+    "repeats": Variable(dims=_ENTRY, units="1", long_name="how often it was timed", error="a count"),
+    "chosen": Variable(dims=_ENTRY, units="1", long_name="whether a run of the study computes it so"),
+    "frontier": Variable(
+        dims=_ENTRY, units="1", long_name="whether no other entry has as small an error in as little time"
+    ),
+    "title": _words(_QUANTITY, "name of the quantity in figures and tables"),
+    "says": _words(_QUANTITY, "what error and seconds are of"),
+    "reference": _words(_QUANTITY, "what the error is against"),
+    "reference_error": Variable(
+        dims=_QUANTITY,
+        units="1",
+        long_name="relative error of the reference; NaN where there was no time for one",
+        error="an estimate itself",
+    ),
+    "left_out": _words(_QUANTITY, "what was not measured and why"),
+    "notes": _words(_QUANTITY, "what else follows"),
+    "chosen_error": Variable(
+        dims=_QUANTITY,
+        units="1",
+        long_name="error of the most accurate of what a run of the study computes; NaN where it was not measured",
+        error="as relative_error",
+    ),
+    "chosen_seconds": Variable(dims=_QUANTITY, units="s", long_name="its time", error=_SCATTER),
+    "next_error": Variable(dims=_QUANTITY, units="1", long_name="a tenth of that error", error="as relative_error"),
+    "next_seconds": Variable(
+        dims=_QUANTITY,
+        units="s",
+        long_name="time for a tenth of that error along the frontier, log–log between its entries; infinite where "
+        "nothing measured is that accurate",
+        error=_SCATTER,
+    ),
+    "best_error": Variable(
+        dims=_QUANTITY, units="1", long_name="smallest error on the frontier", error="as relative_error"
+    ),
+    "best_seconds": Variable(dims=_QUANTITY, units="s", long_name="its time", error=_SCATTER),
+}
