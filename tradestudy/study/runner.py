@@ -19,6 +19,7 @@ from tradestudy.study.groups.point_spread import point_spread_group
 from tradestudy.study.groups.registers import assumptions_group, cameras_group, contradictions_group
 from tradestudy.study.groups.uncertain import uncertain_groups
 from tradestudy.study.plan import Plan
+from tradestudy.study.situations import depth_of_field, light_spot, point_spread
 from tradestudy.study.timing import Seconds
 
 NOMINAL = "as declared"
@@ -75,15 +76,19 @@ def compute(
         groups |= uncertain_groups(definition, file.calibration, groups["/decision"], progress)
     if file.depth_of_field is not None:
         progress("depth of field", 0.0)
-        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field)
+        groups["/depth_of_field"] = depth_of_field_group(
+            definition, file.depth_of_field, plan.selections[depth_of_field.NAME]
+        )
         if file.criteria is not None:
             groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field)
     if file.fresnel_validity is not None:
         groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
     if file.light_spot is not None:
-        groups["/images"] = images_group(file.light_spot, progress, seconds)
+        groups["/images"] = images_group(file.light_spot, progress, seconds, plan.selections[light_spot.NAME])
     if file.point_spread is not None:
-        groups["/point_spread"] = point_spread_group(file.point_spread, progress, seconds)
+        groups["/point_spread"] = point_spread_group(
+            file.point_spread, progress, seconds, plan.selections[point_spread.NAME]
+        )
     if file.hard_cases is not None:
         groups["/hard_cases"] = hard_cases_group(file.hard_cases, progress)
     progress("claims", 0.0)

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Final, Literal
 
-from tradestudy.effects.base import OFF, Slot
-from tradestudy.effects.picture.trial import MARGIN, PictureTrial, bounded, weighed
+from tradestudy.effects.base import OFF, Model, Slot
+from tradestudy.effects.picture.trial import MARGIN, PictureTrial, bounded
+
+# Numerical error of a transfer by Kirchhoff, which Fresnel's is held against.
+_TRANSFER_ERROR: Final = 1e-4
 
 
 def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "microlens_diffraction"]) -> Slot:
@@ -22,18 +25,22 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
     if math.isnan(airy):
         absent = "this camera's picture is formed without microlenses between it and the scene"
         return Slot(name=at, models=(bounded(trial, OFF, 0.0, "Airy radius over pixel", math.nan, absent),))
-    left_out = MARGIN * 4.0 * math.pi * waves + trial.obliquity[stage] / 2.0
-    spread = "Airy radius over pixel"
+    left_out = MARGIN * 4.0 * math.pi * waves + trial.obliquity[stage] / 2.0 + _TRANSFER_ERROR
+    spread, paths = "Airy radius over pixel", "waves between exact and parabolic paths"
+
+    def held_against_fresnel(name: str, reason: str) -> Model:
+        return bounded(trial, name, MARGIN * trial.change(at, name) + left_out, spread, airy, reason)
+
     return Slot(
         name=at,
         models=(
-            weighed(trial, at, OFF, criterion=spread, number=airy,
-                    reason="an Airy pattern smaller than a pixel takes little of the texture that a matcher uses"),
-            weighed(trial, at, "airy", criterion=spread, number=airy,
-                    reason="disc times Airy misses how defocus and diffraction act together"),
-            bounded(trial, "fresnel", left_out, "waves between exact and parabolic paths", waves,
+            held_against_fresnel(
+                OFF, "an Airy pattern smaller than a pixel takes little of the texture that a matcher uses"
+            ),
+            held_against_fresnel("airy", "disc times Airy misses how defocus and diffraction act together"),
+            bounded(trial, "fresnel", left_out, paths, waves,
                     "parabolic waves in place of spherical ones leave out the path of this many waves at the rim"),
-            bounded(trial, "kirchhoff", 0.0, "waves between exact and parabolic paths", waves,
+            bounded(trial, "kirchhoff", 0.0, paths, waves,
                     "exact paths and cosines: the most complete model here"),
         ),
     )  # fmt: skip

@@ -11,7 +11,7 @@ from tradestudy.effects.base import Bound, Model, SlotName
 
 # Trials are made at some of the distances and with one slot changed at a time; what lies in between, and what two
 # slots do together beyond the sum of each, has to fit into this factor.
-MARGIN: Final = 1.5
+MARGIN: Final = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,14 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.situations.depth import depth_situations
+from tradestudy.study.situations.depth_of_field import depth_of_field_situation
+from tradestudy.study.situations.light_spot import light_spot_situation
+from tradestudy.study.situations.point_spread import point_spread_situation
 from tradestudy.study.situations.situation import Situation
 
 
 def every_situation(definition: StudyDefinition) -> tuple[Situation, ...]:
-    """Cameras that measure depth, one after the other; costs are those of the reference machine.
+    """In the order in which a run comes to them; costs are those of the reference machine.
 
     So the choice is the same on every machine.
     """
-    return depth_situations(definition) if definition.case.cameras else ()
+    return tuple(_situations(definition))
+
+
+def _situations(definition: StudyDefinition) -> Iterator[Situation]:
+    file = definition.file
+    if definition.case.cameras:
+        yield from depth_situations(definition)
+    if file.depth_of_field is not None:
+        yield depth_of_field_situation(definition, file.depth_of_field)
+    if file.light_spot is not None:
+        yield light_spot_situation(file.light_spot)
+    if file.point_spread is not None:
+        yield point_spread_situation(file.point_spread)

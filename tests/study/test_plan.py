@@ -1,0 +1,133 @@
+"""What a plan decides, says and refuses, on the shipped studies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tradestudy.api import Study
+from tradestudy.errors import StudyError, UnaffordableError
+from tradestudy.study.depth import depth_uncertainty
+from tradestudy.study.plan import Plan
+
+STUDIES = Path(__file__).parents[2] / "studies"
+PICTURE = (
+    "defocus_blur", "main_lens_diffraction", "microlens_diffraction", "crosstalk", "pixel_integration",
+    "source_extent", "spectrum", "vignetting", "sensor_noise",
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def close_range() -> Study:
+    return tradestudy.load(STUDIES / "close_range.yaml")
+
+
+@pytest.fixture(scope="module")
+def close_plan(close_range: Study) -> Plan:
+    return close_range.plan()
+
+
+def uncertainty(plan: Plan, camera: str, distance: float) -> float:
+    return float(depth_uncertainty(plan.definition.case.cameras[camera], np.array([distance]))[0])
+
+
+def test_stereo_with_a_declared_error_simulates_no_diffraction_at_5_m_and_says_why() -> None:
+    plan = tradestudy.load(
+        STUDIES / "plenoptic_vs_stereo.yaml", ["scene.distances.from=4.9 m", "scene.distances.to=5.1 m"]
+    ).plan()
+    chosen = plan.selections["stereo-65-across"]
+    assert {slot: chosen.name_of(slot) for slot in PICTURE} == dict.fromkeys(PICTURE, "off")
+    bound = chosen.chosen["main_lens_diffraction"].bounds["depth_uncertainty"]
+    assert bound.relative_change == 0.0
+    assert bound.reason.startswith("the disparity error is declared, 0.1 px")
+    # The number that an expert wants beside it: 1.22 λ N over the pixel, f/8 focused at 1 m, 8 mm lens.
+    assert bound.number == pytest.approx(1.21967 * 550e-9 * 8 / 10e-6, rel=0.02)
+
+
+def test_a_hand_lens_with_a_derived_error_simulates_diffraction_and_suffers_from_stopping_down(
+    close_plan: Plan,
+) -> None:
+    for camera in ("pair-f9.8", "pair-f22"):
+        assert close_plan.selections[camera].name_of("main_lens_diffraction") in ("fresnel", "kirchhoff")
+    assert close_plan.selections["pair-declared"].name_of("main_lens_diffraction") == "off"
+    # In the same light, where both are in focus.
+    assert uncertainty(close_plan, "pair-f22", 55.3e-3) > 1.5 * uncertainty(close_plan, "pair-f9.8", 55.3e-3)
+
+
+def test_what_was_left_out_moves_depth_by_no_more_than_was_promised(close_range: Study, close_plan: Plan) -> None:
+    """Against the most complete models of all slots, at places that the bounds were not looked for at."""
+    complete = {
+        one.name: {slot.name: slot.model_names[-1] for slot in one.slots if slot.models}
+        for one in close_plan.situations
+    }
+    everything = close_range.definition.with_models(complete).case.cameras
+    for camera, selection in close_plan.selections.items():
+        for place in (54.7e-3, 55.9e-3):
+            full = float(depth_uncertainty(everything[camera], np.array([place]))[0])
+            moved = abs(uncertainty(close_plan, camera, place) / full - 1.0)
+            assert moved <= selection.bounds["depth_uncertainty"] + 1e-12
+
+
+def test_a_looser_tolerance_leaves_more_out_and_costs_less(close_range: Study) -> None:
+    tight = tradestudy.load(STUDIES / "close_range.yaml", tolerance="0.5 %").plan()
+    loose = tradestudy.load(STUDIES / "close_range.yaml", tolerance="50 %").plan()
+    for name in ("pair-f9.8", "pair-f5.6"):
+        assert loose.selections[name].seconds < tight.selections[name].seconds
+        assert loose.selections[name].bounds["depth_uncertainty"] > tight.selections[name].bounds["depth_uncertainty"]
+
+
+def test_a_forced_model_acts_and_is_told(close_range: Study) -> None:
+    forced = close_range.with_values({"effects.main_lens_diffraction": "off"}).plan()
+    selection = forced.selections["pair-f22"]
+    assert selection.name_of("main_lens_diffraction") == "off"
+    why = next(d.why for d in selection.decisions if d.forced)
+    assert why.startswith("forced by the study; changes the depth uncertainty by at most ")
+    # Without diffraction stopping down would seem harmless but for the light.
+    assert uncertainty(forced, "pair-f22", 55.3e-3) < uncertainty(close_range.plan(), "pair-f22", 55.3e-3)
+
+
+def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
+    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects.main_lens_diffraction=kirchhoff"])
+    with pytest.raises(StudyError, match=r"effects\.main_lens_diffraction: 'kirchhoff' acts nowhere in this study"):
+        study.plan()
+
+
+def test_what_nothing_can_give_names_the_nearest_accuracy() -> None:
+    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects=null"], tolerance="0.01 %")
+    with pytest.raises(UnaffordableError, match=r"no set of models is accurate enough; [\d.]+ % can be had"):
+        study.plan()
+
+
+def test_a_budget_that_is_too_small_names_what_it_takes() -> None:
+    study = tradestudy.load(STUDIES / "close_range.yaml", ["accuracy.budget=10 ms"])
+    with pytest.raises(UnaffordableError, match=r"takes longer than the budget: .* s \(allowed: 0\.01 s\); even with"):
+        study.plan()
+
+
+def test_the_same_study_has_the_same_plan_whatever_the_machine(
+    close_range: Study, close_plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tradestudy.study.plan.machine_speed", lambda: 0.1)
+    slow = close_range.plan()
+    assert {n: dict(s.bounds) for n, s in slow.selections.items()} == {
+        n: dict(s.bounds) for n, s in close_plan.selections.items()
+    }
+    assert slow.seconds[0] == pytest.approx(close_plan.seconds[0] * 10.0, rel=1.0)  # the speed here is near 1
+
+
+def test_bounds_are_the_worst_of_every_reading_and_design() -> None:
+    """The yaw of a tenth that one reading assumes makes the closed form less exact than the study's own."""
+    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml")
+    alone = study.with_values({"readings": None, "claims": None, "solve": None})
+    whole, part = study.plan(), alone.plan()
+    bound = [p.selections["stereo-65-across"].bounds["depth_uncertainty"] for p in (whole, part)]
+    assert bound[0] > 2.0 * bound[1]
+
+
+def test_the_plan_reads_like_a_table(close_plan: Plan) -> None:
+    text = str(close_plan)
+    assert "Hand-lens pair, f/22 (pair-f22): 1 % of depth uncertainty wanted" in text
+    assert "predicted for this machine" in text
