@@ -124,7 +124,7 @@ def cost(
     set_: SetOption = None,
     repeats: Annotated[int, typer.Option("--repeats", metavar="N", help="Time each computation N times or more.")] = 3,
     budget: Annotated[
-        float, typer.Option("--budget", metavar="SECONDS", help="Time for all; what does not fit is left out and named.")
+        float, typer.Option("--budget", metavar="SECONDS", help="Time for all; what does not fit is left out.")
     ] = 300.0,
     quiet: QuietOption = False,
     debug: DebugOption = False,
