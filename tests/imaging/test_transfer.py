@@ -12,6 +12,7 @@ from tradestudy.imaging.transfer import (
     disc_transfer,
     fresnel_transfer,
     kirchhoff_transfer,
+    kirchhoff_transfers,
     square_transfer,
 )
 
@@ -151,6 +152,27 @@ def test_kirchhoff_of_a_converging_wave_and_of_a_distant_point() -> None:
             lens_phase="perfect",
         )
         np.testing.assert_allclose(found.value, airy_transfer(nu, WAVELENGTH, plane / aperture), atol=8e-3)
+
+
+@pytest.mark.parametrize(("f_number", "lens_phase", "digits"), [(9.8, "perfect", 1e-5), (5.6, "parabolic", 1e-4)])
+def test_the_lattice_of_kirchhoff_is_as_good_as_every_distance_by_itself(f_number, lens_phase, digits) -> None:
+    f, focus = 18.3e-3, 55e-3
+    plane, aperture = f * focus / (focus - f), f / f_number
+    distance = np.array([50.3e-3, 55.02e-3, 58e-3, focus])
+    nu = np.linspace(0.0, 0.9 / (WAVELENGTH * plane / aperture), 12)
+    waves = aperture**2 / 8 * (1 / distance + 1 / plane - 1 / f) / WAVELENGTH
+    common = {"wavelength": WAVELENGTH, "aperture_diameter": aperture, "lens_phase": lens_phase}
+    value, error = kirchhoff_transfers(
+        np.tile(nu, (4, 1)),
+        focal_length=np.full(4, f),
+        plane_distance=np.full(4, plane),
+        defocus_waves=waves,
+        **common,
+    )
+    for k, a in enumerate(distance):
+        alone = kirchhoff_transfer(nu, focal_length=f, object_distance=float(a), plane_distance=plane, **common)
+        assert np.max(np.abs(value[k] - alone.value)) < digits
+        assert np.max(np.abs(value[k] - alone.value)) < error[k]
 
 
 def test_the_pixel_is_the_transform_of_a_square() -> None:

@@ -50,6 +50,11 @@ class LensStage:
         """Working f-number: distance of the plane over the aperture."""
         return np.asarray(self.plane_distance / self.aperture_diameter)
 
+    def defocus(self, wavelength: float) -> FloatArray:
+        """Signed path error at the rim, ``A²/8 (1/a + 1/b − 1/f)/λ`` [waves]."""
+        vergence = 1.0 / self.object_distance + 1.0 / self.plane_distance - 1.0 / self.focal_length
+        return np.asarray(self.aperture_diameter**2 / 8.0 * vergence / wavelength)
+
     def at(self, index: NDArray[np.intp]) -> LensStage:
         """The same at some of the distances."""
         return LensStage(

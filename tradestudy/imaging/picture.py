@@ -30,7 +30,7 @@ from tradestudy.imaging.transfer import (
     airy_transfer,
     disc_transfer,
     fresnel_transfer,
-    kirchhoff_transfer,
+    kirchhoff_transfers,
     square_transfer,
 )
 from tradestudy.imaging.vignetting import field_illumination
@@ -282,30 +282,17 @@ def _stage_transfer(
         case "fresnel":
             return fresnel_transfer(nu, wavelength, N, blur), exact
         case "kirchhoff":
-            return _kirchhoff(stage, defocus, settings, wavelength, nu)
+            return kirchhoff_transfers(
+                nu,
+                wavelength=wavelength,
+                aperture_diameter=stage.aperture_diameter,
+                focal_length=stage.focal_length,
+                plane_distance=stage.plane_distance,
+                defocus_waves=np.where(blur[:, 0] == 0.0, 0.0, stage.defocus(wavelength)),
+                lens_phase=settings.lens_phase,
+            )
         case _:
             assert_never(model)
-
-
-def _kirchhoff(
-    stage: LensStage, defocus: DefocusModel, settings: PictureSettings, wavelength: float, frequency: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Distance by distance; without defocus, a lens of the focal length that would focus there."""
-    value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
-    focused = 1.0 / (1.0 / stage.object_distance + 1.0 / stage.plane_distance)
-    focal_length = stage.focal_length if defocus == "disc" else focused
-    for k in np.flatnonzero(np.isfinite(stage.plane_distance)):
-        found = kirchhoff_transfer(
-            frequency[k],
-            wavelength=wavelength,
-            aperture_diameter=stage.aperture_diameter,
-            focal_length=float(focal_length[k]),
-            object_distance=float(stage.object_distance[k]),
-            plane_distance=float(stage.plane_distance[k]),
-            lens_phase=settings.lens_phase,
-        )
-        value[k], error[k] = found.value, found.error
-    return value, error
 
 
 def _electrons(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:

@@ -8,6 +8,7 @@ from tradestudy.imaging.transfer.defocus import disc_transfer
 from tradestudy.imaging.transfer.diffraction import airy_transfer
 from tradestudy.imaging.transfer.fresnel import fresnel_transfer
 from tradestudy.imaging.transfer.kirchhoff import KirchhoffTransfer, kirchhoff_transfer
+from tradestudy.imaging.transfer.kirchhoff_lattice import kirchhoff_transfers
 from tradestudy.imaging.transfer.pixel import square_transfer
 
 __all__ = [
@@ -16,5 +17,6 @@ __all__ = [
     "disc_transfer",
     "fresnel_transfer",
     "kirchhoff_transfer",
+    "kirchhoff_transfers",
     "square_transfer",
 ]

@@ -1,0 +1,79 @@
+"""Kirchhoff's transfer over many distances: what it adds to Fresnel's is computed on a lattice and interpolated.
+
+Where the plane is fixed, the lattice lies in the defocus; where it follows the image, in the logarithm of its distance.
+The lattice is the same whatever is asked, so that an answer does not depend on the other distances asked for.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from tradestudy.imaging.transfer.fresnel import fresnel_transfer
+from tradestudy.imaging.transfer.kirchhoff import FARTHEST, correction_at, kirchhoff_correction
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.propagation import LensPhase
+
+_WAVES = 0.1
+_LOG_PLANE = 0.05
+_IN_FOCUS_WAVES = 1e-6
+
+
+def kirchhoff_transfers(
+    frequency: FloatArray,
+    *,
+    wavelength: float,
+    aperture_diameter: float,
+    focal_length: FloatArray,
+    plane_distance: FloatArray,
+    defocus_waves: FloatArray,
+    lens_phase: LensPhase,
+) -> tuple[FloatArray, FloatArray]:
+    """Kirchhoff's transfer as `kirchhoff_transfer` gives it, interpolated between planes or defoci.
+
+    Parameters
+    ----------
+    frequency
+        [cycles/m] in the plane, shape (distances, frequencies).
+    wavelength, aperture_diameter, lens_phase
+        As there.
+    focal_length, plane_distance
+        [m], shape (distances,).
+    defocus_waves
+        Path error at the rim ``A²/8 (1/a + 1/b − 1/f)/λ``, signed; its object distance is where the point stands. 0 is
+        the point that the plane is in focus for.
+
+    Returns
+    -------
+    tuple
+        Transfer, shape (distances, frequencies), and its error, shape (distances,): that of the lattice points and the
+        difference of cubic and parabolic interpolation. NaN where a length is.
+    """
+    value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
+    for k in np.flatnonzero(np.isfinite(plane_distance + defocus_waves + focal_length)):
+        f, plane, waves = float(focal_length[k]), float(plane_distance[k]), float(defocus_waves[k])
+        fixed = abs(waves) > _IN_FOCUS_WAVES
+        place = waves / _WAVES if fixed else math.log(plane) / _LOG_PLANE
+        first = math.floor(place) - 1
+        found = []
+        for j in range(first, first + 4):
+            b, w = (plane, j * _WAVES) if fixed else (math.exp(j * _LOG_PLANE), 0.0)
+            inverse = 1.0 / f - 1.0 / b + 8.0 * wavelength * w / aperture_diameter**2
+            distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
+            found.append(kirchhoff_correction(wavelength, aperture_diameter, f, distance, b, lens_phase))
+        tables = np.stack([table for table, _ in found])
+        cubic = _lagrange(place - first, 4) @ tables
+        parabola = _lagrange(place - first, 3) @ tables[:3]
+        N = plane / aperture_diameter
+        blur = 8.0 * N * abs(waves) * wavelength
+        value[k] = fresnel_transfer(frequency[k], wavelength, N, blur)
+        value[k] += correction_at(cubic, wavelength * N * frequency[k])
+        error[k] = max(off for _, off in found) + float(np.max(np.abs(cubic - parabola)))
+    return value, error
+
+
+def _lagrange(place: float, count: int) -> FloatArray:
+    """Weights of values at 0, 1 … count − 1."""
+    nodes = np.arange(count, dtype=np.float64)
+    return np.array([np.prod([(place - m) / (n - m) for m in nodes if m != n]) for n in nodes])
