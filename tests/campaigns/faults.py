@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import hashlib
 import json
 import os
 import random
@@ -32,11 +33,14 @@ import pypdfium2
 import xarray as xr
 
 from tests.campaigns import record
+from tradestudy.study.execution import Checkpoints
 from tradestudy.study.execution.checkpoints import FOLDER as UNFINISHED
 from tradestudy.verification.hard_cases.study_files import study
 
 PATIENCE = 240.0  # s, for one run on a busy machine
 STUDY = study(scene="{distances: {from: 1 m, to: 4 m, points: 30}, wavelength: 550 nm}", name="faults")
+SWEEP = STUDY + "sweep: {rig.baseline: {from: 50 mm, to: 200 mm, points: 25}}\n"
+STOPS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT)
 DISK = 8 * 1024 * 1024
 BROKEN = ("half-written", "lost", "recomputed", "different", "badly ended")
 
@@ -69,6 +73,7 @@ class Bench:
     seconds: float = 0.0
 
     def __post_init__(self) -> None:
+        self.root.mkdir(exist_ok=True)
         self.study, self.other = self.root / "study.yaml", self.root / "other.yaml"
         self.study.write_text(self.text, encoding="utf-8")
         self.other.write_text(self.text.replace("title: T", "title: Another"), encoding="utf-8")
@@ -93,8 +98,9 @@ class Bench:
             self.command(out, file), capture_output=True, text=True, timeout=PATIENCE, check=False, **more
         )
 
-    def start(self, out: Path) -> subprocess.Popen[str]:
-        return subprocess.Popen(self.command(out), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    def start(self, out: Path, *more: str) -> subprocess.Popen[str]:
+        command = [*self.command(out), *more]
+        return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def moment(self) -> float:
         return self.rng.uniform(0.05, 1.05) * self.seconds
@@ -369,6 +375,9 @@ def another_version(bench: Bench, trials: int) -> Row:
         finished(bench, out)
         with h5py.File(out / "results.nc", "r+") as file:
             file.attrs["format_version"] = (0, 2, 999)[trial % 3]
+        told = json.loads((out / "run.json").read_text(encoding="utf-8"))
+        told["results_sha256"] = hashlib.sha256((out / "results.nc").read_bytes()).hexdigest()
+        (out / "run.json").write_text(json.dumps(told), encoding="utf-8")
         _refused_then_resumed(bench, row, out)
     return row
 
@@ -412,13 +421,139 @@ def two_at_once(bench: Bench, trials: int) -> Row:
     return row
 
 
+def flipped(bench: Bench, trials: int) -> Row:
+    """Bits of the results changed where they lie: refused by `report` in one line, computed anew by `run`."""
+    row = Row(fault="bits of the results flipped")
+    for _ in range(trials):
+        out = bench.fresh()
+        finished(bench, out)
+        broken = bytearray((out / "results.nc").read_bytes())
+        for _ in range(bench.rng.choice((1, 1, 3000))):
+            broken[bench.rng.randrange(len(broken))] ^= 1 << bench.rng.randrange(8)
+        (out / "results.nc").write_bytes(broken)
+        _refused_then_resumed(bench, row, out)
+    return row
+
+
+def points_on_disk(out: Path) -> int:
+    """Finished points that an unfinished run has left."""
+    with contextlib.closing(Checkpoints(out)) as kept:
+        return len(kept)
+
+
+def points_of_record(out: Path) -> dict[str, int]:
+    """How many points of the sweep the finished run computed, and how many it took up."""
+    counts: dict[str, int] = json.loads((out / "run.json").read_text(encoding="utf-8"))["points"]["depth"]
+    return counts
+
+
+def stopped_in_a_sweep(bench: Bench, trials: int) -> Row:
+    """SIGKILL, SIGTERM and SIGINT amid a sweep, serial and on workers: the rerun computes what is missing, no more."""
+    row = Row(fault="sweep stopped amid its points")
+    ways = [(how, more) for more in ((), ("--jobs", "2"), ("--threads", "2")) for how in STOPS]
+    total = sum(points_of_record(bench.right).values())
+    taken = 0
+    for trial in range(trials):
+        out = bench.fresh()
+        how, more = ways[trial % len(ways)]
+        process = bench.start(out, *more)
+        _wait_for_points(process, out, bench.rng.randrange(1, total))
+        process.send_signal(how)
+        _, stderr = process.communicate(timeout=PATIENCE)
+        if how != signal.SIGKILL:
+            one_line(row, process.returncode, (0, 130), stderr)
+        kept = points_on_disk(out)
+        look_and_resume(bench, row, out, was_finished=False)
+        if process.returncode != 0:
+            counts = points_of_record(out)
+            taken += counts["taken up"]
+            if counts != {"computed": total - kept, "taken up": kept}:
+                row.blame("recomputed", f"{kept} of {total} points on disk, then {counts}")
+        _see_that_it_vanished(row, out)
+        shutil.rmtree(out.parent)
+    row.note = f"{taken} finished points taken up, none computed again" if not row.wrong["recomputed"] else ""
+    return row
+
+
+def process_killed(bench: Bench, trials: int) -> Row:
+    """One of two worker processes is killed amid a sweep: the run goes on and ends as if nothing had happened."""
+    row = Row(fault="kill −9 of one of two worker processes")
+    for _ in range(trials):
+        out = bench.fresh()
+        process = bench.start(out, "--jobs", "2")
+        _wait_for_points(process, out, bench.rng.randrange(1, 20))
+        workers = _worker_processes(process.pid)
+        if workers:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(bench.rng.choice(workers), signal.SIGKILL)
+        _, stderr = process.communicate(timeout=PATIENCE)
+        _ended_well(bench, row, out, process.returncode, stderr)
+    return row
+
+
+def dask_worker_killed(bench: Bench, trials: int) -> Row:
+    """One of two Dask workers is killed amid a sweep."""
+    from distributed import LocalCluster
+
+    row = Row(fault="kill −9 of one of two Dask workers")
+    with LocalCluster(
+        processes=True, n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        for trial in range(trials):
+            out = bench.fresh()
+            process = bench.start(out, "--dask", cluster.scheduler_address)
+            _wait_for_points(process, out, bench.rng.randrange(1, 20))
+            os.kill(cluster.workers[trial % 2].pid, signal.SIGKILL)
+            _, stderr = process.communicate(timeout=PATIENCE)
+            _ended_well(bench, row, out, process.returncode, stderr)
+            while len(cluster.scheduler_info["workers"]) < 2:  # the killed one is started again
+                time.sleep(0.1)
+    return row
+
+
+def _ended_well(bench: Bench, row: Row, out: Path, status: int, stderr: str) -> None:
+    row.trials += 1
+    one_line(row, status, (0,), stderr)
+    total = sum(points_of_record(bench.right).values())
+    if status == 0 and points_of_record(out) != {"computed": total, "taken up": 0}:
+        row.blame("recomputed", f"{points_of_record(out)} of {total} points")
+    if not is_finished(bench, out):
+        row.blame("different", "results.nc of the run that lost a worker")
+    _see_that_it_vanished(row, out)
+    shutil.rmtree(out.parent)
+
+
+def _see_that_it_vanished(row: Row, out: Path) -> None:
+    if (out / UNFINISHED).exists():
+        row.blame("half-written", f"{UNFINISHED} is left beside finished results")
+
+
+def _wait_for_points(process: subprocess.Popen[str], out: Path, count: int) -> None:
+    while process.poll() is None and not ((out / UNFINISHED).is_dir() and points_on_disk(out) >= count):
+        time.sleep(0.01)
+
+
+def _worker_processes(run: int) -> list[int]:
+    """Children of a run that compute for it, and not the one that keeps track of its resources."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            parent = int((path / "stat").read_text().rpartition(")")[2].split()[1])
+            if parent == run and b"spawn_main" in (path / "cmdline").read_bytes():
+                found.append(int(path.name))
+    return found
+
+
 def campaign(root: Path, *, kills: int, others: int, seed: int) -> list[Row]:
     """All faults."""
     bench = Bench(root=root, rng=random.Random(seed))
-    faults = (interrupted, disk_full, file_too_large, read_only, truncated, another_version, two_at_once)
+    faults = (interrupted, disk_full, file_too_large, read_only, truncated, flipped, another_version, two_at_once)
+    sweep = Bench(root=root / "sweep", rng=bench.rng, text=SWEEP, pdf=False)
+    tried = [(killed, bench, kills), *((fault, bench, others) for fault in faults)]
+    tried += [(fault, sweep, others) for fault in (stopped_in_a_sweep, process_killed, dask_worker_killed)]
     rows = []
-    for fault in (killed, *faults):
-        rows.append(fault(bench, kills if fault is killed else others))
+    for fault, where, trials in tried:
+        rows.append(fault(where, trials))
         print(f"{rows[-1].fault}: {rows[-1].trials} trials, {sum(rows[-1].wrong.values())} wrong", file=sys.stderr)
     return rows
 

@@ -21,7 +21,9 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> faults.Bench:
 
 
 @pytest.mark.parametrize(
-    "fault", [faults.killed, faults.interrupted, faults.truncated, faults.two_at_once], ids=lambda f: f.__name__
+    "fault",
+    [faults.killed, faults.interrupted, faults.truncated, faults.flipped, faults.two_at_once],
+    ids=lambda f: f.__name__,
 )
 def test_a_fault_loses_nothing_and_the_rerun_resumes(bench: faults.Bench, fault: Callable[..., faults.Row]) -> None:
     row = fault(bench, 1)
