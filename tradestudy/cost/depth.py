@@ -99,6 +99,7 @@ def propagation_cost(
     says: str,
     chosen: str,
     more: Sequence[tuple[str, str, Sampling]] = (),
+    most_draws: int = 2**19,
 ) -> Measured:
     """Measure every way of propagation.
 
@@ -116,9 +117,11 @@ def propagation_cost(
         The model that the study's run uses.
     more
         Further samplings: model, setting in words, and how it samples.
+    most_draws
+        Of any way; the reference takes at most eight times as many.
     """
     progress(f"cost: {name}", 0.0)
-    reference, reference_error, words = _reference(cases, allowance.share(_REFERENCE_SHARE))
+    reference, reference_error, words = _reference(cases, allowance.share(_REFERENCE_SHARE), most_draws)
     progress(f"cost: {name}", _REFERENCE_SHARE)
     entries: list[Entry] = []
     left_out: list[str] = []
@@ -133,7 +136,7 @@ def propagation_cost(
     took = dict.fromkeys(_SAMPLERS, 0.0)
     for power in _POWERS:
         for model, sampler in _SAMPLERS.items():
-            if power > _MOST_POWER[model]:
+            if power > _MOST_POWER[model] or 2**power > most_draws:
                 continue
             setting = f"2{str(power).translate(_SUPERSCRIPTS)} draws"
             # Four times the draws take four times as long; one run for the memory, and at least one for the time.
@@ -278,7 +281,7 @@ def _entry(
     )
 
 
-def _reference(cases: Sequence[Case], allowance: Allowance) -> tuple[FloatArray, float, str]:
+def _reference(cases: Sequence[Case], allowance: Allowance, most_draws: int) -> tuple[FloatArray, float, str]:
     """Half-widths from many draws, their relative standard error, and the words for both.
 
     Written apart from what is measured: the draws come from scipy's own scrambled Sobol sequence, unaligned, and the
@@ -286,7 +289,7 @@ def _reference(cases: Sequence[Case], allowance: Allowance) -> tuple[FloatArray,
     """
     draws = _FEWEST_REFERENCE_DRAWS
     found = _scrambles(cases, draws)
-    while draws < _MOST_REFERENCE_DRAWS and allowance.allows(2.5 * found[1]):
+    while draws < min(_MOST_REFERENCE_DRAWS, 8 * most_draws) and allowance.allows(2.5 * found[1]):
         draws *= 2
         found = _scrambles(cases, draws)
     widths = found[0]

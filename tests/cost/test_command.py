@@ -1,0 +1,128 @@
+"""From `cost` to the report of `run`: shown for the same study on the same machine, and for nothing else."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tradestudy import api
+from tradestudy.api import Study
+from tradestudy.cost import stored
+from tradestudy.cost.measuring import Allowance, forget, measure
+from tradestudy.cost.study_cost import study_cost
+from tradestudy.errors import OutOfRangeError
+from tradestudy.results import GROUPS
+from tradestudy.study import spot_images
+
+ASKED = "What would one more digit cost?"
+HOW = "python -m tradestudy cost STUDY"
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    path = tmp_path_factory.mktemp("study") / "small.yaml"
+    path.write_text(api.starter("small"), encoding="utf-8")
+    return api.load(path)
+
+
+@pytest.fixture(scope="module")
+def folder(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("out")
+    api.cost(study, directory, budget=2.0)
+    api.run(study, directory, pdf=False)
+    return directory
+
+
+def test_a_run_shows_the_last_cost(folder: Path) -> None:
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert ASKED in text
+    assert HOW not in text
+    assert (folder / "figures" / "cost.svg").is_file()
+    assert "closed form" in (folder / "tables" / "cost_by_entry.csv").read_text(encoding="utf-8")
+
+
+def test_a_run_without_a_cost_says_how_to_get_one_and_cost_then_renders_its_report_again(
+    study: Study, folder: Path, tmp_path: Path
+) -> None:
+    api.run(study, tmp_path, pdf=False)
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert ASKED not in text
+    assert HOW in text
+    assert (tmp_path / "results.nc").read_bytes() == (folder / "results.nc").read_bytes()  # a run never measures
+    api.cost(study, tmp_path, budget=1.0)
+    assert ASKED in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert not (tmp_path / "report.pdf").exists()
+
+
+def test_a_cost_of_another_study_or_machine_is_not_shown(
+    study: Study, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert stored.read_cost(folder, study.hash) is not None
+    other = study.with_values({"scene.distances.to": "4 m"})
+    assert other.hash != study.hash
+    assert stored.read_cost(folder, other.hash) is None
+    monkeypatch.setattr(stored, "identity", lambda: {"processor": "another", "architecture": "x", "cores": 1})
+    assert stored.read_cost(folder, study.hash) is None
+
+
+@pytest.mark.parametrize("content", [b"", b"not a results file", b"\x89HDF\r\n\x1a\n" + bytes(64)])
+def test_a_damaged_cost_is_as_none(study: Study, tmp_path: Path, content: bytes) -> None:
+    (tmp_path / stored.COST).write_bytes(content)
+    assert stored.read_cost(tmp_path, study.hash) is None
+
+
+def test_an_interrupted_measurement_leaves_the_last_one(study: Study, folder: Path) -> None:
+    before = {name: (folder / name).read_bytes() for name in (stored.COST, stored.SUMMARY)}
+
+    def interrupt(_step: str, share: float) -> None:
+        if share > 0.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        api.cost(study, folder, budget=1.0, progress=interrupt)
+    assert {name: (folder / name).read_bytes() for name in before} == before
+    assert not list(folder.glob(".*.part"))
+
+
+def test_the_summary_says_what_the_table_says(study: Study, folder: Path) -> None:
+    cost = stored.read_cost(folder, study.hash)
+    summary = json.loads((folder / stored.SUMMARY).read_text(encoding="utf-8"))
+    assert cost is not None
+    assert [row["model"] for row in summary["entries"]] == cost["model"].values.tolist()
+    assert summary["study_hash"] == study.hash
+    assert {"machine", "measured", "load_average"} <= set(summary)
+    assert {name: array.attrs["units"] for name, array in cost.data_vars.items()} == {
+        str(name): GROUPS["cost"][str(name)].units for name in cost.data_vars
+    }
+
+
+def test_the_chosen_way_is_the_one_that_depth_is_computed_by(study: Study, folder: Path) -> None:
+    cost = stored.read_cost(folder, study.hash)
+    assert cost is not None
+    assert cost["model"].values[cost["chosen"].values.astype(bool)].tolist() == ["closed form"]
+    assert np.all(cost["relative_error"].values >= cost["typical_error"].values)
+
+
+@pytest.mark.parametrize(("repeats", "budget"), [(2, 1.0), (3, 0.0), (3, float("inf"))])
+def test_what_cannot_be_measured_is_refused(study: Study, repeats: int, budget: float) -> None:
+    with pytest.raises(OutOfRangeError):
+        study_cost(study.definition, repeats=repeats, budget=budget)
+
+
+def test_what_does_not_fit_is_left_out_and_named(study: Study) -> None:
+    found = study.cost(budget=1e-3)
+    assert "no time left" in str(found["left_out"].values[0])
+
+
+def test_every_run_starts_afresh() -> None:
+    spot_images._spot_picture.cache_clear()
+    calls = spot_images._spot_picture.cache_info().misses
+    forget()
+    assert spot_images._spot_picture.cache_info().misses == calls == 0
+    seen: list[int] = []
+    timed = measure(lambda run: seen.append(run) or run, Allowance(seconds=5.0))
+    assert seen[:3] == [0, 1, 2]  # random methods take their seed from the number of the run
+    assert timed.repeats == len(seen) - 1 >= 3

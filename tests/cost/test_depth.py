@@ -1,0 +1,154 @@
+"""Ways of propagation against closed forms of the interval, where they are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.special import ndtri
+
+from tradestudy.cost.depth import (
+    INVERSE,
+    LINEAR,
+    PLAIN,
+    SOBOL,
+    Case,
+    DrawsSaved,
+    draws_saved,
+    propagation_cost,
+)
+from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.measuring import Allowance
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.depth import ONE_SIGMA
+from tradestudy.uncertainty.distributions import Normal
+from tradestudy.uncertainty.evaluation import Outcome
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+
+DISTANCE = np.array([0.5, 2.0, 5.0])
+BASELINE_TIMES_FOCAL_LENGTH = 0.1 * 8e-3
+SPREAD = 1.5e-5  # of disparity, at 5 m a tenth of it
+
+
+def stereo() -> Case:
+    """Depth f B/(d + e), e normal."""
+
+    def model(values: dict[str, FloatArray]) -> Outcome:
+        disparity = BASELINE_TIMES_FOCAL_LENGTH / DISTANCE + values["e"]
+        return Outcome(values=disparity / BASELINE_TIMES_FOCAL_LENGTH)
+
+    normal = Normal(mean=0.0, standard_deviation=SPREAD)
+    sources = Sources(groups=(Source(name="e", distribution=normal, error_class=ErrorClass.RIG),))
+    return Case(name="s", model=model, sources=sources, distance=DISTANCE, closed_form=None)  # type: ignore[arg-type]
+
+
+def exact_half_width() -> FloatArray:
+    """f B/(d₀ + s Φ⁻¹(1 − p)) at both ends."""
+    low, high = (
+        BASELINE_TIMES_FOCAL_LENGTH / (BASELINE_TIMES_FOCAL_LENGTH / DISTANCE + SPREAD * ndtri(1.0 - p))
+        for p in ONE_SIGMA
+    )
+    return np.asarray((high - low) / 2.0)
+
+
+@pytest.fixture(scope="module")
+def table() -> Measured:
+    return propagation_cost(
+        [stereo()],
+        Allowance(seconds=1e4),  # as long as it takes: what is measured is bounded by the draws
+        lambda _step, _share: None,
+        name="q",
+        title="Q",
+        says="",
+        chosen=INVERSE,
+        most_draws=2**15,
+    )
+
+
+def of(table: Measured, model: str) -> list[Entry]:
+    return [entry for entry in table.entries if entry.model == model]
+
+
+def test_the_line_in_depth_errs_by_what_the_closed_form_says(table: Measured) -> None:
+    (line,) = of(table, LINEAR)
+    standard = DISTANCE**2 / BASELINE_TIMES_FOCAL_LENGTH * SPREAD
+    expected = np.max(np.abs(standard / exact_half_width() - 1.0))
+    assert expected > 5e-3
+    assert line.error == pytest.approx(expected, abs=3.0 * table.reference_error)
+
+
+def test_the_line_in_inverse_depth_is_exact_here_and_chosen(table: Measured) -> None:
+    (line,) = of(table, INVERSE)
+    assert line.error < 4.0 * table.reference_error < 2e-3
+    assert line.chosen
+    assert [entry.model for entry in table.entries if entry.chosen] == [INVERSE]
+
+
+def test_plain_draws_err_by_the_standard_error_of_their_quantiles(table: Measured) -> None:
+    """Of a half-width of n normal draws: √(p (1 − p) − p²)/(φ √(2 n)) of it, p = 15.87 %; near enough in depth."""
+    density = math.exp(-0.5) / math.sqrt(2.0 * math.pi)
+    p = ONE_SIGMA[0]
+    for entry in of(table, PLAIN):
+        expected = math.sqrt(p * (1.0 - p) - p * p) / (density * math.sqrt(2.0 * entry.evaluations))
+        # Three correlated places and a handful of repeats: a factor of three either way is beyond doubt.
+        assert expected / 3.0 < entry.error < 3.0 * expected
+
+
+def test_sobol_draws_need_at_least_eight_times_fewer_evaluations(table: Measured) -> None:
+    saved = draws_saved(table.entries, table.reference_error)
+    assert saved is not None
+    assert saved.factor >= 8.0
+    assert any("times fewer" in note for note in table.notes)
+
+
+def test_every_entry_was_timed_and_its_memory_traced(table: Measured) -> None:
+    assert {entry.model for entry in table.entries} == {LINEAR, INVERSE, SOBOL, PLAIN}
+    for entry in table.entries:
+        assert 0.0 < entry.least_seconds <= entry.seconds
+        assert entry.repeats >= 1
+        assert entry.peak_memory > 0.0
+    quick = of(table, LINEAR)[0]
+    assert quick.repeats >= 3
+    most = max(of(table, PLAIN), key=lambda entry: entry.evaluations)
+    assert most.peak_memory > 8.0 * most.evaluations  # its draws alone, as doubles
+
+
+def sampled(model: str, draws: float, error: float) -> Entry:
+    return Entry(
+        model=model,
+        setting="",
+        evaluations=draws,
+        error=error,
+        typical_error=error,
+        seconds=1.0,
+        least_seconds=1.0,
+        peak_memory=1.0,
+        repeats=3,
+    )
+
+
+def test_draws_saved_are_read_off_the_lines() -> None:
+    entries = [
+        *(sampled(SOBOL, n, 1.0 / n) for n in (10.0, 100.0, 1000.0)),
+        *(sampled(PLAIN, n, 1.0 / math.sqrt(n)) for n in (100.0, 10_000.0)),
+    ]
+    saved = draws_saved(entries, 1e-9)
+    assert saved is not None
+    # 1 % takes 100 Sobol draws and 10 000 plain ones.
+    assert saved.error == pytest.approx(0.01)
+    assert saved.factor == pytest.approx(100.0, rel=1e-9)
+    assert not saved.at_least
+
+
+def test_what_the_fewest_sobol_draws_undercut_is_a_bound() -> None:
+    entries = [
+        *(sampled(SOBOL, n, 1e-3 / n) for n in (100.0, 1000.0)),
+        *(sampled(PLAIN, n, 1.0 / math.sqrt(n)) for n in (100.0, 10_000.0)),
+    ]
+    saved = draws_saved(entries, 1e-9)
+    assert saved == DrawsSaved(error=pytest.approx(0.01), factor=pytest.approx(100.0), at_least=True)
+
+
+def test_too_few_measurements_say_nothing() -> None:
+    assert draws_saved([sampled(SOBOL, 100.0, 1e-3), sampled(PLAIN, 100.0, 1e-1)], 1e-9) is None
