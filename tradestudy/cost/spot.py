@@ -14,7 +14,7 @@ from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource, chain_image
 from tradestudy.optics.propagation import PointSource
-from tradestudy.study.predicted_time import spot_seconds
+from tradestudy.study.predicted_time import point_seconds, spot_seconds
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
 from tradestudy.study.spot_images import LEGS, light_path
@@ -25,7 +25,7 @@ TITLES: Final[dict[MethodName, str]] = {
     "kirchhoff-fresnel": "Kirchhoff + Fresnel",
     "kirchhoff": "Kirchhoff",
 }
-_WAVES: Final[tuple[MethodName, ...]] = ("fresnel", "kirchhoff-fresnel", "kirchhoff")
+_WAVES: Final[tuple[MethodName, ...]] = ("kirchhoff", "kirchhoff-fresnel", "fresnel")
 _POINT_TOLERANCES: Final = (0.1, 1e-2, 1e-3, 1e-4)
 _POINT_REFERENCE: Final = ChainAccuracy(
     tolerance=1e-5, pupil_nodes=1.2, microlens_nodes=1.2, field_sampling=1.2, diffraction_reach=1.2
@@ -36,8 +36,8 @@ _STANDING: Final = 1e-2  # where the study compares no methods to a tolerance of
 _REFERENCE_SEED: Final = 1
 
 
-def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress) -> Measured:
-    """Cost of the picture of one point, halfway between the middle and the rim of the spot, through both lenses."""
+def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, speed: float) -> Measured:
+    """Cost of the picture of one point, halfway between the middle and the rim of the spot; see `spot_cost`."""
     x = part.spot.x + part.spot.diameter / 4
 
     def image(method: MethodName, accuracy: ChainAccuracy, seed: int = 0) -> ChainImage:
@@ -59,7 +59,14 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress) ->
         for tolerance in _POINT_TOLERANCES
         for method in _WAVES
     ]
-    entries, left_out = _measured("spot_point", runs, reference.pixels, allowance, progress)
+    entries, left_out = _measured(
+        "spot_point",
+        runs,
+        reference.pixels,
+        allowance,
+        progress,
+        predicted=lambda method, tolerance: point_seconds(part, method, _tolerance(tolerance)) / speed,
+    )
     return Measured(
         name="spot_point",
         title="Picture of one point of the spot",
@@ -132,8 +139,7 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
         f"{TITLES[m]}, {_setting(t)}: the reference is no finer" for t in tolerances for m in _WAVES if t <= finest
     ]
     runs: list[_Run] = [
-        (method, tolerance, _later(image, method, _COARSEST if math.isnan(tolerance) else tolerance))
-        for method, tolerance in asked
+        (method, tolerance, _later(image, method, _tolerance(tolerance))) for method, tolerance in asked
     ]
     entries, missing = _measured(
         name,
@@ -165,7 +171,12 @@ def _later(image: Callable[..., ChainImage], method: MethodName, accuracy: objec
 
 
 def _predicted(part: LightSpotPart, method: MethodName, tolerance: float, speed: float) -> float:
-    return spot_seconds(part, method, _COARSEST if math.isnan(tolerance) else tolerance) / speed
+    return spot_seconds(part, method, _tolerance(tolerance)) / speed
+
+
+def _tolerance(of_entry: float) -> float:
+    """Rays have none, and take any."""
+    return _COARSEST if math.isnan(of_entry) else of_entry
 
 
 def _setting(tolerance: float) -> str:
@@ -185,11 +196,11 @@ def _measured(
     """Entries of all runs that the time allows, and the words for those that it does not."""
     entries: list[Entry] = []
     left_out: list[str] = []
-    took = dict.fromkeys(TITLES, 0.0)
+    slower = 1.0  # than predicted, so far
     for number, (method, tolerance, compute) in enumerate(runs):
         progress(f"cost: {name}", number / len(runs))
         words = ", ".join(part for part in (TITLES[method], _setting(tolerance)) if part)
-        needed = max(predicted(method, tolerance), 1.5 * took[method])
+        needed = slower * predicted(method, tolerance)
         if not allowance.allows(needed):
             left_out.append(f"{words}: about {needed:.0f} s, {max(allowance.left, 0.0):.0f} s are left")
             continue
@@ -198,7 +209,8 @@ def _measured(
         except (NotConvergedError, UnaffordableError) as error:
             left_out.append(f"{words}: {error}")
             continue
-        took[method] = timed.seconds
+        if predicted(method, tolerance) > 1.0:
+            slower = max(1.0, timed.seconds / predicted(method, tolerance))
         found = timed.values[0]
         relative = float(np.linalg.norm(found.pixels - reference) / np.linalg.norm(reference))
         entries.append(
@@ -216,4 +228,5 @@ def _measured(
             )
         )
     progress(f"cost: {name}", 1.0)
-    return tuple(entries), tuple(left_out)
+    order = list(TITLES.values())
+    return tuple(sorted(entries, key=lambda entry: order.index(entry.model))), tuple(left_out)

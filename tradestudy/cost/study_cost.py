@@ -103,8 +103,9 @@ def _questions(definition: StudyDefinition, progress: Progress) -> Iterator[Call
     if (calibration := file.calibration) is not None:
         yield lambda allowance: calibration_cost(definition, calibration, allowance, progress)
     if (spot := file.light_spot) is not None:
-        yield lambda allowance: point_cost(spot, allowance, progress)
-        yield lambda allowance: spot_cost(spot, allowance, progress, speed=machine.machine_speed())
+        speed = machine.machine_speed()
+        yield lambda allowance: point_cost(spot, allowance, progress, speed=speed)
+        yield lambda allowance: spot_cost(spot, allowance, progress, speed=speed)
 
 
 def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:

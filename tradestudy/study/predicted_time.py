@@ -254,6 +254,14 @@ def spot_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> f
     return work.seconds_of_disc(paraxial=method == "fresnel", separate=False)
 
 
+def point_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> float:
+    """The same for the image of one point of the spot."""
+    work = _spot_work(_bare(part), tolerance)
+    if method == "geometric":
+        return seconds_of_rays(work.scene.path, point=True)
+    return work.seconds_of_point(paraxial=method == "fresnel")
+
+
 @lru_cache(maxsize=64)
 def _spot_work(part: LightSpotPart, tolerance: float) -> LightWork:
     scene = LightScene(path=light_path(part), source=light_source(part), wavelength=part.wavelength)
