@@ -27,7 +27,8 @@ _REMEMBERED = 64
 class PictureDisparityError:
     """The Cramér–Rao bound of matching as the disparity error of a camera: a `DisparityErrorLaw`.
 
-    It is evaluated at every distance asked for, never interpolated, and is the same for a camera that is equal.
+    It is evaluated at every distance asked for (what Kirchhoff adds to Fresnel is interpolated between defoci), and is
+    the same for a camera that is equal.
 
     Parameters
     ----------

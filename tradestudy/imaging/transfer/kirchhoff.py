@@ -5,22 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tradestudy.imaging.transfer.fresnel import fresnel_transfer
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation import (
-    Accuracy,
-    CircularLens,
-    LensPhase,
-    Method,
-    PointSource,
-    TargetPoints,
-    aperture_field,
-    lens_wave,
-)
 from tradestudy.optics.quadrature import disc_nodes, gauss_legendre
+
+if TYPE_CHECKING:  # propagation takes as long to import as all the rest, and few pictures need it
+    from tradestudy.optics.propagation import CircularLens, LensPhase, Method, PointSource
 
 # Farther than this a point source is at infinity to all digits that matter, and the paths are still exact.
 FARTHEST = 1e6
@@ -110,6 +104,8 @@ def kirchhoff_correction(
     """Kirchhoff's transfer less Fresnel's at 97 even shares of the cut-off from 0 to 1, and its error."""
     from scipy.special import j0
 
+    from tradestudy.optics.propagation import CircularLens, PointSource
+
     N, blur = _cone(aperture, focal_length, distance, plane)
     period = wavelength * N
     panels = math.ceil((0.6 * blur) / period) + _PERIODS
@@ -136,6 +132,8 @@ def _spot(
     source: PointSource, lens: CircularLens, r: FloatArray, plane: float, wavelength: float, method: Method
 ) -> FloatArray:
     """Intensity over the power that passed the pupil [1/m²]."""
+    from tradestudy.optics.propagation import Accuracy, TargetPoints, aperture_field, lens_wave
+
     field = aperture_field(
         source=source,
         lens=lens,

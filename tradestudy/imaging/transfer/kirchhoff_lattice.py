@@ -7,13 +7,16 @@ The lattice is the same whatever is asked, so that an answer does not depend on 
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tradestudy.imaging.transfer.fresnel import fresnel_transfer
 from tradestudy.imaging.transfer.kirchhoff import FARTHEST, correction_at, kirchhoff_correction
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation import LensPhase
+
+if TYPE_CHECKING:  # see there
+    from tradestudy.optics.propagation import LensPhase
 
 _WAVES = 0.1
 _LOG_PLANE = 0.05
