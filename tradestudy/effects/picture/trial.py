@@ -30,6 +30,8 @@ class PictureTrial:
     aberration_waves
         Largest path [waves] by which the exact spherical waves of the main lens, and of a microlens, depart from the
         parabolic ones of Fresnel at the rim.
+    paraxial_change
+        Relative change of the disparity error that these waves make as a defocus, for either lens.
     obliquity
         Largest share by which amplitude falls from axis to rim of either lens on the way to its picture.
     electrons
@@ -51,6 +53,7 @@ class PictureTrial:
     main_lens_airy_px: float
     microlens_airy_px: float
     aberration_waves: tuple[float, float]
+    paraxial_change: tuple[float, float]
     obliquity: tuple[float, float]
     electrons: float
     illumination: float

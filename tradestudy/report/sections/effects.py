@@ -141,11 +141,19 @@ def _rows(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[_Row]:
         yield _Row(
             effect=facts.in_words(slot),
             model=model,
-            pieces=", ".join(str(titles[row["situation"]]) for row in members) if len(members) < len(titles) else "all",
+            pieces=_of([str(row["situation"]) for row in members], titles),
             changes=(min(changes), max(changes)),
             number=_number([float(row["number"]) for row in members], str(members[0]["criterion"])),
             because=reason if verdict == "accepted" else told,
         )
+
+
+def _of(members: list[str], titles: dict[str, str]) -> str:
+    """Name some pieces of the study in few words."""
+    others = [str(title) for name, title in titles.items() if name not in members]
+    if len(others) < min(len(members), 2):
+        return f"all but {others[0]}" if others else "all"
+    return ", ".join(str(titles[name]) for name in members)
 
 
 def _number(values: list[float], criterion: str) -> str:

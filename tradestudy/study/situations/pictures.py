@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -64,8 +64,11 @@ class PictureCase:
         models = with_models(self.complete, {slot: name})
         if models == self.complete:
             return 0.0
+        return self._departure(self.geometry, models)
+
+    def _departure(self, geometry: PictureGeometry, models: PictureModels) -> float:
         with np.errstate(divide="ignore", invalid="ignore"):  # where nothing passes either is infinite
-            ratio = disparity_error_px(self.geometry, self.settings, models).value / self._reference
+            ratio = disparity_error_px(geometry, self.settings, models).value / self._reference
         found = np.abs(ratio - 1.0)
         return float(np.max(np.where(np.isnan(found), 0.0, found), initial=0.0))
 
@@ -109,6 +112,23 @@ class PictureCase:
         focused = np.abs(1.0 / stage.focal_length - 1.0 / stage.object_distance) ** 3
         return float(np.nanmax(rim * np.abs(there - focused)))
 
+    def paraxial_change(self, stage: LensStage | None) -> float:
+        """Relative change of the disparity error by what Fresnel leaves out of a lens, the largest over the places.
+
+        Spherical aberration of W waves at the rim, balanced, is a defocus of W waves: a blur wider or narrower by
+        ``8 λ N W``; the rest of it, a thirteenth, is left to the margin.
+        """
+        if stage is None:
+            return 0.0
+        width = 8.0 * self.settings.wavelength * stage.f_number * self.aberration_waves(stage)
+        found = 0.0
+        for sign in (1.0, -1.0):
+            moved = replace(stage, blur_diameter=np.abs(stage.blur_diameter + sign * width))
+            is_main = stage is self.geometry.main_lens
+            geometry = replace(self.geometry, main_lens=moved) if is_main else replace(self.geometry, microlens=moved)
+            found = max(found, self._departure(geometry, self.complete))
+        return found
+
     def obliquity(self, stage: LensStage | None) -> float:
         """``1 − cos²θ`` at the rim: the cosine, and the longer way."""
         if stage is None:
@@ -136,6 +156,10 @@ def picture_slots(cases: Sequence[PictureCase], *, distances: int) -> tuple[Slot
         aberration_waves=(
             max(case.aberration_waves(main) for case, main, _ in stages),
             max(case.aberration_waves(micro) for case, _, micro in stages),
+        ),
+        paraxial_change=(
+            max(case.paraxial_change(main) for case, main, _ in stages),
+            max(case.paraxial_change(micro) for case, _, micro in stages),
         ),
         obliquity=(
             max(case.obliquity(main) for case, main, _ in stages),
