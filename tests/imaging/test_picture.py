@@ -270,6 +270,29 @@ def test_impossible_settings_are_refused(change: dict) -> None:
         replace(SETTINGS, **change)
 
 
+@pytest.mark.parametrize("diffraction", ["airy", "fresnel"])
+def test_the_ends_of_the_world_have_answers(diffraction: str) -> None:
+    """The lens itself, its focal plane, where the main lens images onto the microlenses, and far away."""
+    camera = r5()
+    onto_array = F_MAIN * camera.mla_distance / (camera.mla_distance - F_MAIN)
+    distance = np.array([1e-4, F_MAIN, F_MAIN * (1 + 1e-12), onto_array, np.nextafter(onto_array, 1.0), 1e3, 1e9])
+    hopeless = replace(SETTINGS, texture=Texture(contrast=1e-9, correlation_length=1e-9))
+    models = {"main_lens_diffraction": diffraction}
+    for settings in (SETTINGS, hopeless, replace(SETTINGS, window_px=None, window_length=1e-3)):
+        for found in (
+            error_of(camera, distance, settings, microlens_diffraction=diffraction, **models),
+            error_of(hand_lens(), distance, settings, **models),
+            error_of(unfocused(), distance, settings, **models),
+        ):
+            assert not found.applies[:2].any()
+            assert np.isnan(found.value[:2]).all()
+            assert np.isfinite(found.value[found.applies]).all()
+    found = error_of(camera, distance, hopeless, microlens_diffraction=diffraction, **models)
+    assert np.isinf(found.value[-1])
+    law = PictureDisparityError(settings=hopeless, models=replace(CLOSED, microlens_diffraction="airy"))
+    assert np.isnan(law.error_px(replace(camera, disparity_error_px=law), 1e3))
+
+
 # ---- as the law of a camera -----------------------------------------------------------------------------------------
 
 

@@ -73,6 +73,16 @@ def test_hopkins_in_focus_is_airy_and_far_out_of_focus_the_disc() -> None:
     )
 
 
+@pytest.mark.parametrize("periods", [200, 800])
+def test_far_out_of_focus_disc_times_airy_errs_by_less_than_stated(periods: int) -> None:
+    """What pictures take for waves beyond a blur of 200 λN."""
+    N = 8.0
+    blur = periods * WAVELENGTH * N
+    nu = np.linspace(0.0, 1.0 / (WAVELENGTH * N), 2001)
+    product = disc_transfer(nu, blur) * airy_transfer(nu, WAVELENGTH, N)
+    assert np.max(np.abs(fresnel_transfer(nu, WAVELENGTH, N, blur) - product)) < 0.2 / periods**0.5
+
+
 def test_hopkins_against_its_integral_at_many_digits() -> None:
     f_number, blur = 3.8, 20e-6
     with mpmath.workdps(25):

@@ -42,8 +42,9 @@ class PictureDisparityError:
     models: PictureModels
 
     def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """The bound [samples] at distances [m]; NaN where the camera forms no picture."""
-        return self.derived(camera, distance).value.reshape(np.shape(distance))
+        """The bound [samples] at distances [m]; NaN where the camera forms no picture or that shows nothing."""
+        value = self.derived(camera, distance).value
+        return np.where(np.isinf(value), np.nan, value).reshape(np.shape(distance))
 
     def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """Estimated numerical error of `error_px` [samples]."""

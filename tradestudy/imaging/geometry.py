@@ -190,12 +190,13 @@ def _focused(camera: FocusedPlenoptic, a: FloatArray) -> PictureGeometry:
     # The main lens's image on the array is pictured infinitely large: no picture.
     relayed = np.where(relayed == 0.0, np.nan, relayed)
     relay = array.gap / np.abs(relayed)
+    blur = np.take_along_axis(camera.blur_px(a), used[np.newaxis], axis=0)[0] * pixel
     microlens = LensStage(
         aperture_diameter=array.aperture_diameter,
         focal_length=np.asarray(array.focal_lengths)[used],
         object_distance=relayed,
         plane_distance=np.full_like(a, array.gap),
-        blur_diameter=np.take_along_axis(camera.blur_px(a), used[np.newaxis], axis=0)[0] * pixel,
+        blur_diameter=np.where(np.isnan(relayed), np.nan, blur),
         relay=np.ones_like(a),
     )
     main_lens = LensStage(

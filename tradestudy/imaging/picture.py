@@ -50,6 +50,9 @@ _WINDOW_OVER_BLUR = 1.5
 _WINDOW_OVER_LENGTH = 0.5
 _PEAK_CONTRAST = 3.0
 
+# Bounds above this say only that nothing is known; they are called infinite.
+_NOTHING_KNOWN_PX = 1e9
+_MOST_BLUR_OF_WAVES = 200.0
 _REPLICAS = 3
 _ALIAS_RADII = 193
 _COARSER = (0.85, 0.7, 0.55)
@@ -134,7 +137,8 @@ class PictureModels:
         the defocus that belongs to it.
     main_lens_diffraction, microlens_diffraction
         ``none``; ``airy``: in focus, beside the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact paths and
-        cosines. A camera without a microlens stage takes ``none`` only.
+        cosines. Where the blur exceeds 200 λN the last two are the disc times their transfer in focus. A camera without
+        a microlens stage takes ``none`` only.
     pixel_integration
         ``point`` or ``square``: over the active pixel.
     spectrum
@@ -161,7 +165,8 @@ class DerivedDisparityError:
     Parameters
     ----------
     value
-        Standard deviation of one disparity [samples]; NaN where the camera forms no picture.
+        Standard deviation of one disparity [samples]; NaN where the camera forms no picture, infinite where that shows
+        nothing.
     error
         Estimated numerical error of it [samples]: of the quadrature over the band (twice the largest change by three
         coarser rules), of aliased power from beyond the replicas that are summed, of Kirchhoff's transfer.
@@ -203,6 +208,7 @@ def disparity_error_px(
     for k in np.unique(step):
         chosen = np.flatnonzero(step == k)
         value[chosen], error[chosen] = _value_and_error(geometry.at(chosen), settings, models, _NODES[k])
+    value = np.where(value > _NOTHING_KNOWN_PX, np.inf, value)
     return DerivedDisparityError(
         value=value, error=error, violated=_violated(geometry, settings, _electrons(geometry, settings, models), value)
     )
@@ -273,6 +279,8 @@ def _stage_transfer(
     blur = (stage.blur_diameter if defocus == "disc" else np.zeros_like(stage.blur_diameter))[:, np.newaxis]
     exact = np.zeros(stage.relay.size)
     blurred = np.any(blur != 0.0)
+    # Far out of focus rays err by less than 0.2 √(λN/c), and waves would take ever more nodes for what is not matched.
+    by_rays = blur > _MOST_BLUR_OF_WAVES * wavelength * N
     match model:
         case "none":
             return (disc_transfer(nu, blur) if blurred else np.ones_like(nu)), exact
@@ -280,19 +288,24 @@ def _stage_transfer(
             spread = airy_transfer(nu, wavelength, N)
             return (spread * disc_transfer(nu, blur) if blurred else spread), exact
         case "fresnel":
-            return fresnel_transfer(nu, wavelength, N, blur), exact
+            value, error = fresnel_transfer(nu, wavelength, N, np.where(by_rays, 0.0, blur)), exact
         case "kirchhoff":
-            return kirchhoff_transfers(
+            value, error = kirchhoff_transfers(
                 nu,
                 wavelength=wavelength,
                 aperture_diameter=stage.aperture_diameter,
                 focal_length=stage.focal_length,
                 plane_distance=stage.plane_distance,
-                defocus_waves=np.where(blur[:, 0] == 0.0, 0.0, stage.defocus(wavelength)),
+                defocus_waves=np.where((blur == 0.0) | by_rays, 0.0, stage.defocus(wavelength)[:, np.newaxis])[:, 0],
                 lens_phase=settings.lens_phase,
             )
         case _:
             assert_never(model)
+    far = by_rays[:, 0]
+    if np.any(far):
+        value[far] *= disc_transfer(nu[far], blur[far])
+        error = np.where(far, error + 0.2 * np.sqrt(wavelength * N[:, 0] / np.where(far, blur[:, 0], 1.0)), error)
+    return value, error
 
 
 def _electrons(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:

@@ -84,8 +84,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="px",
         long_name="standard deviation of one measured disparity, declared or the Cramér–Rao bound of matching; "
-        "for the views of an unfocused plenoptic camera a px is a microlens; infinite where no texture is pictured; "
-        "NaN where the camera forms no image",
+        "for the views of an unfocused plenoptic camera a px is a microlens; "
+        "NaN where the camera forms no image or no texture is left in it",
         symbol="σ_d",
         reference="Carter, Proc. IEEE 75, 236 (1987)",
         error="see disparity_error_px_error",

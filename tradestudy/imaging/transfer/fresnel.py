@@ -54,7 +54,8 @@ def fresnel_transfer(
     s = np.minimum(wavelength * N * nu, 1.0)
     # The phase between the two sheared pupils: k (W(x + s) − W(x − s)) = 4 k W₂₀ s x, and 4 k W₂₀ s = π c ν.
     alpha = np.pi * c * np.where(s < 1.0, nu, 0.0)
-    largest = float(np.max(np.where(np.isfinite(alpha), alpha * (1.0 - s), 0.0), initial=0.0))
+    phase = alpha * (1.0 - s)
+    largest = float(np.max(np.where(np.isfinite(phase), phase, 0.0), initial=0.0))
     count = _LEAST_NODES + math.ceil(0.6 * largest)
     if count > _MOST_NODES:
         raise UnaffordableError(
