@@ -21,7 +21,8 @@ from tradestudy.optics.propagation.direct import ComplexArray, direct_sum, unit_
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
-from tradestudy.optics.propagation.rays import Rays, find_rays, one_ray_per_target, ray_fields, within_rim
+from tradestudy.optics.propagation.polar_interpolation import polar_field
+from tradestudy.optics.propagation.rays import Rays, find_rays, land, one_ray_per_target, ray_fields, within_rim
 from tradestudy.optics.propagation.result import ApertureField, Effort, squared_magnitude
 from tradestudy.optics.propagation.sampling import (
     Limits,
@@ -31,11 +32,14 @@ from tradestudy.optics.propagation.sampling import (
     outline,
 )
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
-from tradestudy.optics.propagation.upsampling import ChebyshevGrid, chebyshev_grid
+from tradestudy.optics.propagation.upsampling import chebyshev_grid
 from tradestudy.optics.propagation.wave_optics import Accuracy, largest_field, propagate_wave, rounding_error
 
 _LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4
+_POLAR_SHARE = 0.1  # of the tolerance of an evaluation, for sampling on rings
+_FEW_POINTS = 1000  # of a rectangle, up to which looking for fewer costs more than it saves
+_WORTHWHILE = 0.5  # share of the points of a rectangle from which on rings do not pay
 _SHARE = 0.1  # of the tolerance, for nodes, poles and interpolation together; the rest is the method's own error
 
 
@@ -208,27 +212,54 @@ def _check(
 def _evaluate(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, edge: int, tolerance: float) -> _Evaluation:
     """Rays plus edge at the targets; a dense grid is interpolated, for their sum is band-limited and smooth."""
     centre = wave.lens.centre
-    if isinstance(targets, TargetGrid):
-        coarse = _coarse(wave, targets, tolerance)
-        if coarse is not None:
-            x, y = coarse.points()
-            z = np.full(x.size, targets.distance)
-            points = _rays_and_edge(wave, kernel, x - centre[0], y - centre[1], z, edge, tolerance)
-            if not points.singular.any():
-                path = wave.wavenumber * kernel.path(x - centre[0], y - centre[1], z)
-                smooth = coarse.interpolate(points.field * unit_phasor(-np.asarray(path)))
-                x, y = targets.x_axis[None, :] - centre[0], targets.y_axis[:, None] - centre[1]
-                path = wave.wavenumber * kernel.path(x, y, np.asarray(targets.distance))
-                field = (smooth * unit_phasor(np.asarray(path))).ravel()
-                return _Evaluation(field=field, singular=np.zeros(field.size, dtype=bool))
     x, y, z = targets.coordinates()
+    if not one_ray_per_target(wave, z):
+        return _Evaluation(field=np.zeros(x.size, dtype=np.complex128), singular=np.ones(x.size, dtype=bool))
+    if isinstance(targets, TargetGrid):
+        smooth = _interpolated(wave, kernel, targets, edge, tolerance)
+        if smooth is not None:
+            path = wave.wavenumber * np.asarray(kernel.path(x - centre[0], y - centre[1], z))
+            field = smooth.ravel() * unit_phasor(path)
+            return _Evaluation(field=field, singular=np.zeros(field.size, dtype=bool))
     return _rays_and_edge(wave, kernel, x - centre[0], y - centre[1], z, edge, tolerance)
 
 
-def _coarse(wave: LensWave, grid: TargetGrid, tolerance: float) -> ChebyshevGrid | None:
-    """Chebyshev points that carry the field freed of the path from the centre, if fewer than the grid's."""
-    rim = wave.lens.radius / math.hypot(wave.lens.radius, grid.distance)
-    return chebyshev_grid(grid, wavenumber=wave.wavenumber * rim, tolerance=tolerance)
+def _interpolated(
+    wave: LensWave, kernel: KirchhoffKernel, grid: TargetGrid, edge: int, tolerance: float
+) -> ComplexArray | None:
+    """Field on a grid less the path from the centre, from fewer points; None where none are fewer, or one is singular.
+
+    About the chief ray the field changes little with the angle, so that few points on rings carry it; elsewhere, and
+    on the way to a fine grid, Chebyshev points of its rectangle do.
+    """
+    centre, z = wave.lens.centre, grid.distance
+    rim = wave.wavenumber * wave.lens.radius / math.hypot(wave.lens.radius, z)
+    coarse = chebyshev_grid(grid, wavenumber=rim, tolerance=tolerance)
+
+    def freed(x: FloatArray, y: FloatArray) -> ComplexArray | None:
+        x, y = x - centre[0], y - centre[1]
+        height = np.full(x.size, z)
+        points = _rays_and_edge(wave, kernel, x, y, height, edge, tolerance)
+        if points.singular.any():
+            return None
+        return np.asarray(points.field * unit_phasor(-wave.wavenumber * np.asarray(kernel.path(x, y, height))))
+
+    flat = coarse.points() if coarse else (np.tile(grid.x_axis, grid.y_count), np.repeat(grid.y_axis, grid.x_count))
+    chief = land(wave, np.zeros(1), np.zeros(1), np.array([z]))
+    middle = (float(chief[0][0]) + centre[0], float(chief[1][0]) + centre[1])
+    farthest = float(np.hypot(np.abs(grid.x_axis - middle[0]).max(), np.abs(grid.y_axis - middle[1]).max()))
+    polar = polar_field(
+        freed,
+        centre=middle,
+        radius=farthest,
+        wavenumber=rim,
+        tolerance=_POLAR_SHARE * tolerance,
+        most=math.ceil(_WORTHWHILE * flat[0].size) if flat[0].size > _FEW_POINTS else 0,
+    )
+    values = polar.at(*flat) if polar else freed(*flat) if coarse else None
+    if values is None:
+        return None
+    return coarse.interpolate(values) if coarse else values.reshape(grid.shape)
 
 
 def _rays_and_edge(
@@ -240,9 +271,7 @@ def _rays_and_edge(
     edge: int,
     tolerance: float,
 ) -> _Evaluation:
-    """Both parts at flat targets relative to the centre of the lens."""
-    if not one_ray_per_target(wave, z):
-        return _Evaluation(field=np.zeros(x.size, dtype=np.complex128), singular=np.ones(x.size, dtype=bool))
+    """Both parts at flat targets relative to the centre of the lens; one ray may reach each."""
     rays = find_rays(wave, x, y, z, all_branches=False)
     singular = _singular(wave, rays, x, y, z, edge, tolerance)
     part = np.flatnonzero(~singular)

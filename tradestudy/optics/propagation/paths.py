@@ -8,7 +8,7 @@ complex: the boundary-diffracted wave looks for poles beside the real edge.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import reduce
 from operator import add
 from typing import Any, Protocol
@@ -31,7 +31,14 @@ class Expansion:
     yy: Array
 
     def __add__(self, other: Expansion) -> Expansion:
-        return Expansion(**{f.name: getattr(self, f.name) + getattr(other, f.name) for f in fields(self)})
+        return Expansion(
+            value=self.value + other.value,
+            p_x=self.p_x + other.p_x,
+            p_y=self.p_y + other.p_y,
+            xx=self.xx + other.xx,
+            xy=self.xy + other.xy,
+            yy=self.yy + other.yy,
+        )
 
 
 class PathTerm(Protocol):

@@ -88,17 +88,22 @@ def _unit_chebyshev(count: int) -> FloatArray:
 def lagrange(values: FloatArray, count: int, box: FloatArray | None = None) -> FloatArray:
     """Values of the Lagrange polynomials of the Chebyshev points, shape (values, count).
 
-    The Chebyshev series of each polynomial is summed by a recurrence: no division by small differences.
+    By the barycentric formula, which stays accurate next to a point, where one term outweighs all others
+    (N. J. Higham, "The numerical stability of barycentric Lagrange interpolation", 2004).
     """
     over = values if box is None else box
     if count == 1:
         return np.ones((values.size, 1))
-    middle, half = 0.5 * (over.min() + over.max()), 0.5 * np.ptp(over)
-    angle = np.arccos(np.clip((values - middle) / half, -1.0, 1.0))
+    difference = np.subtract.outer(values, chebyshev_points(over, count))
+    hits = np.argwhere(difference == 0)
+    difference[tuple(hits.T)] = 1.0
     order = np.arange(count)
-    weights = np.where(order == 0, 1.0, 2.0) / count
-    at_points = np.cos(np.multiply.outer(np.pi * (order + 0.5) / count, order))
-    return np.asarray(np.cos(np.multiply.outer(angle, order)) @ (weights[:, None] * at_points.T))
+    weights = np.where(order % 2 == 0, 1.0, -1.0) * np.sin(np.pi * (order + 0.5) / count)
+    terms = weights / difference
+    terms /= terms.sum(axis=1, keepdims=True)
+    for row, column in hits:
+        terms[row] = order == column
+    return terms
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,0 +1,47 @@
+"""Fields on rings: exact harmonics come back, rough fields are refused, singular ones too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import j0
+
+from tradestudy.optics.propagation.polar_interpolation import polar_field
+
+CENTRE, RADIUS, WAVENUMBER = (0.3, -0.2), 1.5, 20.0
+
+
+def nearly_round(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    a, b = x - CENTRE[0], y - CENTRE[1]
+    return j0(WAVENUMBER * np.hypot(a, b)) * (1 + 0.3 * a - 0.2j * b + 0.1 * a * b) * np.exp(0.4j * a)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4, 1e-7])
+def test_field_of_few_harmonics_comes_back_everywhere(tolerance: float) -> None:
+    asked = []
+
+    def field(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        asked.append(x.size)
+        return nearly_round(x, y)
+
+    polar = polar_field(field, centre=CENTRE, radius=RADIUS, wavenumber=21.0, tolerance=tolerance, most=5000)
+    assert polar is not None
+    rng = np.random.default_rng(2)
+    r, angle = RADIUS * np.sqrt(np.append(rng.random(500), [0.0, 1.0])), 2 * np.pi * rng.random(502)
+    x, y = CENTRE[0] + r * np.cos(angle), CENTRE[1] + r * np.sin(angle)
+    assert np.abs(polar.at(x, y) - nearly_round(x, y)).max() < 4 * tolerance
+    assert sum(asked) < 1500
+
+
+def test_field_that_turns_with_the_angle_is_left_to_others() -> None:
+    def wave(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.exp(1j * WAVENUMBER * (x + y))
+
+    assert polar_field(wave, centre=CENTRE, radius=RADIUS, wavenumber=21.0, tolerance=1e-3, most=800) is None
+
+
+def test_singular_field_is_left_to_others() -> None:
+    assert (
+        polar_field(lambda x, y: None, centre=CENTRE, radius=RADIUS, wavenumber=WAVENUMBER, tolerance=1e-3, most=5000)
+        is None
+    )
