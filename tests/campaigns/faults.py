@@ -497,7 +497,7 @@ def dask_worker_killed(bench: Bench, trials: int) -> Row:
 
     row = Row(fault="kill −9 of one of two Dask workers")
     with LocalCluster(
-        processes=True, n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        processes=True, n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
     ) as cluster:
         for trial in range(trials):
             out = bench.fresh()

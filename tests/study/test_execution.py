@@ -21,6 +21,7 @@ import pytest
 import xarray as xr
 
 import tradestudy
+from tests.study.calibration.conftest import HEAD
 from tests.study.execution_points import LoggedPoint, compute, times_computed, workers
 from tradestudy import api
 from tradestudy.errors import OutOfRangeError, ResultsError
@@ -77,7 +78,7 @@ def cluster() -> Iterator[DaskCluster]:
     from distributed import LocalCluster
 
     with LocalCluster(
-        processes=True, n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        processes=True, n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
     ) as local:
         yield DaskCluster(local.scheduler_address)
 
@@ -155,6 +156,24 @@ class TestExecutors:
     def test_fewer_than_one_worker_is_refused(self, make: Any, count: int) -> None:
         with pytest.raises(OutOfRangeError, match=f"{count} .allowed: 1 or more"):
             make(count)
+
+
+def test_calibration_errors_have_the_same_bits_everywhere_and_are_taken_up(tmp_path: Path) -> None:
+    text = HEAD.replace("budget: 65536", "budget: 4096").replace("accuracy: 0.5 %", "accuracy: 5 %")
+    file = tmp_path / "small.yaml"
+    file.write_text(f"{text}    rig: {{}}\n    r5: {{}}\n", encoding="utf-8")
+    results = []
+    for executor in (Serial(), Processes(2)):
+        with contextlib.closing(Checkpoints(tmp_path / repr(executor))) as kept:
+            results.append(tradestudy.load(file).run(executor=executor, checkpoints=kept))
+    serial, spread = ({name: one.data[name].to_dataset() for name in ("calibration", "sensitivity")} for one in results)
+    for name, group in serial.items():
+        computed = [one for one in group.data_vars if one != "tier_seconds"]  # what a clock says
+        xr.testing.assert_identical(group[computed], spread[name][computed])
+    with contextlib.closing(Checkpoints(tmp_path / repr(Serial()))) as kept:
+        again = tradestudy.load(file).run(executor=Threads(2), checkpoints=kept)
+    assert [counts["computed"] for counts in again.run_record["points"].values()] == [0, 0, 0, 0]
+    assert_same_results(results[0], again)
 
 
 class TestDask:

@@ -13,9 +13,11 @@ from tradestudy.study.calibration.cameras import uncertain_cameras
 from tradestudy.study.calibration.propagation import sampling_of
 from tradestudy.study.calibration.uncertain_camera import UncertainCamera
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.execution import Steps
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.uncertainty.evaluation import depth_from_inverse
+from tradestudy.uncertainty.linear import linear
 
 _MOST_PLACES = 9
 
@@ -28,7 +30,7 @@ def calibration_cost(
     Calibrations are inferred beforehand; that is neither timed nor in the time allowed, for nothing could be measured
     without it.
     """
-    uncertain = uncertain_cameras(definition, part, progress)
+    uncertain = uncertain_cameras(definition, part, Steps(progress=progress))
     places = np.array(part.distance_values())
     wanted = places[np.unique(np.linspace(0, places.size - 1, min(_MOST_PLACES, places.size)).astype(int))]
     cases = [case for camera in uncertain.cameras.values() if (case := _case(camera, wanted)) is not None]
@@ -42,8 +44,8 @@ def calibration_cost(
         name="calibrated_depth_uncertainty",
         title="Depth uncertainty with all calibration errors",
         says=f"Half the central 68.27 % interval of depth of {len(cases)} cameras on the axis at up to {_MOST_PLACES} "
-        "distances each where it is below the distance, through the exact models: seconds for all of them together, "
-        "relative error at the worst.",
+        "distances each where infinity is three deviations away, through the exact models: seconds for all of them "
+        "together, relative error at the worst.",
         chosen=SOBOL,
         more=((SOBOL, f"until {100.0 * part.accuracy:g} %", rule),),
     )
@@ -51,8 +53,6 @@ def calibration_cost(
 
 def _case(camera: UncertainCamera, places: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Case | None:
     """The camera where its interval is bounded: a line in inverse depth, three deviations to infinity, tells."""
-    from tradestudy.uncertainty.linear import linear
-
     if camera.sources.covariance() is None:
         return None
     line = linear(camera.model(places, 0.0), camera.sources, inverse_depth=True)

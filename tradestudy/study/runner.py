@@ -73,7 +73,7 @@ def compute(
         progress("decision", 0.0)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"])
     if file.calibration is not None:
-        groups |= uncertain_groups(definition, file.calibration, groups["/decision"], progress)
+        groups |= uncertain_groups(definition, file.calibration, groups["/decision"], steps)
     if file.depth_of_field is not None:
         progress("depth of field", 0.0)
         groups["/depth_of_field"] = depth_of_field_group(

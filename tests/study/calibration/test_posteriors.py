@@ -10,6 +10,7 @@ from tradestudy.study.calibration.cameras import uncertain_cameras
 from tradestudy.study.calibration.posteriors import CORNER_NOISE_NAMES, infer_from_target
 from tradestudy.study.calibration.propagation import propagate_way
 from tradestudy.study.calibration.sources import declared_groups
+from tradestudy.study.execution import Steps
 from tradestudy.study.groups.real_rig import rig_rows
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.calibration.corners import CornerFileError
@@ -27,7 +28,7 @@ rig:
 
 def assembled(file, overrides=()):
     definition = load_definition(file, tuple(overrides))
-    return definition, uncertain_cameras(definition, definition.file.calibration, lambda _step, _share: None)
+    return definition, uncertain_cameras(definition, definition.file.calibration, Steps())
 
 
 @pytest.fixture(scope="module")

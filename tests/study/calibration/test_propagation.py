@@ -9,6 +9,7 @@ from tradestudy.study.calibration.comparison import crossovers, rank, stability
 from tradestudy.study.calibration.propagation import moments_end, propagate_way
 from tradestudy.study.calibration.sensitivity import sensitivity_of
 from tradestudy.study.depth import WAYS, evaluate_depth
+from tradestudy.study.execution import Steps
 from tradestudy.study.loading import load_definition
 from tradestudy.study.schema.calibration import StabilityQuestionPart
 
@@ -20,7 +21,7 @@ def uncertain(written):
     def assemble(cameras, overrides=()):
         definition = load_definition(written(cameras), tuple(overrides))
         part = definition.file.calibration
-        return definition, uncertain_cameras(definition, part, lambda _step, _share: None).cameras
+        return definition, uncertain_cameras(definition, part, Steps()).cameras
 
     return assemble
 

@@ -7,6 +7,7 @@ from scipy import stats
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.study.calibration.cameras import uncertain_cameras
 from tradestudy.study.calibration.uncertain_camera import sources_of
+from tradestudy.study.execution import Steps
 from tradestudy.study.loading import load_definition
 from tradestudy.uncertainty.calibration.calibration_file import (
     CalibrationCovariance,
@@ -18,7 +19,7 @@ from tradestudy.uncertainty.sources import ErrorClass
 
 def assembled(file):
     definition = load_definition(file)
-    return uncertain_cameras(definition, definition.file.calibration, lambda _step, _share: None)
+    return uncertain_cameras(definition, definition.file.calibration, Steps())
 
 
 SHAPES = """

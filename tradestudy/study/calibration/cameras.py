@@ -10,21 +10,23 @@ from tradestudy.cameras.error_models import Environment
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.cameras.stereo import StereoRig
 from tradestudy.study.calibration.posteriors import (
+    CornersToInfer,
     InferredCalibration,
     RealRig,
-    infer_from_corners,
-    infer_from_target,
+    TargetToInfer,
+    infer,
 )
 from tradestudy.study.calibration.sources import declared_groups, group_of_file, replaced, session_groups
 from tradestudy.study.calibration.uncertain_camera import UncertainCamera, reading_of
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.progress import Progress
+from tradestudy.study.execution import Steps
 from tradestudy.study.schema.calibration import (
     ERROR_NAMES,
     BodyPart,
     CalibrationStudyPart,
     SurroundingsPart,
 )
+from tradestudy.uncertainty.sources import Group
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,7 +38,7 @@ class UncertainCameras:
     rigs: Mapping[str, RealRig]
 
 
-def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, progress: Progress) -> UncertainCameras:
+def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, steps: Steps) -> UncertainCameras:
     """Assemble errors and models of every camera of the calibration part, inferring calibrations on the way.
 
     Raises
@@ -45,24 +47,37 @@ def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, p
         Errors that contradict each other, a calibration that cannot be read or inferred.
     """
     cameras: dict[str, UncertainCamera] = {}
-    calibrations: dict[str, InferredCalibration] = {}
-    rigs: dict[str, RealRig] = {}
-    for number, (name, of_camera) in enumerate(part.cameras.items()):
-        progress("calibration", number / len(part.cameras))
+    designs: dict[str, StereoRig | FocusedPlenoptic] = {}
+    groups_of: dict[str, tuple[Group, ...]] = {}
+    asked: dict[str, TargetToInfer | CornersToInfer] = {}
+    for name, of_camera in part.cameras.items():
         camera = definition.case.cameras[name]
         assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
-        folder = _folder(definition, ("calibration", "cameras", name))
+        designs[name], folder = camera, _folder(definition, ("calibration", "cameras", name))
         if of_camera.corners is not None:
             assert isinstance(camera, StereoRig)  # the schema lets no other kind in
-            rig = infer_from_corners(name, camera, of_camera.corners, folder, seed=part.seed)
-            rigs[name], calibrations[name] = rig, rig.calibration
+            asked[name] = CornersToInfer.of(name, camera, of_camera.corners, folder, seed=part.seed)
+            continue
+        groups_of[name] = declared_groups(camera, of_camera, folder)
+        if of_camera.target is not None:
+            asked[name] = TargetToInfer(
+                name=name, camera=camera, groups=groups_of[name], part=of_camera.target, seed=part.seed
+            )
+    inferred = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), list(asked)), strict=True))
+    rigs = {name: found for name, found in inferred.items() if isinstance(found, RealRig)}
+    calibrations = {
+        name: found.calibration if isinstance(found, RealRig) else found for name, found in inferred.items()
+    }
+    for name, of_camera in part.cameras.items():
+        camera, folder = designs[name], _folder(definition, ("calibration", "cameras", name))
+        if name in rigs:
+            rig = rigs[name]
             cameras[name] = UncertainCamera(
                 name=name, reading=rig.reading, groups=(rig.calibration.group, *rig.noise), surroundings=()
             )
             continue
-        groups = declared_groups(camera, of_camera, folder)
-        if of_camera.target is not None:
-            calibrations[name] = infer_from_target(name, camera, groups, of_camera.target, seed=part.seed)
+        groups = groups_of[name]
+        if name in calibrations:
             groups = replaced(groups, calibrations[name].group)
         if of_camera.file is not None:
             known = ERROR_NAMES[definition.file.cameras[name].kind]

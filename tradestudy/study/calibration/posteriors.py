@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -292,3 +293,40 @@ def infer_from_corners(name: str, rig: StereoRig, part: CornersPart, folder: Pat
         for noise_name in CORNER_NOISE_NAMES
     )
     return RealRig(calibration=calibration, fit=fit, noise=noise, pixels=(rig.sensor.columns, rig.sensor.rows))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TargetToInfer:
+    """A calibration to be inferred from a synthetic target, as `infer_from_target` takes it."""
+
+    name: str
+    camera: StereoRig | FocusedPlenoptic
+    groups: tuple[Group, ...]
+    part: TargetPart
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CornersToInfer:
+    """A rig to be calibrated from a corner file, as `infer_from_corners` takes it; ``content`` is its SHA-256."""
+
+    name: str
+    rig: StereoRig
+    part: CornersPart
+    folder: Path
+    seed: int
+    content: str
+
+    @classmethod
+    def of(cls, name: str, rig: StereoRig, part: CornersPart, folder: Path, *, seed: int) -> CornersToInfer:
+        """As the file stands now; one that cannot be read is refused where it is read."""
+        path = folder / part.file
+        content = sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+        return cls(name=name, rig=rig, part=part, folder=folder, seed=seed, content=content)
+
+
+def infer(asked: TargetToInfer | CornersToInfer) -> InferredCalibration | RealRig:
+    """Infer a calibration from whatever it is to be inferred from."""
+    if isinstance(asked, CornersToInfer):
+        return infer_from_corners(asked.name, asked.rig, asked.part, asked.folder, seed=asked.seed)
+    return infer_from_target(asked.name, asked.camera, asked.groups, asked.part, seed=asked.seed)

@@ -62,6 +62,37 @@ class PropagatedWay:
     tier: tuple[str, ...]
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PropagationPoint:
+    """One camera whose errors are propagated: at distances [m], at places in the field, as well as is asked."""
+
+    camera: UncertainCamera
+    distance: FloatArray
+    fields: tuple[float, ...]
+    accuracy: float
+    budget: int
+    seed: int
+
+
+def propagate_all_ways(point: PropagationPoint) -> list[list[PropagatedWay]]:
+    """Propagate the errors of one camera at every place in the field, every way."""
+    return [
+        [
+            propagate_way(
+                point.camera,
+                point.distance,
+                field,
+                way,
+                accuracy=point.accuracy,
+                budget=point.budget,
+                seed=point.seed,
+            )
+            for way in WAYS
+        ]
+        for field in point.fields
+    ]
+
+
 def sampling_of(accuracy: float, budget: int, outputs: int) -> Sampling:
     """How to sample: an error of each quantile of at most ``accuracy`` of it."""
     return Sampling(

@@ -32,6 +32,21 @@ class CameraSensitivity:
     no_indices: str
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensitivityPoint:
+    """One camera whose errors are taken apart: at distances [m] and places in the field."""
+
+    camera: UncertainCamera
+    distance: FloatArray
+    fields: tuple[float, ...]
+    seed: int
+
+
+def sensitivity_over_field(point: SensitivityPoint) -> list[CameraSensitivity]:
+    """`sensitivity_of` at every place in the field."""
+    return [sensitivity_of(point.camera, point.distance, field, seed=point.seed) for field in point.fields]
+
+
 def sensitivity_of(camera: UncertainCamera, distance: FloatArray, field: float, *, seed: int) -> CameraSensitivity:
     """Work out what drives the depth of one camera at distances [m] and a place in the field."""
     model, sources = camera.model(distance, field), camera.sources

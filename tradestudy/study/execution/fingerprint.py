@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import partial
+from functools import cache, partial
 from pathlib import PurePath
 from types import FunctionType, MethodType
 from typing import Any
@@ -63,14 +63,22 @@ def _tell(value: Any, parts: list[bytes]) -> None:
 
 def _inside(value: Any) -> list[Any] | None:
     """What an object consists of; None where that is not known."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return [getattr(value, one.name) for one in fields(value)]
-    if hasattr(type(value), "model_fields"):  # parts of a study file
-        return [getattr(value, name) for name in type(value).model_fields]
+    names = _fields_of(type(value))
+    if names is not None:
+        return [getattr(value, name) for name in names]
     if isinstance(value, partial):
         return [value.func, value.args, value.keywords]
     if isinstance(value, MethodType):
         return [value.__self__, value.__func__]
+    return None
+
+
+@cache
+def _fields_of(kind: type) -> tuple[str, ...] | None:
+    if is_dataclass(kind):
+        return tuple(one.name for one in fields(kind))
+    if hasattr(kind, "model_fields"):  # parts of a study file
+        return tuple(kind.model_fields)
     return None
 
 

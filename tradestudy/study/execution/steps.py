@@ -71,7 +71,8 @@ class Steps:
         values: dict[int, Any] = {}
         keys: list[bytes] = []
         if self.checkpoints is not None:
-            keys = [fingerprint(environment(), function, point) for point in points]
+            shared = fingerprint(environment(), function)
+            keys = [fingerprint(shared, point) for point in points]
             values = self.checkpoints.finished(keys)
         taken = len(values)
         missing = [i for i in range(len(points)) if i not in values]

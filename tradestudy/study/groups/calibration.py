@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,11 +17,12 @@ from tradestudy.study.calibration.propagation import (
     TIERS,
     WAYS,
     PropagatedWay,
+    PropagationPoint,
     moments_end,
-    propagate_way,
+    propagate_all_ways,
 )
+from tradestudy.study.execution import Steps
 from tradestudy.study.groups.real_rig import rig_rows
-from tradestudy.study.progress import Progress
 from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.uncertainty.evaluation import CAUSES
 from tradestudy.uncertainty.outputs import PROBABILITIES
@@ -29,30 +30,22 @@ from tradestudy.uncertainty.outputs import PROBABILITIES
 _SHOWN_DRAWS, _SHOWN_STEPS = 2000, 300
 
 
-def calibration_group(uncertain: UncertainCameras, part: CalibrationStudyPart, progress: Progress) -> xr.Dataset:
+def calibration_group(uncertain: UncertainCameras, part: CalibrationStudyPart, steps: Steps) -> xr.Dataset:
     """/calibration over (camera, field, way, distance), and the posteriors."""
     distance = np.array(part.distance_values())
     cameras = list(uncertain.cameras.values())
-    table: list[list[list[PropagatedWay]]] = []
-    for number, camera in enumerate(cameras):
-        progress("propagation", number / len(cameras))
-        table.append(
-            [
-                [
-                    propagate_way(
-                        camera,
-                        distance,
-                        field,
-                        way,
-                        accuracy=part.accuracy,
-                        budget=part.budget,
-                        seed=part.seed,
-                    )
-                    for way in WAYS
-                ]
-                for field in (0.0, part.edge)
-            ]
+    asked = [
+        PropagationPoint(
+            camera=camera,
+            distance=distance,
+            fields=(0.0, part.edge),
+            accuracy=part.accuracy,
+            budget=part.budget,
+            seed=part.seed,
         )
+        for camera in cameras
+    ]
+    table = steps.map("propagation", propagate_all_ways, asked, list(uncertain.cameras))
     coordinates: dict[str, Any] = {
         "camera": [camera.name for camera in cameras],
         "field": list(FIELDS),
@@ -74,7 +67,7 @@ def calibration_group(uncertain: UncertainCameras, part: CalibrationStudyPart, p
     return dataset("calibration", values, coordinates, attributes=attributes)
 
 
-def _propagated(table: list[list[list[PropagatedWay]]], distance: FloatArray) -> dict[str, Any]:
+def _propagated(table: Sequence[Sequence[Sequence[PropagatedWay]]], distance: FloatArray) -> dict[str, Any]:
     """Variables of the propagation, (camera, field, way, …)."""
 
     def each(get: Any) -> Any:

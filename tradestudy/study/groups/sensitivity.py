@@ -10,19 +10,20 @@ import xarray as xr
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.calibration.propagation import FIELDS
-from tradestudy.study.calibration.sensitivity import CameraSensitivity, sensitivity_of
+from tradestudy.study.calibration.sensitivity import SensitivityPoint, sensitivity_over_field
 from tradestudy.study.calibration.uncertain_camera import UncertainCamera, short_name
-from tradestudy.study.progress import Progress
+from tradestudy.study.execution import Steps
 from tradestudy.study.schema.calibration import CalibrationStudyPart
 
 
-def sensitivity_group(cameras: list[UncertainCamera], part: CalibrationStudyPart, progress: Progress) -> xr.Dataset:
+def sensitivity_group(cameras: list[UncertainCamera], part: CalibrationStudyPart, steps: Steps) -> xr.Dataset:
     """/sensitivity over (camera, field, distance, source)."""
     distance = np.array(part.distance_values())
-    found: list[list[CameraSensitivity]] = []
-    for number, camera in enumerate(cameras):
-        progress("sensitivity", number / len(cameras))
-        found.append([sensitivity_of(camera, distance, field, seed=part.seed) for field in (0.0, part.edge)])
+    asked = [
+        SensitivityPoint(camera=camera, distance=distance, fields=(0.0, part.edge), seed=part.seed)
+        for camera in cameras
+    ]
+    found = steps.map("sensitivity", sensitivity_over_field, asked, [camera.name for camera in cameras])
     groups = [{short_name(group.name): group for group in camera.sources.active_groups} for camera in cameras]
     sources = list(dict.fromkeys(name for camera in groups for name in camera))
     parameters = list(

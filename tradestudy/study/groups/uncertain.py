@@ -6,21 +6,21 @@ import xarray as xr
 
 from tradestudy.study.calibration.cameras import uncertain_cameras
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.execution import Steps
 from tradestudy.study.groups.calibration import calibration_group
 from tradestudy.study.groups.sensitivity import sensitivity_group
 from tradestudy.study.groups.uncertain_decision import uncertain_decision
-from tradestudy.study.progress import Progress
 from tradestudy.study.schema.calibration import CalibrationStudyPart
 
 
 def uncertain_groups(
-    definition: StudyDefinition, part: CalibrationStudyPart, decision: xr.Dataset, progress: Progress
+    definition: StudyDefinition, part: CalibrationStudyPart, decision: xr.Dataset, steps: Steps
 ) -> dict[str, xr.Dataset]:
     """/calibration, /sensitivity, and /decision with what calibration errors add to it."""
-    uncertain = uncertain_cameras(definition, part, progress)
-    added = uncertain_decision(uncertain, part, progress)
+    uncertain = uncertain_cameras(definition, part, steps)
+    added = uncertain_decision(uncertain, part, steps.progress)
     return {
-        "/calibration": calibration_group(uncertain, part, progress),
-        "/sensitivity": sensitivity_group(list(uncertain.cameras.values()), part, progress),
+        "/calibration": calibration_group(uncertain, part, steps),
+        "/sensitivity": sensitivity_group(list(uncertain.cameras.values()), part, steps),
         "/decision": decision if added is None else decision.merge(added),
     }
