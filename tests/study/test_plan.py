@@ -129,5 +129,5 @@ def test_bounds_are_the_worst_of_every_reading_and_design() -> None:
 
 def test_the_plan_reads_like_a_table(close_plan: Plan) -> None:
     text = str(close_plan)
-    assert "Hand-lens pair, f/22 (pair-f22): 1 % of depth uncertainty wanted" in text
+    assert "Hand-lens pair, f/22 (pair-f22): 2 % of depth uncertainty wanted" in text
     assert "predicted for this machine" in text

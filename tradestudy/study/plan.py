@@ -84,11 +84,25 @@ def plan_of(definition: StudyDefinition) -> Plan:
         accuracy=accuracy,
         situations=situations,
         selections=selections,
-        steps=predicted_seconds(acting, speed),
+        steps=(*predicted_seconds(acting, speed), *_pictures(acting, selections, speed)),
     )
     if plan.seconds[0] > accuracy.budget:
         raise _too_long(definition, situations, forced, speed, plan)
     return plan
+
+
+def _pictures(
+    definition: StudyDefinition, selections: Mapping[str, Selection], speed: float
+) -> tuple[PredictedStep, ...]:
+    """What deriving disparity errors from pictures adds to the depth of cameras."""
+    derived = [
+        name
+        for name, camera in definition.case.cameras.items()
+        if not isinstance(camera.disparity_error_px, float | int)
+    ]
+    seconds = math.fsum(selections[name].seconds for name in derived) / speed
+    work = f"{len(derived)} cameras whose disparity error is derived"
+    return (PredictedStep(name="pictures", low=seconds, high=seconds, work=work),) if derived else ()
 
 
 def _check_forced(
@@ -121,8 +135,9 @@ def _too_long(
 
     def seconds(factor: float) -> float:
         looser = Accuracy(relative={name: value * factor for name, value in plan.accuracy.relative.items()})
-        chosen = _models({one.name: one.select(looser, forced) for one in situations})
-        return math.fsum(step.low for step in predicted_seconds(definition.with_models(chosen), speed))
+        chosen = {one.name: one.select(looser, forced) for one in situations}
+        acting = definition.with_models(_models(chosen))
+        return math.fsum(step.low for step in (*predicted_seconds(acting, speed), *_pictures(acting, chosen, speed)))
 
     loosest = seconds(_LOOSEST)
     if loosest > budget:
