@@ -14,14 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from itertools import product
 from typing import Literal, assert_never
 
 import numpy as np
 
 from tradestudy.cameras.parts import require_positive
 from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.aliasing import REPLICAS, alias_radii, alias_weights, ring_weights
 from tradestudy.imaging.geometry import LensStage, PictureGeometry
 from tradestudy.imaging.matching_bound import BandNodes, band_nodes, matching_bound_px
 from tradestudy.imaging.noise import Light, SensorNoise, SensorNoiseModel, mean_electrons, noise_variance
@@ -53,8 +52,6 @@ _PEAK_CONTRAST = 3.0
 # Bounds above this say only that nothing is known; they are called infinite.
 _NOTHING_KNOWN_PX = 1e9
 _MOST_BLUR_OF_WAVES = 200.0
-_REPLICAS = 3
-_ALIAS_RADII = 193
 _COARSER = (0.85, 0.7, 0.55)
 # Up to which blur how many nodes along the band suffice; beyond the last the window is too small in practice.
 _BLUR_STEPS_PX = (3.0, 8.0, 16.0)
@@ -339,7 +336,7 @@ def _bounds(
 ) -> _Bounds:
     """The bound by each rule, and by the first in the other ways."""
     window = window_px(geometry, settings)
-    radii = _alias_radii()
+    radii = alias_radii()
     ends = np.cumsum([rule.x.size for rule in rules])
     frequency = np.concatenate([*(rule.radius for rule in rules), radii])
     transfer, transfer_error = optical_transfer(geometry, settings, models, frequency)
@@ -352,14 +349,14 @@ def _bounds(
     density = n**2 * texture_spectrum(frequency, contrast, length) * np.square(transfer)
     *inside, beyond = np.split(density, ends, axis=1)
     # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.
-    outermost = np.square(transfer[:, ends[-1] :]) @ _ring_weights(width)
-    tail = (n * contrast) ** 2 * share_beyond(_REPLICAS + 0.5, length) * outermost[:, np.newaxis]
+    outermost = np.square(transfer[:, ends[-1] :]) @ ring_weights(width)
+    tail = (n * contrast) ** 2 * share_beyond(REPLICAS + 0.5, length) * outermost[:, np.newaxis]
     floor = noise_variance(n, settings.sensor_noise, models.sensor_noise)
 
     def bound(k: int, aliased: FloatArray, every: int = 1) -> FloatArray:
         rule = rules[k]
         signal = inside[k] * np.square(square_transfer(rule.x, rule.y, width))
-        replicas = beyond[:, ::every] @ _alias_weights(rule, width, every)
+        replicas = beyond[:, ::every] @ alias_weights(rule, width, every)
         return matching_bound_px(rule, signal=signal, noise=floor + replicas + aliased, window_px=window)
 
     value = bound(0, tail)
@@ -382,49 +379,6 @@ def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: 
         return 0.0
     fill = settings.pixel_fill if geometry.sample_shape == "square" else 1.0
     return fill * geometry.sample_width / geometry.sample_pitch
-
-
-def _alias_radii() -> FloatArray:
-    """Radii [cycles/sample] between which everything that the replicas reach lies."""
-    return np.linspace(0.5, (_REPLICAS + 0.5) * np.sqrt(2.0), _ALIAS_RADII)
-
-
-@lru_cache(maxsize=64)
-def _alias_weights(nodes: BandNodes, width: float, every: int) -> FloatArray:
-    """What every replica of a radial spectrum adds at the nodes, as weights of its values at the alias radii.
-
-    Only each ``every``-th radius counts.
-
-    Linear between the radii, times the pixel's square transfer.
-    """
-    radii = _alias_radii()[::every]
-    step = radii[1] - radii[0]
-    columns = np.arange(nodes.x.size)
-    matrix = np.zeros((radii.size, nodes.x.size))
-    shifts = range(-_REPLICAS, _REPLICAS + 1)
-    for row, column in product(shifts, shifts):
-        if row == column == 0:
-            continue
-        x, y = nodes.x + column, nodes.y + row
-        position = (np.hypot(x, y) - radii[0]) / step
-        below = np.clip(position.astype(np.intp), 0, radii.size - 2)
-        passed = np.square(square_transfer(x, y, width))
-        matrix[below, columns] += (1.0 - (position - below)) * passed
-        matrix[below + 1, columns] += (position - below) * passed
-    matrix.setflags(write=False)
-    return matrix
-
-
-@lru_cache(maxsize=64)
-def _ring_weights(width: float) -> FloatArray:
-    """The mean over the outermost ring of alias radii and over directions, the pixel's square transfer included."""
-    radii = _alias_radii()
-    angle = np.linspace(0.0, np.pi / 2.0, 33)
-    seen = np.square(square_transfer(np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), width))
-    ring = radii > _REPLICAS
-    weights = np.where(ring, seen.mean(axis=1), 0.0) / np.count_nonzero(ring)
-    weights.setflags(write=False)
-    return weights
 
 
 def _violated(

@@ -1,0 +1,57 @@
+"""What samples add to the band from beyond it: replicas of a radial spectrum, as weights of its values."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import product
+
+import numpy as np
+
+from tradestudy.imaging.matching_bound import BandNodes
+from tradestudy.imaging.transfer import square_transfer
+from tradestudy.optics.arrays import FloatArray
+
+REPLICAS = 3
+"""How many replicas of the spectrum are summed to every side, each one by itself."""
+_RADII = 193
+
+
+def alias_radii() -> FloatArray:
+    """Radii [cycles/sample] between which everything that the replicas reach lies."""
+    return np.linspace(0.5, (REPLICAS + 0.5) * np.sqrt(2.0), _RADII)
+
+
+@lru_cache(maxsize=64)
+def alias_weights(nodes: BandNodes, width: float, every: int) -> FloatArray:
+    """What every replica of a radial spectrum adds at the nodes, as weights of its values at the alias radii.
+
+    Linear between the radii, of which each ``every``-th counts, times the pixel's square transfer.
+    """
+    radii = alias_radii()[::every]
+    step = radii[1] - radii[0]
+    columns = np.arange(nodes.x.size)
+    matrix = np.zeros((radii.size, nodes.x.size))
+    shifts = range(-REPLICAS, REPLICAS + 1)
+    for row, column in product(shifts, shifts):
+        if row == column == 0:
+            continue
+        x, y = nodes.x + column, nodes.y + row
+        position = (np.hypot(x, y) - radii[0]) / step
+        below = np.clip(position.astype(np.intp), 0, radii.size - 2)
+        passed = np.square(square_transfer(x, y, width))
+        matrix[below, columns] += (1.0 - (position - below)) * passed
+        matrix[below + 1, columns] += (position - below) * passed
+    matrix.setflags(write=False)
+    return matrix
+
+
+@lru_cache(maxsize=64)
+def ring_weights(width: float) -> FloatArray:
+    """The mean over the outermost ring of alias radii and over directions, the pixel's square transfer included."""
+    radii = alias_radii()
+    angle = np.linspace(0.0, np.pi / 2.0, 33)
+    seen = np.square(square_transfer(np.outer(radii, np.cos(angle)), np.outer(radii, np.sin(angle)), width))
+    ring = radii > REPLICAS
+    weights = np.where(ring, seen.mean(axis=1), 0.0) / np.count_nonzero(ring)
+    weights.setflags(write=False)
+    return weights
