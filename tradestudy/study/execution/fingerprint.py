@@ -63,7 +63,7 @@ def _tell(value: Any, parts: list[bytes]) -> None:
 
 def _inside(value: Any) -> list[Any] | None:
     """What an object consists of; None where that is not known."""
-    names = _fields_of(type(value))
+    names = _fields_of(value.__class__)
     if names is not None:
         return [getattr(value, name) for name in names]
     if isinstance(value, partial):
