@@ -14,7 +14,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import disc_nodes, gauss_legendre
 
 if TYPE_CHECKING:  # propagation takes as long to import as all the rest, and few pictures need it
-    from tradestudy.optics.propagation import CircularLens, LensPhase, Method, PointSource
+    from tradestudy.optics.propagation import CircularLens, LensPhase, PointSource
 
 # Farther than this a point source is at infinity to all digits that matter, and the paths are still exact.
 FARTHEST = 1e6
@@ -114,9 +114,7 @@ def kirchhoff_correction(
     weight = 2.0 * np.pi * r * np.tile(w, panels) * period
     source = PointSource(distance=distance)
     lens = CircularLens(radius=aperture / 2.0, focal_length=focal_length, lens_phase=lens_phase)
-    difference = _spot(source, lens, r, plane, wavelength, "kirchhoff") - _spot(
-        source, lens, r, plane, wavelength, "fresnel"
-    )
+    difference = _spot(source, lens, r, plane, wavelength) - _fresnel_spot(r, wavelength, aperture, plane, blur)
     frequency = np.linspace(0.0, 1.0 / period, _FREQUENCIES)
     terms = j0(2.0 * np.pi * np.outer(frequency, r)) * (weight * difference)
     correction = terms.sum(axis=1)
@@ -128,10 +126,8 @@ def kirchhoff_correction(
     return normalised, max(outer, abs(at_zero - 1.0))
 
 
-def _spot(
-    source: PointSource, lens: CircularLens, r: FloatArray, plane: float, wavelength: float, method: Method
-) -> FloatArray:
-    """Intensity over the power that passed the pupil [1/m²]."""
+def _spot(source: PointSource, lens: CircularLens, r: FloatArray, plane: float, wavelength: float) -> FloatArray:
+    """Kirchhoff's intensity over the power that passed the pupil [1/m²]."""
     from tradestudy.optics.propagation import Accuracy, TargetPoints, aperture_field, lens_wave
 
     field = aperture_field(
@@ -139,10 +135,24 @@ def _spot(
         lens=lens,
         targets=TargetPoints(x=r, y=0.0, distance=plane),
         wavelength=wavelength,
-        method=method,
+        method="kirchhoff",
         accuracy=Accuracy(tolerance=_TOLERANCE),
     )
-    wave = lens_wave(source=source, lens=lens, wavelength=wavelength, paraxial=method == "fresnel")
+    wave = lens_wave(source=source, lens=lens, wavelength=wavelength)
     nodes = disc_nodes(radius=lens.radius, radial_count=12, angular_count=24)
     power = float(nodes.weights @ np.abs(wave.amplitude(nodes.x, nodes.y)) ** 2)
     return np.asarray(field.intensity / power)
+
+
+def _fresnel_spot(r: FloatArray, wavelength: float, aperture: float, plane: float, blur: float) -> FloatArray:
+    """Fresnel's intensity on the axis of a circular lens over the power that passed it [1/m²].
+
+    ``(π/4) (A/λb)² |∫₀¹ exp(2πi W t) J₀(π A r √t / λb) dt|²`` with W = c/(8 N λ) waves of defocus at the rim.
+    """
+    from scipy.special import j0
+
+    waves = blur * aperture / (8.0 * plane * wavelength)
+    reach = np.pi * aperture / (wavelength * plane) * r
+    t, w = gauss_legendre(24 + math.ceil(0.5 * float(reach[-1]) + 4.0 * waves))
+    amplitude = (w * np.exp(2j * np.pi * waves * t)) @ j0(np.sqrt(t)[:, np.newaxis] * reach)
+    return np.asarray(np.pi / 4.0 * (aperture / (wavelength * plane)) ** 2 * np.abs(amplitude) ** 2)
