@@ -1,6 +1,8 @@
 """The image-plane pattern of a circular lens by other people's packages, timed; needs none of this project.
 
-    python outside_packages.py '{"radius": …, "distance": …, "wavelength": …, "pitch": …, "count": …, "repeat": …}'
+    python outside_packages.py CASE
+
+CASE is JSON: radius, distance, wavelength, pitch [m], count, repeat, clock ("wall" or "cpu").
 
 Prints one JSON line per package and setting: seconds (least of the repeats, set-up included) and relative L2 error of
 the intensity from the Airy pattern, which is exact for the law that all of them compute. Packages that are not
@@ -77,6 +79,7 @@ def error(intensity: np.ndarray, truth: np.ndarray) -> float:
 def main() -> None:
     """Time every setting of every package that is installed."""
     case = json.loads(sys.argv[1])
+    clock = time.process_time if case["clock"] == "cpu" else time.perf_counter
     for package in (prysm, hcipy):
         try:
             release = version(package.__name__)
@@ -86,9 +89,9 @@ def main() -> None:
             compute()
             seconds = []
             for _ in range(int(case["repeat"])):
-                start = time.perf_counter()
+                start = clock()
                 intensity = compute()
-                seconds.append(time.perf_counter() - start)
+                seconds.append(clock() - start)
             row = {
                 "package": f"{package.__name__} {release}",
                 "setting": setting,

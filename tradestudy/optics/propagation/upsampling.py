@@ -38,6 +38,7 @@ class Upsampling:
     matrix: FloatArray
 
 
+@lru_cache(maxsize=16)  # both axes of a square grid, and every wave on the same grid, share one
 def upsampling(*, fine_count: int, oversampling: float, tolerance: float) -> Upsampling | None:
     """Plan for an axis whose `fine_count` samples are `oversampling` times finer than Nyquist's; None if no gain.
 
@@ -57,7 +58,9 @@ def upsampling(*, fine_count: int, oversampling: float, tolerance: float) -> Ups
     window = np.sqrt(np.clip(1 - (distance / half) ** 2, 0.0, None))
     shape = math.pi * half * gap
     kernel = np.sinc(distance) * scipy.special.i0(shape * window) / scipy.special.i0(shape)
-    return Upsampling(step=step, first=first, count=count, matrix=np.where(np.abs(distance) <= half, kernel, 0.0))
+    matrix = np.where(np.abs(distance) <= half, kernel, 0.0)
+    matrix.setflags(write=False)
+    return Upsampling(step=step, first=first, count=count, matrix=matrix)
 
 
 def apply_along_rows(matrix: FloatArray, values: ComplexArray) -> ComplexArray:
