@@ -7,24 +7,31 @@ import math
 import numpy as np
 
 from tradestudy.effects.light_scene import LightScene
+from tradestudy.optics.arrays import FloatArray
 
 
 def light_behind_neighbours(scene: LightScene) -> float:
     """Upper bound on the light that leaves its microlens's cell, relative L2 over the picture.
 
-    Rays that land behind a neighbour count by the root of their share. Where none do, diffraction sends the share
-    2 λ N/(π² m) beyond the margin m, where its intensity per power is at most λ N/(π³ m³).
+    A ray that lands behind a neighbour is there with all its light. One that lands the margin m inside its own cell
+    sends the share 2/(π² f_c m) beyond its border by diffraction at an aperture of cutoff f_c, of which at most half
+    to that side.
     """
+    return math.sqrt(float(np.mean(_shares_outside(scene) ** 2)))
+
+
+def interference_change(scene: LightScene) -> float:
+    """Relative L2 that interference of own and foreign light makes on the picture: 2 √(own · foreign) · contrast."""
+    return 2.0 * math.sqrt(float(np.mean(_shares_outside(scene)))) * fringe_contrast(scene)
+
+
+def _shares_outside(scene: LightScene) -> FloatArray:
+    """Share of the light of every ray that diffraction carries out of its cell; 0 where no ray passes."""
     margins = scene.margins
-    if math.isinf(np.min(margins, initial=math.inf)):
-        return 0.0
-    outside = float(np.mean(margins < 0.0))
-    if outside > 0.0:
-        return math.sqrt(outside / max(1.0 - outside, outside))
-    margin = max(float(margins.min()), 1.0 / scene.cutoff)
-    share = 2.0 / (math.pi**2 * scene.cutoff * margin)
-    size = scene.spot_radius + scene.blur_on_detector + 1.0 / scene.cutoff + scene.path.pixels.pitch
-    return math.sqrt(share * size**2 / (math.pi**2 * scene.cutoff * margin**3))
+    if not margins.size:
+        return np.zeros(1)
+    inside = np.maximum(margins, 0.2 / scene.cutoff)
+    return np.asarray(np.where(margins < 0.0, 1.0, 0.2 / (scene.cutoff * inside)))
 
 
 def fringe_contrast(scene: LightScene) -> float:
@@ -32,12 +39,19 @@ def fringe_contrast(scene: LightScene) -> float:
 
     Their frequency is pitch/(λ b_L); a pixel leaves at most 1/(π f p), a disc of radius r 1.6/(2π f r)^{3/2}.
     """
-    f = scene.path.microlenses.pitch / (scene.wavelength * scene.path.detector_distance)
-    pixel = min(1.0, 1.0 / (math.pi * f * scene.path.pixels.pitch))
-    x = 2.0 * math.pi * f * scene.spot_radius
-    return pixel * (min(1.0, 1.6 / x**1.5) if x > 0.0 else 1.0)
+    pixel = 1.0 / (math.pi * _fringe_frequency(scene) * scene.path.pixels.pitch)
+    return min(1.0, pixel) * _contrast_by_source(scene)
 
 
-def interference_change(scene: LightScene) -> float:
-    """Relative L2 on the picture of the interference of own and foreign light: 2 √(own · foreign) · contrast."""
-    return 2.0 * math.sqrt(light_behind_neighbours(scene)) * fringe_contrast(scene)
+def sampled_fringes(scene: LightScene) -> float:
+    """Relative L2 of the fringes that samples keep and pixels average."""
+    return 2.0 * math.sqrt(float(np.mean(_shares_outside(scene)))) * _contrast_by_source(scene)
+
+
+def _contrast_by_source(scene: LightScene) -> float:
+    x = max(2.0 * math.pi * _fringe_frequency(scene) * scene.spot_radius, 1e-9)
+    return min(1.0, 1.6 / math.pow(x, 1.5))
+
+
+def _fringe_frequency(scene: LightScene) -> float:
+    return scene.path.microlenses.pitch / (scene.wavelength * scene.path.detector_distance)

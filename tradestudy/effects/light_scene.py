@@ -16,6 +16,10 @@ from tradestudy.optics.propagation.lens import lens_paths
 
 _PUPIL_POINTS: Final = 400
 _SOURCE_POINTS: Final = 13
+_RIM_POINTS: Final = 16
+_FEW_RAYS: Final = 40  # for what changes slowly over the array
+_FEWEST_RAYS: Final = 20
+_LEAST_FRESNEL_NUMBER: Final = 0.5  # of the main pupil from the array
 _GOLDEN: Final = math.pi * (3.0 - math.sqrt(5.0))
 
 
@@ -27,14 +31,11 @@ class LawDifference:
     ----------
     displacement
         Root mean square by which rays land elsewhere on the detector [m]; infinite where no ray passes.
-    path_waves
-        Largest error of slope, across the microlens, in waves.
     brightness
         Root mean square of the relative change of intensity by the cosines that Fresnel takes for one.
     """
 
     displacement: float
-    path_waves: float
     brightness: float
 
 
@@ -117,6 +118,12 @@ class LightScene:
         return self.acting_width / 2.0 * self.path.detector_distance * worst
 
     @property
+    def least_blur_on_detector(self) -> float:
+        """The same behind the type of microlens that is nearest to focus [m]."""
+        least = float(np.min(np.abs(self.vergence_errors)))
+        return self.acting_width / 2.0 * self.path.detector_distance * least
+
+    @property
     def main_fresnel_number(self) -> float:
         """N = R²/λ |1/z − 1/b_M| of the main pupil as seen from the array."""
         z, b = self.path.array_distance, self.main_image_distance
@@ -137,6 +144,18 @@ class LightScene:
     def lit_share(self) -> float:
         """Share of the rays through the pupil that pass the array."""
         return len(self._rays.landing) / (_PUPIL_POINTS * _SOURCE_POINTS)
+
+    @property
+    def why_unbounded(self) -> str:
+        """Why no bound can be stated from rays and widths; empty where one can.
+
+        Rays say nothing of light that diffraction alone brings to a microlens, nor of the inside of a focal spot.
+        """
+        if len(self._rays.landing) < _FEWEST_RAYS:
+            return "hardly any ray passes a microlens, so that nothing is known of the light that does"
+        if self.main_fresnel_number < _LEAST_FRESNEL_NUMBER:
+            return "the array stands within the focal spot of the main lens, where rays say nothing"
+        return ""
 
     @cached_property
     def margins(self) -> FloatArray:
@@ -165,31 +184,60 @@ class LightScene:
             landing = b * (power * z * at_pupil + at_array)
         else:
             landing = b * (at_array - at_pupil * self.main_image_distance / self.depth)
-        cosine = 1.0 / (1.0 + np.sum(rays.arriving**2, axis=1) / z**2)
-        return self._difference(landing, cosine**2)
+        return self._difference(landing, rays.arriving, z)
 
     @cached_property
     def detector_law(self) -> LawDifference:
         """Fresnel against Kirchhoff from the array to the detector, lens phases of the microlenses included."""
-        rays, b = self._rays, self.path.detector_distance
+        return self._behind_array(self._rays)
+
+    @cached_property
+    def rim_detector_law(self) -> LawDifference:
+        """The same for light that the rim of the main pupil diffracts to where rays pass the array."""
+        return self._behind_array(self._rim_rays)
+
+    @cached_property
+    def rim_path_waves(self) -> float:
+        """Change of phase by exact paths, of the rim's light against that of rays, root mean square [waves]."""
+        rays, rim = self._rays, self._rim_rays
+        if not len(rays.landing):
+            return math.inf
+        few = slice(None, None, max(1, len(rays.landing) // _FEW_RAYS))
+        x = (rays.offset + self._centre_of(rays))[few]
+        own = self._main_error(x + rays.arriving[few], x)
+        at_rim = x[:, None] + rim.arriving.reshape(-1, _RIM_POINTS, 2)[: len(x)]
+        other = self._main_error(at_rim, np.broadcast_to(x[:, None], at_rim.shape))
+        return float(np.sqrt(np.mean((other - own[:, None]) ** 2))) / self.wavelength
+
+    def _main_error(self, pupil: FloatArray, x: FloatArray) -> FloatArray:
+        """Exact less paraxial path from the middle of the source through pupil points to array points [m]."""
+        z, towards = self.path.array_distance, pupil - x
+        exact, paraxial = (
+            lens_paths(self.source.centre, self.path.main_lens, paraxial=law).value(pupil[..., 0], pupil[..., 1])
+            for law in (False, True)
+        )
+        squared = np.sum(towards**2, axis=-1)
+        # √(z² + d²) − z − d²/2z without the difference of large numbers
+        leg = squared / (z + np.sqrt(z**2 + squared)) - squared / (2.0 * z)
+        return np.asarray(exact - paraxial + leg)
+
+    def _behind_array(self, rays: _Rays) -> LawDifference:
+        b = self.path.detector_distance
         leaving = rays.landing - (rays.offset + self._centre_of(rays))
         error = self._microlens_slope(rays) + _cosines(-leaving, b) + leaving / b
-        cosine = 1.0 / (1.0 + np.sum(leaving**2, axis=1) / b**2)
-        return self._difference(b * error, cosine**2)
+        return self._difference(b * error, leaving, b)
 
     @property
     def _lit_by_whole_pupil(self) -> bool:
         return self.blur_on_array < self.path.microlenses.aperture_width / 2.0
 
-    def _difference(self, landing: FloatArray, transmission: FloatArray) -> LawDifference:
+    def _difference(self, landing: FloatArray, travel: FloatArray, distance: float) -> LawDifference:
         if not len(landing):
-            return LawDifference(displacement=math.inf, path_waves=math.inf, brightness=math.inf)
-        far = np.linalg.norm(landing, axis=1)
-        waves = float(far.max()) / self.path.detector_distance * self.acting_width / 2.0 / self.wavelength
+            return LawDifference(displacement=math.inf, brightness=math.inf)
+        cosine = 1.0 / (1.0 + np.sum(travel**2, axis=1) / distance**2)
         return LawDifference(
-            displacement=float(np.sqrt(np.mean(far**2))),
-            path_waves=waves,
-            brightness=float(np.sqrt(np.mean((1.0 - transmission) ** 2))),
+            displacement=float(np.sqrt(np.mean(np.sum(landing**2, axis=1)))),
+            brightness=float(np.sqrt(np.mean((1.0 - cosine**2) ** 2))),
         )
 
     def _centre_of(self, rays: _Rays) -> FloatArray:
@@ -212,6 +260,29 @@ class LightScene:
             outgoing = -_cosines(rays.offset + apart * behind / before, behind)
             error = outgoing - incoming + rays.offset / focal
         return np.where(np.isfinite(focal), error, 0.0)
+
+    @cached_property
+    def _rim_rays(self) -> _Rays:
+        """From all around the rim of the pupil to where some rays pass the array."""
+        rays, path = self._rays, self.path
+        few = slice(None, None, max(1, len(rays.landing) // _FEW_RAYS))
+        angle = 2.0 * math.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+        rim = path.main_lens.radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        lens, offset, focal = (
+            np.repeat(a[few], _RIM_POINTS, axis=0) for a in (rays.lens, rays.offset, rays.focal_length)
+        )
+        x = offset + path.microlenses.centres[lens.astype(int)]
+        arriving = np.tile(rim, (len(x) // _RIM_POINTS, 1)) - x
+        landing = x - path.detector_distance * (arriving / path.array_distance + offset / focal[:, None])
+        return _Rays(
+            arriving=arriving,
+            main_slope=np.zeros_like(x),
+            offset=offset,
+            object_offset=np.repeat(rays.object_offset[few], _RIM_POINTS, axis=0),
+            focal_length=focal,
+            landing=landing,
+            lens=lens,
+        )
 
     @cached_property
     def _rays(self) -> _Rays:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
 from scipy.special import j1
 
-from tradestudy.effects.light_scene import LightScene
+from tradestudy.accuracy import Quantity
+from tradestudy.effects.base import Bound
+from tradestudy.effects.light_scene import LawDifference, LightScene
 from tradestudy.optics.arrays import FloatArray
 
 _POINTS: Final = 600
@@ -45,6 +48,22 @@ def source_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
     return disc_transfer(f, scene.spot_radius)
 
 
+def lit_transfer(scene: LightScene, *, source: bool = True, pixels: bool = True) -> FloatArray:
+    """What source, defocus, aperture and pixel leave of every frequency, at most; without some if asked.
+
+    Defocus leaves 1.6/x^{3/2}, the envelope of 2 J₁(x)/x, and rings, which hold the share η² of the light's square
+    over all frequencies up to the cutoff: η/(2π N) of each, four times that where the detector cuts the picture.
+    """
+    f = frequencies(scene)
+    x = np.maximum(2.0 * math.pi * f * scene.least_blur_on_detector, 1e-9)
+    zones = max(scene.microlens_fresnel_number, 1e-9)
+    blurred = np.minimum(1.0, 1.6 / x**1.5 + 2.0 * edge_wave(zones) / (math.pi * zones))
+    left = blurred * aperture_transfer(scene, f)
+    if source:
+        left = left * source_transfer(scene, f)
+    return np.asarray(left * pixel_transfer(scene, f) if pixels else left)
+
+
 def picture_change(scene: LightScene, change: FloatArray) -> float:
     """Relative L2 over the picture of one microlens of a change of its transfer function.
 
@@ -73,7 +92,7 @@ def _norm(scene: LightScene) -> float:
     """√∫ |picture|² f df of the most complete models, at least: defocus and displacement of rays blur it besides."""
     f = frequencies(scene)
     law = math.hypot(_finite(scene.main_law.displacement), _finite(scene.detector_law.displacement))
-    aberration = np.exp(-np.minimum(math.pi * f * law, 10.0) ** 2)
+    aberration = np.exp(-(np.minimum(math.pi * f * law, 10.0) ** 2))
     picture = aperture_transfer(scene, f) * source_transfer(scene, f) * pixel_transfer(scene, f)
     picture = picture * disc_transfer(f, scene.blur_on_detector) * aberration
     # what lies below the first frequency is a whole disc of them
@@ -91,11 +110,43 @@ def edge_wave(fresnel_number: float) -> float:
     return min(1.0, math.sqrt(math.sqrt(2.0) * _EDGE_WAVE) * math.pow(fresnel_number, -0.25))
 
 
-def law_change(scene: LightScene, displacement: float) -> FloatArray:
-    """Largest change of the transfer function if rays land elsewhere: min(2, 2π f δ) of what the aperture passes."""
-    f = frequencies(scene)
-    turned = np.minimum(2.0, 2.0 * math.pi * f * _finite(displacement))
-    return turned * aperture_transfer(scene, f) * source_transfer(scene, f) * pixel_transfer(scene, f)
+def rim_light(scene: LightScene) -> float:
+    """Share η of the rim's wave in the field on the array, less where source and pixel average it.
+
+    It turns by k R/z per metre of the array. On one pixel falls light of that part of the source whose image it is,
+    which moves the pupil's shadow by r; of fringes that fine a disc of radius r leaves 1.6/x^{3/2}, x = k R r/z.
+    """
+    path, source = scene.path, scene.source
+    moved = source.diameter / 2.0 * path.array_distance / source.distance
+    seen = min(1.0, path.pixels.pitch / math.sqrt(math.pi) / max(scene.spot_radius, 1e-12))
+    x = 2.0 * math.pi / scene.wavelength * path.main_lens.radius / path.array_distance * moved * seen
+    return edge_wave(scene.main_fresnel_number) * min(1.0, 1.6 / math.pow(max(x, 1e-9), 1.5))
+
+
+def law_change(scene: LightScene, law: LawDifference) -> float:
+    """Change of the picture by another law: rays land elsewhere by δ, which turns phases by min(2, 2π f δ), or fade."""
+    turned = np.minimum(2.0, 2.0 * math.pi * frequencies(scene) * _finite(law.displacement))
+    return picture_change(scene, turned * lit_transfer(scene)) + law.brightness
+
+
+def bound_of(
+    scene: LightScene, change: float, *, criterion: str, number: float, reason: str
+) -> Mapping[Quantity, Bound]:
+    """The bound on pixels; infinite, with why, where rays and widths say nothing."""
+    why = scene.why_unbounded
+    change = math.inf if why or not math.isfinite(change) else change
+    return {
+        "pixel_intensity": Bound(
+            relative_change=change, criterion=criterion, number=number, reason=why if why else reason
+        )
+    }
+
+
+def complete() -> Mapping[Quantity, Bound]:
+    """Of the model that leaves nothing out."""
+    return {
+        "pixel_intensity": Bound(relative_change=0.0, criterion="left out", number=0.0, reason="nothing is left out")
+    }
 
 
 def _finite(displacement: float) -> float:

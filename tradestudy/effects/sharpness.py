@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, Focus
 from tradestudy.effects.base import OFF, Bound, Model, Slot
-from tradestudy.effects.main_lens_diffraction import complete
 from tradestudy.optics.arrays import FloatArray
+
+_COMPLETE: Final = Bound(relative_change=0.0, criterion="left out", number=0.0, reason="nothing is left out")
 
 
 def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCriterion]) -> Slot:
@@ -21,7 +23,7 @@ def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCr
     """
     allowing = [one for one in criteria if one.measure != "none"]
     if not allowing:
-        return Slot(name="main_lens_diffraction", models=(Model(name=OFF, bounds={"depth_of_field": complete()}),))
+        return Slot(name="main_lens_diffraction", models=(Model(name=OFF, bounds={"depth_of_field": _COMPLETE}),))
     change = max(_changes(focuses, allowing), default=0.0)
     return Slot(
         name="main_lens_diffraction",
@@ -37,7 +39,7 @@ def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCr
                     )
                 },
             ),
-            Model(name="airy", bounds={"depth_of_field": complete()}),
+            Model(name="airy", bounds={"depth_of_field": _COMPLETE}),
         ),
     )
 
