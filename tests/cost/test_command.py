@@ -68,6 +68,13 @@ def test_a_cost_of_another_study_or_machine_is_not_shown(
     assert stored.read_cost(folder, study.hash) is None
 
 
+def test_a_cost_with_other_variables_is_as_none(study: Study, folder: Path, tmp_path: Path) -> None:
+    cost = stored.read_cost(folder, study.hash)
+    assert cost is not None
+    stored.write_cost(cost.drop_vars("reference_seconds"), tmp_path)
+    assert stored.read_cost(tmp_path, study.hash) is None
+
+
 @pytest.mark.parametrize("content", [b"", b"not a results file", b"\x89HDF\r\n\x1a\n" + bytes(64)])
 def test_a_damaged_cost_is_as_none(study: Study, tmp_path: Path, content: bytes) -> None:
     (tmp_path / stored.COST).write_bytes(content)

@@ -25,7 +25,9 @@ def entry(model: str, error: float, seconds: float, *, chosen: bool = False) -> 
 
 
 def measured(*entries: Entry, floor: float = 1e-9) -> Measured:
-    return Measured(name="q", title="Q", says="", reference="", reference_error=floor, entries=entries)
+    return Measured(
+        name="q", title="Q", says="", reference="", reference_error=floor, reference_seconds=1.0, entries=entries
+    )
 
 
 def test_the_frontier_holds_what_nothing_beats() -> None:

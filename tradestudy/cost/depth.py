@@ -121,7 +121,9 @@ def propagation_cost(
         Of any way; the reference takes at most eight times as many.
     """
     progress(f"cost: {name}", 0.0)
-    reference, reference_error, words = _reference(cases, allowance.share(_REFERENCE_SHARE), most_draws)
+    reference, reference_error, reference_seconds, words = _reference(
+        cases, allowance.share(_REFERENCE_SHARE), most_draws
+    )
     progress(f"cost: {name}", _REFERENCE_SHARE)
     entries: list[Entry] = []
     left_out: list[str] = []
@@ -157,6 +159,7 @@ def propagation_cost(
         says=says,
         reference=words,
         reference_error=reference_error,
+        reference_seconds=reference_seconds,
         entries=tuple(sorted(entries, key=lambda entry: _ORDER.index(entry.model))),
         left_out=tuple(left_out),
         notes=tuple(_gain(entries, reference_error)),
@@ -281,8 +284,8 @@ def _entry(
     )
 
 
-def _reference(cases: Sequence[Case], allowance: Allowance, most_draws: int) -> tuple[FloatArray, float, str]:
-    """Half-widths from many draws, their relative standard error, and the words for both.
+def _reference(cases: Sequence[Case], allowance: Allowance, most_draws: int) -> tuple[FloatArray, float, float, str]:
+    """Half-widths from many draws, their relative standard error, what they took, and the words for all.
 
     Written apart from what is measured: the draws come from scipy's own scrambled Sobol sequence, unaligned, and the
     quantiles from numpy over all draws of a scramble.
@@ -300,7 +303,7 @@ def _reference(cases: Sequence[Case], allowance: Allowance, most_draws: int) -> 
         f"2{power} scrambled Sobol draws in {_SCRAMBLES} scrambles of a seed of their own through the exact models, "
         "quantiles by a code of their own"
     )
-    return mean, error, words
+    return mean, error, found[1], words
 
 
 def _scrambles(cases: Sequence[Case], draws: int) -> tuple[FloatArray, float]:

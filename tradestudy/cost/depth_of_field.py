@@ -72,6 +72,7 @@ def depth_of_field_cost(
         "criteria that is not sharp by both, for the worst camera.",
         reference="the criterion that counts diffraction to the first dark ring, the most complete one there is",
         reference_error=0.0,
+        reference_seconds=next(entry.seconds for entry in entries if entry.error == 0.0),
         entries=tuple(entries),
     )
 

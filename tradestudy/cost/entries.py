@@ -64,6 +64,8 @@ class Measured:
         What the error is against.
     reference_error
         Relative error of the reference itself; no error below it means anything.
+    reference_seconds
+        What the reference took [s].
     entries
         Model by model.
     left_out
@@ -77,6 +79,7 @@ class Measured:
     says: str
     reference: str
     reference_error: float
+    reference_seconds: float
     entries: tuple[Entry, ...]
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -51,7 +52,9 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
         )
 
     progress("cost: spot_point", 0.0)
+    begin = time.perf_counter()
     reference = image("kirchhoff", _POINT_REFERENCE, _REFERENCE_SEED)
+    reference_seconds = time.perf_counter() - begin
     checked = max(reference.direct_check.values(), default=math.nan)
     runs: list[_Run] = [("geometric", math.nan, lambda: image("geometric", ChainAccuracy(tolerance=_COARSEST)))]
     runs += [
@@ -75,6 +78,7 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
         reference="Kirchhoff on both legs at a tolerance of 1e-5 with 1.2 times the nodes, samples and reach, its "
         f"intensities within {checked:.1e} of direct quadrature at random places",
         reference_error=reference.numerical_error,
+        reference_seconds=reference_seconds,
         entries=entries,
         left_out=left_out,
     )
@@ -126,10 +130,13 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
             says=says,
             reference="none",
             reference_error=math.nan,
+            reference_seconds=math.nan,
             entries=(),
             left_out=(why,),
         )
+    begin = time.perf_counter()
     reference = image("kirchhoff", finest, _REFERENCE_SEED)
+    reference_seconds = time.perf_counter() - begin
     tolerances = list(dict.fromkeys((standing, *_SPOT_TOLERANCES)))  # the study's own first, in case the time ends
     asked: list[tuple[MethodName, float]] = [
         ("geometric", math.nan),
@@ -158,6 +165,7 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
         says=says,
         reference=f"Kirchhoff on both legs at a tolerance of {100 * finest:g} %, with its own stated error",
         reference_error=reference.numerical_error,
+        reference_seconds=reference_seconds,
         entries=entries,
         left_out=(*left_out, *missing),
     )

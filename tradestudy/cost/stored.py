@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.machine import identity
+from tradestudy.results import GROUPS
 from tradestudy.storage import replacing
 
 COST: Final = "cost.nc"
@@ -27,7 +28,9 @@ def write_cost(cost: xr.Dataset, directory: Path) -> None:
 
 
 def read_cost(directory: Path, study_hash: str) -> xr.Dataset | None:
-    """The last cost of a study on this machine; None where there is none, or one of something else, or a damaged one.
+    """The last cost of a study on this machine; None where there is none, or only one that cannot be shown.
+
+    That is one of another study or machine, a damaged one, or one of an older program with other variables.
 
     Parameters
     ----------
@@ -42,7 +45,8 @@ def read_cost(directory: Path, study_hash: str) -> xr.Dataset | None:
         machine = json.loads(str(cost.attrs["machine"]))
     except (OSError, ValueError, KeyError, RuntimeError):
         return None
-    return cost if cost.attrs.get("study_hash") == study_hash and machine == identity() else None
+    whole = set(map(str, cost.data_vars)) == set(GROUPS["cost"])
+    return cost if whole and cost.attrs.get("study_hash") == study_hash and machine == identity() else None
 
 
 def _summary(cost: xr.Dataset) -> dict[str, Any]:

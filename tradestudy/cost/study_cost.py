@@ -128,6 +128,7 @@ def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:
         "says": [measured.says for measured in found],
         "reference": [measured.reference for measured in found],
         "reference_error": [measured.reference_error for measured in found],
+        "reference_seconds": [measured.reference_seconds for measured in found],
         "left_out": ["\n".join(measured.left_out) for measured in found],
         "notes": ["\n".join(measured.notes) for measured in found],
         "chosen_error": of_digit("error"),

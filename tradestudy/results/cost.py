@@ -62,6 +62,9 @@ COST: Final[Mapping[str, Variable]] = {
         long_name="relative error of the reference; NaN where there was no time for one",
         error="an estimate itself",
     ),
+    "reference_seconds": Variable(
+        dims=_QUANTITY, units="s", long_name="wall time of the reference; NaN where there is none", error="taken once"
+    ),
     "left_out": _words(_QUANTITY, "what was not measured and why"),
     "notes": _words(_QUANTITY, "what else follows"),
     "chosen_error": Variable(

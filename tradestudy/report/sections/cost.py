@@ -78,12 +78,8 @@ def _answer(one: xr.Dataset) -> Spans:
             seconds=_duration(seconds),
         )
     if wanted < floor:
-        then = (
-            f"whether a tenth of that could be had cannot be told: the reference itself errs by {_error(floor)}, and "
-            "nothing measured is closer to it"
-        )
-        if error > floor:
-            then = f"a tenth of that is below the error of the reference, {_error(floor)}"
+        dear = _duration(float(one["reference_seconds"]))
+        then = f"a tenth of that is less than the {_error(floor)} by which the reference errs, which itself took {dear}"
     elif math.isinf(needed):
         best, took = float(one["best_error"]), float(one["best_seconds"])
         then = f"a tenth of that cannot be had: the best measured errs by {_error(best)} and takes {_duration(took)}"
