@@ -17,6 +17,8 @@ import numpy as np
 import pypdfium2
 import pytest
 
+from tradestudy import load
+
 STUDIES = Path(__file__).parent.parent / "studies"
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
 
@@ -204,3 +206,13 @@ def test_a_new_study_checks_and_runs(tmp_path: Path) -> None:
     refused = tradestudy("new", "../mine", cwd=tmp_path)
     assert refused.returncode == 2
     assert "cannot be the name of a study" in refused.stderr
+
+
+def test_a_study_whose_data_file_changed_is_another_study(tmp_path: Path) -> None:
+    """So that a finished run is not taken for the answer to other corners."""
+    shutil.copytree(STUDIES, tmp_path / "studies")
+    study = tmp_path / "studies" / "real_rig.yaml"
+    before = load(study).hash
+    (corners,) = load(study).definition.data_files
+    corners.write_bytes(corners.read_bytes().replace(b"1", b"2", 1))
+    assert load(study).hash != before

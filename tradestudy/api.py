@@ -76,10 +76,11 @@ class Study:
 
     @property
     def hash(self) -> str:
-        """Of what the study says, with its cameras and overrides in place."""
+        """Of what the study says, with its cameras and overrides in place, and of the data files that it names."""
         document = self.definition.document
         notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
-        return provenance.study_hash({"says": document.tree, "notes": notes})
+        files = {path.name: provenance.file_hash(path) for path in self.definition.data_files}
+        return provenance.study_hash({"says": document.tree, "notes": notes, "files": files})
 
     def check_summary(self) -> str:
         """One line on what the study would compute."""

@@ -20,6 +20,14 @@ def study_hash(tree: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(tree, sort_keys=True, default=str).encode()).hexdigest()
 
 
+def file_hash(path: Path) -> str:
+    """SHA-256 of a file's bytes; empty for one that cannot be read, which whoever needs it will say."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return ""
+
+
 def flattened(tree: Mapping[str, Any]) -> dict[str, str]:
     """Every value that a study declares, as text by dotted path."""
     flat: dict[str, str] = {}

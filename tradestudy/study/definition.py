@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -154,6 +156,21 @@ class StudyDefinition:
         places = None if written_at is None else {path: (*written_at, path) for path in values}
         return StudyDefinition.of(with_values(self.document, texts, written_at=places), self.models)
 
+    @property
+    def data_files(self) -> tuple[Path, ...]:
+        """Files beside the study that its calibration part names, as they are looked for."""
+        return tuple(
+            self.folder_of(path[:-1]) / str(value)
+            for path, value in _leaves(("calibration",), self.document.tree.get("calibration"))
+            if path[-1] == "file" and isinstance(value, str)
+        )
+
+    def folder_of(self, path: tuple[str | int, ...]) -> Path:
+        """Where the files that a part of the study names are looked for: beside the file that holds the part."""
+        file, _, _ = self.document.locate(path)
+        root, _, _ = self.document.locate(())
+        return Path(file if Path(file).is_file() else root).parent
+
     def with_tolerance(self, relative: str) -> StudyDefinition:
         """The same study with one relative error wanted of every quantity, such as ``"1 %"``."""
         own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
@@ -184,6 +201,18 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
+
+
+def _leaves(path: tuple[str | int, ...], value: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    """Every plain value below a place, with its path."""
+    if isinstance(value, Mapping):
+        for key, child in value.items():
+            yield from _leaves((*path, key), child)
+    elif isinstance(value, list):
+        for number, child in enumerate(value):
+            yield from _leaves((*path, number), child)
+    else:
+        yield path, value
 
 
 def _as_yaml(value: str | float | bool | None) -> str:

@@ -16,8 +16,7 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
     """Off, the Airy pattern beside the blur disc, the defocused pupil by Fresnel, or by Kirchhoff's exact paths.
 
     What Kirchhoff adds to Fresnel is bounded by the path that parabolic waves leave out, which balanced is a defocus,
-    and by the fall ε of the amplitude towards the rim: about its mean it leaves ± ε/2, half of which shows in the
-    normalised transfer.
+    and by the fall ε of the amplitude towards the rim, which about its mean leaves ± ε/2.
     """
     stage = 0 if at == "main_lens_diffraction" else 1
     airy = (trial.main_lens_airy_px, trial.microlens_airy_px)[stage]
@@ -25,7 +24,7 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
     if math.isnan(airy):
         absent = "this camera's picture is formed without microlenses between it and the scene"
         return Slot(name=at, models=(bounded(trial, OFF, 0.0, "Airy radius over pixel", math.nan, absent),))
-    left_out = MARGIN * trial.paraxial_change[stage] + trial.obliquity[stage] / 4.0 + _TRANSFER_ERROR
+    left_out = MARGIN * trial.paraxial_change[stage] + trial.obliquity[stage] / 2.0 + _TRANSFER_ERROR
     spread, paths = "Airy radius over pixel", "waves between exact and parabolic paths"
 
     def held_against_fresnel(name: str, reason: str) -> Model:

@@ -44,6 +44,9 @@ class PictureTrial:
         (longest − shortest wavelength)/central.
     microlens_reach_airy
         Half a micro-image over the Airy radius of a microlens, the smallest; infinite without microlenses.
+    amplification
+        Relative change of the depth uncertainty over that of the disparity error, the largest; more than 1 where the
+        far end of depth runs away, less where calibration outweighs noise, and then taken as 1.
     seconds
         Predicted cost [s] of a model by name.
     """
@@ -61,16 +64,17 @@ class PictureTrial:
     quantisation_share: float
     spectrum_width: float
     microlens_reach_airy: float
+    amplification: float
     seconds: Callable[[str], float]
 
 
 def weighed(trial: PictureTrial, slot: SlotName, name: str, *, criterion: str, number: float, reason: str) -> Model:
-    """A model whose bound is its trial with the margin; depth uncertainty moves by no more than its noise does."""
+    """A model whose bound is its trial with the margin."""
     return bounded(trial, name, MARGIN * trial.change(slot, name), criterion, number, reason)
 
 
 def bounded(trial: PictureTrial, name: str, change: float, criterion: str, number: float, reason: str) -> Model:
-    """A model with a bound that was found otherwise."""
+    """A model whose bound on the disparity error was found otherwise."""
     quantity: Quantity = "depth_uncertainty"
-    bound = Bound(relative_change=change, criterion=criterion, number=number, reason=reason)
+    bound = Bound(relative_change=trial.amplification * change, criterion=criterion, number=number, reason=reason)
     return Model(name=name, bounds={quantity: bound}, seconds=trial.seconds(name))

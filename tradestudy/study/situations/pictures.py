@@ -9,8 +9,9 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_camera import DepthCamera, DisparityErrorLaw, Limit
 from tradestudy.effects.base import Slot, SlotName
 from tradestudy.effects.picture.crosstalk import crosstalk
 from tradestudy.effects.picture.defocus_blur import defocus_blur
@@ -27,12 +28,36 @@ from tradestudy.imaging.picture import PictureModels, PictureSettings, disparity
 from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.psf_difference import FIRST_DARK_RING
-from tradestudy.study.acting import with_models
+from tradestudy.study.acting import AnyDepthCamera, with_models
+from tradestudy.study.depth import depth_uncertainty
 
 # On the reference machine [s]: for every distance, as often as a run asks for it; and once for a camera, the lattice of
 # defocus that Kirchhoff's part is interpolated on.
 _SECONDS_PER_DISTANCE: Final = {"fresnel": 4e-3, "airy": 1e-3, "disc": 1e-3, "weighted": 2e-3, "kirchhoff": 4e-3}
 _SECONDS_ONCE: Final = {"kirchhoff": 20.0}
+
+
+_STEP: Final = 1.05
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Scaled:
+    """A disparity error that is larger by a factor than a law says."""
+
+    law: DisparityErrorLaw
+    factor: float
+
+    def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """As the law, times the factor [px]."""
+        return self.factor * self.law.error_px(camera, distance)
+
+    def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """As the law, times the factor [px]."""
+        return self.factor * self.law.numerical_error_px(camera, distance)
+
+    def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
+        """As the law."""
+        return self.law.limit(camera, distance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,6 +156,22 @@ class PictureCase:
             found = max(found, self._departure(geometry, self.complete))
         return found
 
+    @property
+    def amplification(self) -> float:
+        """``d ln u / d ln σ`` of depth uncertainty in disparity error, the largest over the places, at least 1."""
+        law = self.camera.disparity_error_px
+        assert not isinstance(law, float | int)  # a case of a picture has a law
+        with np.errstate(divide="ignore", invalid="ignore"):  # no far end: no derivative
+            ratio = depth_uncertainty(self._with(_Scaled(law=law, factor=_STEP)), self.places) / depth_uncertainty(
+                self.camera, self.places
+            )
+            slope = np.log(ratio) / math.log(_STEP)
+        return float(np.max(np.where(np.isfinite(slope), slope, 1.0), initial=1.0))
+
+    def _with(self, law: _Scaled) -> DepthCamera:
+        assert isinstance(self.camera, AnyDepthCamera)  # a case holds no others
+        return replace(self.camera, disparity_error_px=law)
+
     def obliquity(self, stage: LensStage | None) -> float:
         """``1 − cos²θ`` at the rim: the cosine, and the longer way."""
         if stage is None:
@@ -176,6 +217,7 @@ def picture_slots(cases: Sequence[PictureCase], *, distances: int) -> tuple[Slot
             math.inf if micro is None else case.geometry.widest_window_px / math.sqrt(2.0) / case.airy_px(micro)
             for case, _, micro in stages
         ),
+        amplification=max(case.amplification for case in cases),
         seconds=seconds,
     )
     return (
