@@ -14,11 +14,11 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
 from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
-from tradestudy.optics.quadrature import disc_nodes
+from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 # Seconds per image of a point on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
 SECONDS_PER_IMAGE: Final = {"fresnel": 0.09, "kirchhoff": 0.10}
-_HALF_ENERGY: Final = 0.5352  # of λ N: 1 − J₀²(v) − J₁²(v) = ½ at v = π r/(λ N) = 1.6816
+_HALF_ENERGY: Final = 0.5348  # of λ N: 1 − J₀²(v) − J₁²(v) = ½ at v = π r/(λ N) = 1.680
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,25 +51,29 @@ class PointImage:
     @cached_property
     def blur(self) -> float:
         """Root mean square by which paraxial rays miss the centre [m]."""
-        return self.image_distance * float(np.sqrt(np.mean(np.sum(self._paraxial_slopes**2, axis=1))))
+        return self._landing(self._paraxial_slopes)
 
     @cached_property
     def displacement(self) -> float:
         """Root mean square by which exact rays land elsewhere than paraxial ones [m]."""
-        error = self._slopes(paraxial=False) - self._paraxial_slopes
-        return self.image_distance * float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
+        return self._landing(self._slopes(paraxial=False) - self._paraxial_slopes)
 
     @cached_property
     def brightness(self) -> float:
         """Mean share of the light by which the cosines of both legs, one in Fresnel's law, lower it."""
-        x, y = self._pupil
-        behind = (x - self.centre[0]) ** 2 + (y - self.centre[1]) ** 2
-        return float(np.mean(1.0 - 1.0 / (1.0 + behind / self.image_distance**2) ** 2))
+        nodes = self._pupil
+        behind = (nodes.x - self.centre[0]) ** 2 + (nodes.y - self.centre[1]) ** 2
+        lost = 1.0 - 1.0 / (1.0 + behind / self.image_distance**2) ** 2
+        return float(np.average(lost, weights=nodes.weights))
 
     @cached_property
-    def _pupil(self) -> tuple[FloatArray, FloatArray]:
-        nodes = disc_nodes(radius=self.lens.radius, radial_count=6, angular_count=16)
-        return nodes.x, nodes.y
+    def _pupil(self) -> QuadratureNodes:
+        return disc_nodes(radius=self.lens.radius, radial_count=6, angular_count=16)
+
+    def _landing(self, slopes: FloatArray) -> float:
+        """Root mean square over the pupil by which rays of such slopes miss [m]."""
+        squared = np.average(np.sum(slopes**2, axis=1), weights=self._pupil.weights)
+        return self.image_distance * float(np.sqrt(squared))
 
     @cached_property
     def _paraxial_slopes(self) -> FloatArray:
@@ -77,7 +81,7 @@ class PointImage:
 
     def _slopes(self, *, paraxial: bool) -> FloatArray:
         """Slope of the path from the source through every pupil point to the centre: zero for a perfect image."""
-        x, y = self._pupil
+        x, y = self._pupil.x, self._pupil.y
         kind = ParabolicPath if paraxial else SphericalPath
         leg = kind(x=self.centre[0], y=self.centre[1], distance=self.image_distance)
         behind = lens_paths(self.source, self.lens, paraxial=paraxial).slope(x, y)

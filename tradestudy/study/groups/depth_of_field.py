@@ -27,9 +27,7 @@ from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 _SCENE_POINTS: Final = 401
 
 
-def depth_of_field_group(
-    definition: StudyDefinition, asked: DepthOfFieldPart, selection: Selection | None = None
-) -> xr.Dataset:
+def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, selection: Selection) -> xr.Dataset:
     """/depth_of_field over (camera, criterion, distance).
 
     A selection that leaves diffraction out takes it out of every criterion; ``diffraction`` says what counted.
@@ -37,7 +35,7 @@ def depth_of_field_group(
     case, wavelength = definition.case, definition.case.wavelength
     cameras = case.all_cameras
     sharp = {name: blur_criterion_of(part, wavelength) for name, part in asked.sharp.items()}
-    if selection is not None and selection.name_of("main_lens_diffraction") == OFF:
+    if selection.name_of("main_lens_diffraction") == OFF:
         sharp = {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
     ranges = [[camera.focus.sharp_range(criterion) for criterion in sharp.values()] for camera in cameras.values()]
     values = {

@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.effects.selection import Selection
-from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.light_benchmarks import light_benchmarks
@@ -23,9 +22,7 @@ from tradestudy.study.timing import Seconds, timed
 LIT_ABOVE = 0.01
 
 
-def images_group(
-    part: LightSpotPart, progress: Progress, seconds: Seconds, selection: Selection | None = None
-) -> xr.Dataset:
+def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, selection: Selection) -> xr.Dataset:
     """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``.
 
     Parameters
@@ -36,18 +33,10 @@ def images_group(
         Hear of what is done and what it took.
     selection
         The models that make the picture of the study, in ``chosen_image``; without methods it is the only one.
-        None where the study's plan chooses nothing: the methods alone.
-
-    Raises
-    ------
-    OutOfRangeError
-        If there is nothing to compute, neither methods nor a selection.
     """
-    chosen = None if selection is None else spot_models(selection)
-    if chosen is None and not part.methods:
-        raise OutOfRangeError("pictures of the spot", value="0", limit="a selection, or methods", remedy="give one")
+    chosen = spot_models(selection)
     compared = [SpotModels(method=method, tolerance=part.tolerance) for method in part.methods]
-    asked = compared if chosen is None or chosen in compared else [*compared, chosen]
+    asked = compared if chosen in compared else [*compared, chosen]
     pictures = {}
     for number, models in enumerate(asked):
         progress("image of the spot", number / len(asked))
@@ -78,20 +67,11 @@ def images_group(
         **({"benchmark_error": list(benchmarks.values())} if benchmarks else {}),
         **_published(part, methods),
     }
-    attributes = {}
-    if chosen is not None:
-        values |= {
-            "chosen": [float(method == chosen.method) for method in methods],
-            "chosen_image": pictures[chosen].pixels,
-            "chosen_error": pictures[chosen].numerical_error,
-        }
-        attributes = {
-            "chosen_method": chosen.method,
-            "chosen_tolerance": chosen.tolerance,
-            "chosen_crosstalk": float(not chosen.separate),
-            "chosen_pixel_integration": float(chosen.integrated),
-            "chosen_source_extent": float(not chosen.point),
-        }
+    values |= {
+        "chosen": [float(method == chosen.method) for method in methods],
+        "chosen_image": pictures[chosen].pixels,
+        "chosen_error": pictures[chosen].numerical_error,
+    }
     result = dataset(
         "images",
         values,
@@ -108,7 +88,11 @@ def images_group(
             "microlens_pitch": part.microlenses.pitch,
             "main_lens_phase": part.main_lens.lens_phase,
             "microlens_phase": part.microlenses.lens_phase,
-            **attributes,
+            "chosen_method": chosen.method,
+            "chosen_tolerance": chosen.tolerance,
+            "chosen_crosstalk": float(not chosen.separate),
+            "chosen_pixel_integration": float(chosen.integrated),
+            "chosen_source_extent": float(not chosen.point),
         },
     )
     for name in ("row", "column"):

@@ -27,13 +27,11 @@ _UNITS: Final = {"f_number": "1", "wavelength": "m", "field_angle": "rad", "defo
 _STEP: Final = "point spread"
 
 
-def point_spread_group(
-    part: PointSpreadPart, progress: Progress, seconds: Seconds, selection: Selection | None = None
-) -> xr.Dataset:
+def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds, selection: Selection) -> xr.Dataset:
     """/point_spread over (element, propagator, varied, step).
 
     Both laws are computed, as each is the other's check; ``chosen`` marks the one that the accuracy wanted of widths
-    calls for, where the study's plan has chosen one.
+    calls for.
     """
     elements = list(part.elements.values())
     varied = varied_values(part)
@@ -70,7 +68,7 @@ def point_spread_group(
             "varied_units": [_UNITS[name] for name in varied],
             "standing": [[standing_values(part, element)[name] for name in varied] for element in elements],
             **values,
-            **({} if selection is None else {"chosen": _chosen(selection)}),
+            "chosen": _chosen(selection),
         },
         {"element": list(part.elements), "propagator": list(METHODS), "varied": list(varied)},
         attributes={"window": part.window, "rms_radius": part.rms_radius, "pixel_pitch": part.pixel_pitch},

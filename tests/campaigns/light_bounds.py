@@ -1,0 +1,110 @@
+"""Whether leaving an effect out of a light picture changes it by no more than its bound says.
+
+    python -m tests.campaigns.light_bounds [--cases 150] [--again]
+
+What each effect changes is measured once and kept in `light_changes.json`; bounds are computed anew every time. A
+case is a random light path with a random source (`light_cases`), drawn from its number alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from tests.campaigns import record
+from tests.campaigns.light_cases import bounds_of, changes_of, random_case
+from tradestudy.errors import NotConvergedError, UnaffordableError
+
+CHANGES = Path(__file__).parent / "light_changes.json"
+TOLERANCE = 0.02  # of both pictures, which share their nodes: their difference is known far better
+COUNTS_FROM = 1e-5  # a thousandth of an accuracy of 1 %
+
+Changes = dict[str, dict[str, float]]
+
+
+def measured() -> tuple[Changes, dict[str, str]]:
+    """Changes of each case, and the cases that the computation refused, with its words."""
+    if not CHANGES.exists():
+        return {}, {}
+    kept = json.loads(CHANGES.read_text(encoding="utf-8"))
+    return kept["changes"], kept["refused"]
+
+
+def measure(cases: int) -> None:
+    """Measure the cases that are missing, keeping each as it is done."""
+    changes, refused = measured()
+    for index in range(cases):
+        if str(index) in changes or str(index) in refused:
+            continue
+        try:
+            found = changes_of(random_case(np.random.default_rng([0, index])), TOLERANCE)
+            changes[str(index)] = {name: float(f"{value:.4g}") for name, value in found.items()}
+        except (NotConvergedError, UnaffordableError) as error:
+            refused[str(index)] = str(error)
+        keep(changes, refused)
+        print(f"{index + 1} of {cases}", flush=True)
+
+
+def keep(changes: Changes, refused: Mapping[str, str]) -> None:
+    """Write what was measured."""
+    content = {"tolerance": TOLERANCE, "changes": changes, "refused": refused}
+    CHANGES.write_text(json.dumps(content, indent=0, sort_keys=True) + "\n", encoding="utf-8")
+
+
+def summary(changes: Changes) -> list[tuple[object, ...]]:
+    """One row for each effect."""
+    pairs: dict[str, list[tuple[int, float, float]]] = {}
+    for key, one in changes.items():
+        bounds = bounds_of(random_case(np.random.default_rng([0, int(key)])))
+        for name, change in one.items():
+            pairs.setdefault(name, []).append((int(key), bounds[name], change))
+    return [_row(name, found) for name, found in pairs.items()]
+
+
+def _row(name: str, found: list[tuple[int, float, float]]) -> tuple[object, ...]:
+    stated = [one for one in found if math.isfinite(one[1])]
+    within = [one for one in stated if one[2] <= one[1]]
+    ratios = [bound / change for _, bound, change in stated if change > COUNTS_FROM]
+    worst = sorted((bound / change, number) for number, bound, change in stated if change > COUNTS_FROM)[:3]
+    return (
+        name,
+        len(found),
+        len(stated),
+        f"{len(within)} ({100 * len(within) / len(stated):.1f} %)",
+        len(ratios),
+        f"{float(np.median(ratios)):.1f}",
+        f"{float(np.quantile(ratios, 0.9)):.0f}",
+        ", ".join(f"{ratio:.2g} ({number})" for ratio, number in worst),
+    )
+
+
+def main() -> None:
+    """Measure what is missing and write the record."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=0, help="measure up to so many; 0: those that are kept")
+    parser.add_argument("--again", action="store_true", help="forget what is kept")
+    asked = parser.parse_args()
+    if asked.again:
+        CHANGES.unlink(missing_ok=True)
+    measure(asked.cases)
+    changes, refused = measured()
+    record.write(
+        "light_bounds",
+        f"Bounds of light pictures against what leaving effects out changes: {len(changes)} random light paths, "
+        f"{len(refused)} refused",
+        "python -m tests.campaigns.light_bounds",
+        (
+            "Left out", "Cases", "Bound stated", "Within it", "Change > 1e-5", "Median bound/change", "90 % quantile",
+            "Least ratios (case)",
+        ),
+        summary(changes),
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""What asking for 10 %, 1 % and 0.1 % of the light spot picks, costs and reaches.
+
+    python -m tests.campaigns.light_spot_accuracy
+
+Each picture by the set that is selected, against one by the complete models at half the finest tolerance.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+
+from tests.campaigns import record
+from tradestudy import load
+from tradestudy.accuracy import Accuracy
+from tradestudy.machine import machine_speed
+from tradestudy.study import spot_images
+from tradestudy.study.situations.light_spot import light_spot_situation, spot_models
+
+STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
+ASKED = (0.1, 0.01, 0.001)
+FINEST = 5e-4
+
+
+def main() -> None:
+    """Select, predict, compute, compare; write the record."""
+    part = load(STUDY).file.light_spot
+    assert part is not None
+    situation, speed = light_spot_situation(part), machine_speed()
+    found = []
+    for asked in ASKED:
+        start = time.perf_counter()
+        selection = situation.select(Accuracy.of_all(asked), {})
+        selecting = time.perf_counter() - start
+        wall, cpu = time.perf_counter(), time.process_time()
+        image = spot_images.spot_picture(part, spot_models(selection))
+        taken = time.perf_counter() - wall, time.process_time() - cpu
+        found.append((asked, selection, selecting, image, taken))
+        print(f"{asked:g}: {taken[0]:.0f} s", flush=True)
+    finest = spot_images.spot_picture(part, spot_images.SpotModels(method="kirchhoff", tolerance=FINEST)).pixels
+    rows = [
+        (
+            f"{100 * asked:g} %",
+            ", ".join(f"{slot.name}: {selection.name_of(slot.name)}" for slot in situation.slots),
+            f"{selection.seconds / speed:.1f}",
+            f"{cpu:.1f}",
+            f"{wall:.1f}",
+            f"{100 * float(np.linalg.norm(image.pixels - finest) / np.linalg.norm(finest)):.3f} %",
+            f"{100 * image.numerical_error:.3f} %",
+            f"{1e3 * selecting:.0f}",
+        )
+        for asked, selection, selecting, image, (wall, cpu) in found
+    ]
+    record.write(
+        "light_spot_accuracy",
+        "The light spot to 10, 1 and 0.1 %",
+        "python -m tests.campaigns.light_spot_accuracy",
+        (
+            "Asked", "Chosen", "Predicted [s]", "Processor [s]", f"Wall [s] at load {os.getloadavg()[1]:.0f}",
+            f"Error against {100 * FINEST:g} %", "Error stated", "Selecting [ms]",
+        ),
+        rows,
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
