@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
+from tradestudy.effects.base import OFF, SlotName
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.calibration.propagation import FIELDS, WAYS
@@ -17,7 +18,9 @@ from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.study.schema.questions import ImageDifferenceClaim, LitPixelsClaim
 from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, MethodName, PointSpreadPart
 from tradestudy.study.situations.light_cost import LightWork, seconds_of_rays
-from tradestudy.study.spot_images import light_path, light_source
+from tradestudy.study.situations.light_spot import METHODS
+from tradestudy.study.situations.light_spot import NAME as LIGHT_SPOT
+from tradestudy.study.spot_images import SpotModels, light_path, light_source
 from tradestudy.study.sweep import sweep_axes
 
 # Seconds per unit of work on the reference machine (speed 1): processor seconds, so that what else ran on it while it
@@ -42,7 +45,7 @@ SECONDS: Final[Mapping[str, float]] = {
     "aperture of 256² targets": 0.035,
     "source point through both lenses": 1.4,
     "point spread": 0.28,
-    "hard case": 0.03,
+    "hard case": 0.012,
     "report": 2.0,
     "figure": 0.42,
 }
@@ -120,7 +123,7 @@ def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
     if file.fresnel_validity is not None:
         yield from _fresnel_validity(file.fresnel_validity)
     if file.light_spot is not None:
-        yield from _light_spot(file.light_spot)
+        yield from _light_spot(file.light_spot, _chosen_picture(definition.models.get(LIGHT_SPOT)))
     if file.point_spread is not None:
         points = _points(file.point_spread)
         yield _fixed("point spread", f"{points} point-spread functions", {"point spread": points})
@@ -229,22 +232,46 @@ def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
         )
 
 
-def _light_spot(part: LightSpotPart) -> Iterator[PredictedStep]:
-    if part.methods and part.tolerance is not None:
-        seconds = math.fsum(spot_seconds(part, method, part.tolerance) for method in part.methods)
-        points = _spot_work(_bare(part), part.tolerance).source_points
-        yield PredictedStep(
-            name="image of the spot",
-            low=seconds,
-            high=seconds,
-            work=f"by {', '.join(part.methods)}, {points:.0f} source points each by waves",
-        )
+def _light_spot(part: LightSpotPart, chosen: SpotModels | None) -> Iterator[PredictedStep]:
+    """Pictures by the methods that are compared, and by the chosen models where that is another."""
+    asked = [SpotModels(method=method, tolerance=part.tolerance) for method in part.methods if part.tolerance]
+    if chosen is not None and chosen not in asked:
+        asked.append(chosen)
+    seconds = math.fsum(_picture_seconds(part, models) for models in asked)
+    yield PredictedStep(
+        name="image of the spot",
+        low=seconds,
+        high=seconds,
+        work=f"{len(asked)} pictures: {', '.join(f'{models.method} to {models.tolerance:g}' for models in asked)}",
+    )
     if part.benchmarks:
         yield _fixed(
             "benchmarks of light",
             "18 apertures, one source point",
             {"aperture of 256² targets": 18, "source point through both lenses": 1},
         )
+
+
+def _chosen_picture(chosen: Mapping[SlotName, str] | None) -> SpotModels | None:
+    """The picture that the names of chosen models make; None where nothing was chosen."""
+    if not chosen:
+        return None
+    return SpotModels(
+        method=METHODS[chosen["main_lens_diffraction"], chosen["microlens_diffraction"]],
+        tolerance=float(chosen["sampling"].removesuffix(" %")) / 100.0,
+        separate=chosen["crosstalk"] == OFF,
+        integrated=chosen["pixel_integration"] != OFF,
+        point=chosen["source_extent"] == OFF,
+    )
+
+
+def _picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
+    if models.point:
+        return point_seconds(part, models.method, models.tolerance)
+    if models.separate and models.method != "geometric":
+        work = _spot_work(_bare(part), models.tolerance)
+        return work.seconds_of_disc(paraxial=models.method == "fresnel", separate=True)
+    return spot_seconds(part, models.method, models.tolerance)
 
 
 def spot_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> float:

@@ -24,7 +24,7 @@ from tradestudy.study.situations.situation import Situation
 from tradestudy.study.spot_images import SpotModels, light_path, light_source
 
 NAME: Final = "light-spot"
-_METHODS: Final[dict[tuple[str, str], MethodName]] = {
+METHODS: Final[dict[tuple[str, str], MethodName]] = {
     (OFF, OFF): "geometric",
     ("fresnel", "fresnel"): "fresnel",
     ("kirchhoff", "fresnel"): "kirchhoff-fresnel",
@@ -78,7 +78,7 @@ def spot_models(selection: Selection) -> SpotModels:
 
 def _models(chosen: Chosen) -> SpotModels | None:
     """None for laws that cannot be combined."""
-    method = _METHODS.get((chosen["main_lens_diffraction"].name, chosen["microlens_diffraction"].name))
+    method = METHODS.get((chosen["main_lens_diffraction"].name, chosen["microlens_diffraction"].name))
     if method is None:
         return None
     return SpotModels(
