@@ -1,67 +1,23 @@
-"""Image of an incoherent disc: many points, each through the microlenses that it lights, on small detector patches.
-
-What is shared is computed once: the main-lens field at a few distances of the source from the axis (it turns with the
-source, and is interpolated in between), the nodes of a microlens, the symmetry of the scene. Behind each microlens the
-light is followed on a patch about its ray image only; patches of one source point add as fields.
-"""
+"""Image of an incoherent disc: the mean over its points, with the symmetry of the scene and the error of the mean."""
 
 from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.errors import NotConvergedError, UnaffordableError
+from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
-from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
-from tradestudy.optics.chain.detector_transfer import Response, choose_transfer, half_band, propagate, response
-from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane
-from tradestudy.optics.chain.pixels import light_on_pixels, samples_per_pixel
-from tradestudy.optics.chain.point_image import compute_point, field_spacing
-from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
+from tradestudy.optics.chain.pixels import light_on_pixels
+from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes, moved_image, orbits, source_nodes, symmetries
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
-from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.optics.chain.spot_points import Spot, point_intensity, prepare_spot, tables_at
 
 _THREADS = 2
-_MARGIN = 3
 _CHECKED_POINTS = 2
-_SINGLE_PRECISION_FROM = 1e-3  # tolerance above which 32-bit floats add nothing to the error
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Spot:
-    """What all source points share."""
-
-    path: LightPath
-    source: DiscSource
-    wavelength: float
-    paraxial: tuple[bool, bool]
-    accuracy: ChainAccuracy
-    radii: FloatArray
-    tables: list[FieldTable]
-    plane: MicrolensPlane
-    transmission: ComplexArray
-    response: Response
-    half_patch: float
-    per_pixel: int
-    lit_within: float
-
-    @property
-    def spacing(self) -> float:
-        return self.path.pixels.pitch / self.per_pixel
-
-    def wave(self, x: float, y: float) -> PupilWave:
-        return PupilWave(
-            path=self.path,
-            source=PointSource(x=x, y=y, distance=self.source.distance),
-            wavelength=self.wavelength,
-            paraxial=self.paraxial[0],
-        )
 
 
 def wave_spot_image(
@@ -97,7 +53,7 @@ def wave_spot_image(
     """
     density = source_density(accuracy)
     nodes = source_nodes(path, source, wavelength=wavelength, density=density)
-    spot = _prepare(path, source, nodes, wavelength, paraxial, accuracy)
+    spot = prepare_spot(path, source, nodes, wavelength, paraxial, accuracy)
     group = symmetries(path, source)
     rings, pixel_error, points = _ring_images(spot, nodes, group)
     rings = np.mean([moved_image_stack(rings, one) for one in group], axis=0)
@@ -136,131 +92,7 @@ def source_density(accuracy: ChainAccuracy) -> float:
     return accuracy.source_sampling * min(1.0, 0.63 * math.pow(1e-2 / accuracy.tolerance, 1 / 6))
 
 
-def _prepare(
-    path: LightPath,
-    source: DiscSource,
-    nodes: SourceNodes,
-    wavelength: float,
-    paraxial: tuple[bool, bool],
-    accuracy: ChainAccuracy,
-) -> _Spot:
-    """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
-    lenses = path.microlenses
-    distance = np.linalg.norm(nodes.all, axis=1)
-    edge = nodes.all[np.argmax(distance)]
-    outer = PointSource(x=float(edge[0]), y=float(edge[1]), distance=source.distance)
-    reaches = [ray_reach(path, point) for point in (source.centre, outer)]
-    growth = 1.2 * math.pow(accuracy.tolerance, -1 / 6) * accuracy.diffraction_reach
-    margin = growth * math.sqrt(wavelength * path.detector_distance)
-    spread = max(float(one.spread.max()) for one in reaches)
-    half_patch = spread + margin
-    kept = lenses.cell_reach + half_patch
-    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial[1], tolerance=accuracy.tolerance)
-    per_pixel = samples_per_pixel(path.pixels, accuracy.pixel_sampling * 2 * band * path.pixels.pitch)
-    spacing = path.pixels.pitch / per_pixel
-    plane = microlens_plane(
-        path,
-        reaches[1],
-        wavelength=wavelength,
-        paraxial=paraxial[1],
-        target_reach=half_patch,
-        density=accuracy.microlens_nodes,
-    )
-    tilt = _steepest(reaches[0], reaches[1])
-    transfer = choose_transfer(
-        wavelength=wavelength,
-        distance=path.detector_distance,
-        paraxial=paraxial[1],
-        node_reach=lenses.cell_reach,
-        target_reach=half_patch + spacing,
-        kept_reach=kept,
-        spacing=spacing,
-        tilt=tilt,
-        tolerance=accuracy.tolerance,
-    )
-    depth = abs(path.image_at_array(source.centre)[2])
-    beyond = growth * math.sqrt(wavelength * max(depth, path.detector_distance))
-    lit_within = max(blur_radius(path, source.centre), blur_radius(path, outer)) + beyond + lenses.cell_reach
-    radii, tables = _tables(path, source, distance, wavelength, paraxial[0], accuracy, lit_within + lenses.cell_reach)
-    transmission = plane.transmission(source.centre)
-    return _Spot(
-        path=path,
-        source=source,
-        wavelength=wavelength,
-        paraxial=paraxial,
-        accuracy=accuracy,
-        radii=radii,
-        tables=tables,
-        plane=plane,
-        transmission=transmission,
-        response=response(
-            transfer,
-            largest_carrier=tilt / wavelength + transfer.frequency_step,
-            single=accuracy.tolerance >= _SINGLE_PRECISION_FROM,
-        ),
-        half_patch=half_patch,
-        per_pixel=per_pixel,
-        lit_within=lit_within,
-    )
-
-
-def _steepest(centre: RayReach, rim: RayReach) -> float:
-    """Largest slope at the middle of any microlens: the disc's centre's, and as much more as any point of its rim's.
-
-    The rim point that was traced may lie across the direction of a microlens, and another one along it.
-    """
-    added = np.linalg.norm(rim.slope - centre.slope, axis=1).max()
-    return float(np.linalg.norm(centre.slope, axis=1).max() + added)
-
-
-def _tables(
-    path: LightPath,
-    source: DiscSource,
-    distance: FloatArray,
-    wavelength: float,
-    paraxial: bool,
-    accuracy: ChainAccuracy,
-    half_width: float,
-) -> tuple[FloatArray, list[FieldTable]]:
-    """Main-lens field for sources on the x axis at Chebyshev points of the distances that occur."""
-    low, high = float(distance.min()), float(distance.max())
-    count = max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
-    radii = (low + high) / 2 - (high - low) / 2 * np.cos(math.pi * (np.arange(count) + 0.5) / count)
-    lenses = path.microlenses
-    half = min(half_width, float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
-               + high * path.array_distance / source.distance)  # fmt: skip
-    tables: list[FieldTable] = []
-    for radius in radii:
-        wave = PupilWave(
-            path=path,
-            source=PointSource(x=float(radius), distance=source.distance),
-            wavelength=wavelength,
-            paraxial=paraxial,
-        )
-        spacing = field_spacing(wave, accuracy) if not tables else tables[0].spacing
-        needed = 16.0 * count * (2 * half / spacing) ** 2
-        if needed > accuracy.memory_limit:
-            raise UnaffordableError(
-                "tables of the main-lens field",
-                value=f"{count} of {2 * half / spacing:.0f}² points, {needed / 1e9:.1f} GB",
-                limit=f"{accuracy.memory_limit / 1e9:.1f} GB",
-                remedy="lower field_sampling, or raise the memory limit",
-            )
-        tables.append(
-            field_table(
-                wave,
-                low=(-half, -half),
-                high=(half, half),
-                spacing=spacing,
-                node_density=accuracy.pupil_nodes,
-                tolerance=min(accuracy.tolerance / 4, 1e-3),
-                memory_limit=accuracy.memory_limit,
-            )
-        )
-    return radii, tables
-
-
-def _ring_images(spot: _Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]]) -> tuple[FloatArray, float, int]:
+def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]]) -> tuple[FloatArray, float, int]:
     """Mean pixel image of each ring, from even and from odd angles apart: shape (rings, 2, rows, columns)."""
     images, errors, points = [], [], 0
     with ThreadPoolExecutor(_THREADS) as pool:
@@ -268,7 +100,7 @@ def _ring_images(spot: _Spot, nodes: SourceNodes, group: list[tuple[int, int, bo
             chosen = list(orbits(nodes, ring, group))
             points += len(chosen)
             at = [(float(x), float(y)) for x, y in (nodes.rings[ring][i] for i, _ in chosen)]
-            shared = _radial_cache(spot, at)
+            shared = tables_at(spot, at)
             fine = list(pool.map(lambda p, s=shared: point_intensity(spot, p, s[p]), at))
             halves = []
             for parity in (0, 1):
@@ -279,117 +111,6 @@ def _ring_images(spot: _Spot, nodes: SourceNodes, group: list[tuple[int, int, bo
             images.append([one[0] for one in done])
             errors.append(max(one[1] for one in done))
     return np.asarray(images), max(errors), points
-
-
-def _radial_cache(spot: _Spot, at: list[tuple[float, float]]) -> dict[tuple[float, float], FieldTable]:
-    """Table at the distance of each point; one blend where points share their distance."""
-    blends: dict[int, FieldTable] = {}
-    result = {}
-    for point in at:
-        radius = math.hypot(*point)
-        key = round(radius * 1e12)
-        if key not in blends:
-            blends[key] = blended(spot.tables, _lagrange(spot.radii, radius))
-        result[point] = blends[key]
-    return result
-
-
-def point_intensity(spot: _Spot, at: tuple[float, float], table: FieldTable) -> FloatArray:
-    """Intensity of one source point on the fine grid of the detector, as a share of its power through the pupil."""
-    wave = spot.wave(*at)
-    reach = ray_reach(spot.path, wave.source)
-    lit = _lit(spot, wave)
-    strengths = _arriving(spot, wave, table, lit) * _transmission(spot, wave)[lit]
-    lenses, cell, transfer = spot.path.microlenses, spot.plane.cell, spot.response.transfer
-    slope = reach.slope[lit]
-    sine = slope if spot.paraxial[1] else slope / np.sqrt(1 + np.sum(slope**2, axis=1, keepdims=True))
-    steps = np.rint(sine / (spot.wavelength * transfer.frequency_step)).astype(int)
-    frequency = transfer.frequency_step * steps
-    carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * cell.x + frequency[:, 1:] * cell.y))
-    kind = np.complex64 if spot.accuracy.tolerance >= _SINGLE_PRECISION_FROM else np.complex128
-    first, start = _patch_starts(spot, reach, lit)
-    side = 2 * math.ceil(spot.half_patch / spot.spacing) + 1
-    patches = propagate(
-        transfer,
-        x=cell.x,
-        y=cell.y,
-        strengths=(strengths * carrier).astype(kind),
-        response=spot.response,
-        carriers=steps,
-        start=start,
-        shape=(side, side),
-        tolerance=spot.accuracy.tolerance / 20,
-        threads=1,
-    )
-    canvas = _added(spot, patches, first, frequency, lenses.centres[lit])
-    return np.asarray(np.abs(canvas) ** 2 / wave.power())
-
-
-def _lit(spot: _Spot, wave: PupilWave) -> np.ndarray[tuple[int, ...], np.dtype[np.int_]]:
-    """Microlenses that noticeable light can reach; at least the nearest."""
-    distance = np.linalg.norm(spot.path.microlenses.centres - wave.path.chief_point(wave.source), axis=1)
-    return np.flatnonzero(distance <= max(spot.lit_within, float(distance.min())))
-
-
-def _arriving(
-    spot: _Spot, wave: PupilWave, table: FieldTable, lit: np.ndarray[tuple[int, ...], np.dtype[np.int_]]
-) -> ComplexArray:
-    """Main-lens field on the nodes of the lit microlenses: the table's, turned to the azimuth of the source."""
-    x, y = (c[lit] for c in spot.plane.positions)
-    radius = math.hypot(wave.source.x, wave.source.y)
-    cosine, sine = (wave.source.x / radius, wave.source.y / radius) if radius > 0 else (1.0, 0.0)
-    turned = spot.wave(radius, 0.0)
-    along, across = cosine * x + sine * y, cosine * y - sine * x
-    chief = turned.path.chief_point(turned.source)
-    return table.slow_part(along - chief[0], across) * unit_phasor(fast_phase(turned, along, across))
-
-
-def _transmission(spot: _Spot, wave: PupilWave) -> ComplexArray:
-    """Phasors of the lenses; perfect ones follow the source."""
-    if spot.path.microlenses.lens_phase == "perfect":
-        return spot.plane.transmission(wave.source)
-    return spot.transmission
-
-
-def _patch_starts(
-    spot: _Spot, reach: RayReach, lit: np.ndarray[tuple[int, ...], np.dtype[np.int_]]
-) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int_]], FloatArray]:
-    """Canvas index (x, y) of each patch's first sample, and its position relative to its microlens."""
-    origin = np.asarray(spot.path.pixels.corner) + (0.5 - _MARGIN) * spot.spacing
-    half = math.ceil(spot.half_patch / spot.spacing)
-    first = np.round((reach.image[lit] - origin) / spot.spacing).astype(int) - half
-    return first, origin + first * spot.spacing - spot.path.microlenses.centres[lit]
-
-
-def _added(
-    spot: _Spot,
-    patches: ComplexArray,
-    first: np.ndarray[tuple[int, ...], np.dtype[np.int_]],
-    carrier: FloatArray,
-    centres: FloatArray,
-) -> ComplexArray:
-    """Fields of all patches, each over its carrier, added on the canvas of the detector."""
-    rows, columns = (n * spot.per_pixel + 2 * _MARGIN for n in spot.path.pixels.shape)
-    origin = np.asarray(spot.path.pixels.corner) + (0.5 - _MARGIN) * spot.spacing
-    canvas = np.zeros((rows, columns), dtype=patches.dtype)
-    side = patches.shape[1]
-    for patch, (j, i), (fx, fy), (cx, cy) in zip(patches, first, carrier, centres, strict=True):
-        y0, y1, x0, x1 = max(i, 0), min(i + side, rows), max(j, 0), min(j + side, columns)
-        if y0 >= y1 or x0 >= x1:
-            continue
-        x = origin[0] + spot.spacing * np.arange(x0, x1) - cx
-        y = origin[1] + spot.spacing * np.arange(y0, y1) - cy
-        wave_x = unit_phasor(2 * np.pi * fx * x).astype(patches.dtype)
-        wave_y = unit_phasor(2 * np.pi * fy * y).astype(patches.dtype)
-        canvas[y0:y1, x0:x1] += patch[y0 - i : y1 - i, x0 - j : x1 - j] * wave_y[:, None] * wave_x
-    return canvas
-
-
-def _lagrange(points: FloatArray, at: float) -> FloatArray:
-    """Weights that interpolate a polynomial through the points."""
-    difference = points[:, None] - points + np.eye(points.size)
-    factors = np.where(np.eye(points.size, dtype=bool), 1.0, (at - points) / difference)
-    return np.asarray(factors.prod(axis=1))
 
 
 def _angular_error(nodes: SourceNodes, rings: FloatArray) -> float:
@@ -412,7 +133,7 @@ def _radial_error(nodes: SourceNodes, rings: FloatArray) -> float:
     return last * min(1.0, math.sqrt(last / size))
 
 
-def _points_check(spot: _Spot, nodes: SourceNodes, rng: np.random.Generator) -> float:
+def _points_check(spot: Spot, nodes: SourceNodes, rng: np.random.Generator) -> float:
     """Relative L2 difference of random source points' pixels from the single-point computation, root mean square."""
     squares, sizes = [], []
     picks = rng.choice(nodes.all, size=_CHECKED_POINTS, replace=False)
@@ -420,7 +141,7 @@ def _points_check(spot: _Spot, nodes: SourceNodes, rng: np.random.Generator) -> 
     for pick in picks:
         at = (float(pick[0]), float(pick[1]))
         fast = light_on_pixels(
-            np.asarray(point_intensity(spot, at, _radial_cache(spot, [at])[at]), dtype=np.float64),
+            np.asarray(point_intensity(spot, at, tables_at(spot, [at])[at]), dtype=np.float64),
             spot.path.pixels,
             per_pixel=spot.per_pixel,
         )[0]
