@@ -1,4 +1,4 @@
-"""Depth uncertainty of calibrated cameras: what propagation costs, and what drawing the posterior does."""
+"""Depth uncertainty of calibrated cameras: what propagation costs."""
 
 from __future__ import annotations
 
@@ -9,11 +9,9 @@ import numpy as np
 from tradestudy.cost.depth import SOBOL, Case, propagation_cost
 from tradestudy.cost.entries import Measured
 from tradestudy.cost.measuring import Allowance
-from tradestudy.study.calibration.cameras import uncertain_cameras
+from tradestudy.study.calibration.cameras import UncertainCameras
 from tradestudy.study.calibration.propagation import sampling_of
 from tradestudy.study.calibration.uncertain_camera import UncertainCamera
-from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.execution import Steps
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.uncertainty.evaluation import depth_from_inverse
@@ -23,14 +21,9 @@ _MOST_PLACES = 9
 
 
 def calibration_cost(
-    definition: StudyDefinition, part: CalibrationStudyPart, allowance: Allowance, progress: Progress
+    part: CalibrationStudyPart, uncertain: UncertainCameras, allowance: Allowance, progress: Progress
 ) -> Measured | None:
-    """Cost of the depth uncertainty of every camera of the calibration part, on the axis, noise and calibration.
-
-    Calibrations are inferred beforehand; that is neither timed nor in the time allowed, for nothing could be measured
-    without it.
-    """
-    uncertain = uncertain_cameras(definition, part, Steps(progress=progress))
+    """Cost of the depth uncertainty of every camera of the calibration part, on the axis, noise and calibration."""
     places = np.array(part.distance_values())
     wanted = places[np.unique(np.linspace(0, places.size - 1, min(_MOST_PLACES, places.size)).astype(int))]
     cases = [case for camera in uncertain.cameras.values() if (case := _case(camera, wanted)) is not None]
@@ -39,7 +32,7 @@ def calibration_cost(
     rule = sampling_of(part.accuracy, part.budget, wanted.size)
     return propagation_cost(
         cases,
-        Allowance(seconds=allowance.seconds, repeats=allowance.repeats),
+        allowance,
         progress,
         name="calibrated_depth_uncertainty",
         title="Depth uncertainty with all calibration errors",

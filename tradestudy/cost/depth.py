@@ -145,7 +145,7 @@ def propagation_cost(
             if not allowance.allows(2.0 * 4.0 * took[model]):
                 left_out.append(f"{model}, {setting}: no time left")
                 continue
-            timed = measure(partial(_sampled, cases, _fixed(sampler, 2**power)), allowance)
+            timed = measure(partial(_sampled, cases, fixed_sampling(sampler, 2**power)), allowance)
             took[model] = timed.seconds
             entries.append(_entry(model, setting, 2.0**power, timed, reference))
             progress(f"cost: {name}", _REFERENCE_SHARE + (1 - _REFERENCE_SHARE) * _spent(allowance))
@@ -236,7 +236,7 @@ def _joined(parts: Iterator[FloatArray]) -> FloatArray:
     return np.concatenate(list(parts))
 
 
-def _fixed(sampler: Sampler, draws: int) -> Sampling:
+def fixed_sampling(sampler: Sampler, draws: int) -> Sampling:
     """So many draws over all replicates, whatever the error."""
     return Sampling(
         absolute_tolerance=0.0,

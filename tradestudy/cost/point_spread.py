@@ -36,7 +36,7 @@ TITLES: Final[dict[Method, str]] = {
     "fresnel": "Fresnel",
     "kirchhoff": "Kirchhoff",
 }
-_TOLERANCES: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+TOLERANCES: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 _REFERENCE_TOLERANCE: Final = 1e-10
 _COUNT: Final = 65  # targets to a side; the reference is at every fourth, row and column
 _EVERY: Final = 4
@@ -52,8 +52,13 @@ class _Lens:
     reference: FloatArray
 
 
-def point_spread_cost(part: PointSpreadPart, allowance: Allowance, progress: Progress) -> Measured:
-    """Cost of the point-spread functions of the study's lenses as they stand, together."""
+def point_spread_cost(
+    part: PointSpreadPart,
+    allowance: Allowance,
+    progress: Progress,
+    tolerances: tuple[float, ...] = TOLERANCES,
+) -> Measured:
+    """Cost of the point-spread functions of the study's lenses as they stand, together, at some tolerances."""
     step = "cost: point_spread"
     progress(step, 0.0)
     begin = time.perf_counter()
@@ -62,7 +67,7 @@ def point_spread_cost(part: PointSpreadPart, allowance: Allowance, progress: Pro
     reference_seconds = time.perf_counter() - begin
     entries: list[Entry] = []
     left_out: list[str] = []
-    runs = list(_runs(lenses, part.tolerance))
+    runs = list(_runs(lenses, part.tolerance, tolerances))
     for number, (model, setting, compute, chosen) in enumerate(runs):
         progress(step, number / len(runs))
         earlier = [entry.seconds for entry in entries if entry.model == model]
@@ -144,10 +149,10 @@ def _direct(
 Run = tuple[str, str, Callable[[int], tuple[list[FloatArray], float]], bool]
 
 
-def _runs(lenses: list[_Lens], standing: float) -> Iterator[Run]:
+def _runs(lenses: list[_Lens], standing: float, wanted: tuple[float, ...]) -> Iterator[Run]:
     """Model, setting, computation, and whether the study computes it so."""
     for method, title in TITLES.items():
-        tolerances = (_TOLERANCES[0],) if method == "geometric" else sorted({*_TOLERANCES, standing}, reverse=True)
+        tolerances = (wanted[0],) if method == "geometric" else sorted({*wanted, standing}, reverse=True)
         for tolerance in tolerances:
 
             def compute(
@@ -168,7 +173,7 @@ def _runs(lenses: list[_Lens], standing: float) -> Iterator[Run]:
 
             used = method in ("fresnel", "kirchhoff") and math.isclose(tolerance, standing)
             yield title, "" if method == "geometric" else f"tolerance {tolerance:.0e}", compute, used
-    for tolerance in _TOLERANCES[::2]:
+    for tolerance in wanted[::2]:
 
         def by_nodes(_run: int, tolerance: float = tolerance) -> tuple[list[FloatArray], float]:
             found = [_direct(lens.case, lens.grid, tolerance) for lens in lenses]

@@ -19,10 +19,13 @@ from tradestudy.cost.depth_of_field import depth_of_field_cost
 from tradestudy.cost.entries import Measured, next_digit, on_frontier
 from tradestudy.cost.measuring import FEWEST_REPEATS, Allowance
 from tradestudy.cost.point_spread import point_spread_cost
+from tradestudy.cost.posterior import posterior_cost
 from tradestudy.cost.spot import point_cost, spot_cost
 from tradestudy.errors import OutOfRangeError
 from tradestudy.results import dataset
+from tradestudy.study.calibration.cameras import uncertain_cameras
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.execution import Steps
 from tradestudy.study.progress import Progress
 
 DEFAULT_BUDGET: Final = 300.0
@@ -56,7 +59,8 @@ def study_cost(
     repeats
         How often each computation is timed, 3 or more; quick ones oftener, long ones only as often as the time allows.
     budget
-        Wall time for everything [s]; what does not fit is left out and named.
+        Wall time for everything [s], calibrations that have to be inferred first apart; what does not fit is left out
+        and named.
     progress
         Called with the step and the share done.
 
@@ -74,8 +78,8 @@ def study_cost(
         raise OutOfRangeError("repeats of a measurement", value=str(repeats), limit=f">= {FEWEST_REPEATS}")
     if not 0.0 < budget < math.inf:
         raise OutOfRangeError("time for measuring", value=f"{budget:g} s", limit="> 0 s, finite")
-    allowance = Allowance(seconds=budget, repeats=repeats)
     questions = list(_questions(definition, progress))
+    allowance = Allowance(seconds=budget, repeats=repeats)
     found = []
     for number, question in enumerate(questions):
         # What one question leaves of its share goes to those after it.
@@ -101,7 +105,12 @@ def _questions(definition: StudyDefinition, progress: Progress) -> Iterator[Call
     if definition.case.cameras:
         yield lambda allowance: depth_cost(definition, allowance, progress)
     if (calibration := file.calibration) is not None:
-        yield lambda allowance: calibration_cost(definition, calibration, allowance, progress)
+        uncertain = uncertain_cameras(definition, calibration, Steps(progress=progress))
+        shown = [name for name, camera in calibration.cameras.items() if camera.target is not None]
+        yield lambda allowance: calibration_cost(calibration, uncertain, allowance, progress)
+        if shown:  # one stands for all: each is a posterior of a dozen parameters and takes as long
+            camera = uncertain.cameras[shown[0]]
+            yield lambda allowance: posterior_cost(definition, calibration, camera, allowance, progress)
     if (spot := file.light_spot) is not None:
         speed = machine.machine_speed()
         yield lambda allowance: point_cost(spot, allowance, progress, speed=speed)

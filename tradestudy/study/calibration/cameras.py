@@ -53,7 +53,7 @@ def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, s
     for name, of_camera in part.cameras.items():
         camera = definition.case.cameras[name]
         assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
-        designs[name], folder = camera, _folder(definition, ("calibration", "cameras", name))
+        designs[name], folder = camera, folder_of_files(definition, ("calibration", "cameras", name))
         if of_camera.corners is not None:
             assert isinstance(camera, StereoRig)  # the schema lets no other kind in
             asked[name] = CornersToInfer.of(name, camera, of_camera.corners, folder, seed=part.seed)
@@ -69,7 +69,7 @@ def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, s
         name: found.calibration if isinstance(found, RealRig) else found for name, found in inferred.items()
     }
     for name, of_camera in part.cameras.items():
-        camera, folder = designs[name], _folder(definition, ("calibration", "cameras", name))
+        camera, folder = designs[name], folder_of_files(definition, ("calibration", "cameras", name))
         if name in rigs:
             rig = rigs[name]
             cameras[name] = UncertainCamera(
@@ -105,7 +105,7 @@ def _environment(body: BodyPart | None, surroundings: SurroundingsPart | None, w
     )
 
 
-def _folder(definition: StudyDefinition, path: tuple[str, ...]) -> Path:
+def folder_of_files(definition: StudyDefinition, path: tuple[str, ...]) -> Path:
     """Where the files that a part of the study names are looked for: beside the file that the study was read from."""
     file, _, _ = definition.document.locate(path)
     root, _, _ = definition.document.locate(())

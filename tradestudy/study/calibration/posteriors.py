@@ -101,6 +101,24 @@ def infer_from_target(
     NotConvergedError
         The fit does not settle, or the target leaves parameters undetermined.
     """
+    problem, rng = target_problem(name, camera, groups, part, seed=seed)
+    names, deviation = problem.priors.names, problem.priors.standard_deviation
+    fit = fit_target(problem)
+    posterior = sample_target(problem, fit, rng=rng, maximum_steps=part.maximum_steps)
+    return InferredCalibration(
+        group=group_of_sample(names, posterior.sample),
+        sample=posterior.sample,
+        check=posterior.check,
+        laplace_deviation=fit.laplace.standard_deviation,
+        laplace_seconds=fit.seconds,
+        prior_deviation=deviation,
+    )
+
+
+def target_problem(
+    name: str, camera: StereoRig | FocusedPlenoptic, groups: tuple[Group, ...], part: TargetPart, *, seed: int
+) -> tuple[TargetProblem, np.random.Generator]:
+    """What a camera drawn from the declared errors sees of the target, and the generator that goes on from there."""
     priors = _priors(name, groups)
     rng = point_generator(seed=seed, point=f"target/{name}", replicate=0)
     target = SyntheticTarget(
@@ -113,20 +131,11 @@ def infer_from_target(
     model = _observer(camera, priors.names)
     truth = priors.draw(rng, 1)[0]
     observed, target = _on_sensor(camera, observe_target(target, model, truth, rng), target)
-    problem = TargetProblem(observed=observed, target=target, model=model, priors=priors)
-    fit = fit_target(problem)
-    posterior = sample_target(problem, fit, rng=rng, maximum_steps=part.maximum_steps)
-    return InferredCalibration(
-        group=_group(priors.names, posterior.sample),
-        sample=posterior.sample,
-        check=posterior.check,
-        laplace_deviation=fit.laplace.standard_deviation,
-        laplace_seconds=fit.seconds,
-        prior_deviation=priors.standard_deviation,
-    )
+    return TargetProblem(observed=observed, target=target, model=model, priors=priors), rng
 
 
-def _group(names: tuple[str, ...], sample: PosteriorSample) -> JointDraws:
+def group_of_sample(names: tuple[str, ...], sample: PosteriorSample) -> JointDraws:
+    """Some of the draws of these parameters, as errors about their mean."""
     columns = [sample.names.index(name) for name in names]
     draws = sample.thinned(min(MOST_DRAWS, len(sample.draws)))[:, columns]
     return group_of_draws("calibration", names, draws)
@@ -277,7 +286,7 @@ def infer_from_corners(name: str, rig: StereoRig, part: CornersPart, folder: Pat
     posterior = sample_relative_pose(fit.explained, corners, rng=rng, maximum_steps=part.maximum_steps)
     deviation = np.concatenate([np.sqrt(np.diag(fit.explained.covariance)), [np.nan, np.nan]])
     calibration = InferredCalibration(
-        group=_group(SHARED_NAMES, posterior.sample),
+        group=group_of_sample(SHARED_NAMES, posterior.sample),
         sample=posterior.sample,
         check=posterior.check,
         laplace_deviation=deviation,

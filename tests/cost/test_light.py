@@ -1,0 +1,76 @@
+"""Pictures and depth of field: errors of the cost table against what must hold for them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tradestudy.cameras.focus import SharpRange
+from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
+from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.measuring import Allowance
+from tradestudy.cost.point_spread import DIRECT, point_spread_cost
+from tradestudy.optics.depth_of_field import DepthOfField
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+@pytest.fixture(scope="module")
+def points() -> Measured:
+    part = tradestudy.load(STUDIES / "light_spot.yaml").definition.file.point_spread
+    assert part is not None
+    one = part.model_copy(
+        update={"elements": {"microlens": part.elements["microlens"]}, "window": 4.0, "tolerance": 1e-4}
+    )
+    return point_spread_cost(one, Allowance(seconds=1e4), lambda _step, _share: None, (1e-3, 1e-4))
+
+
+def of(table: Measured, model: str) -> list[Entry]:
+    return [entry for entry in table.entries if entry.model == model]
+
+
+def test_kirchhoff_keeps_every_tolerance_against_direct_quadrature(points: Measured) -> None:
+    assert points.reference_error < 1e-12
+    for entry in of(points, "Kirchhoff"):
+        tolerance = float(entry.setting.removeprefix("tolerance "))
+        # Held at a part of the places, whose share of the light is not that of all.
+        assert entry.error <= 3.0 * tolerance
+    assert [entry.setting for entry in points.entries if entry.chosen] == ["tolerance 1e-04", "tolerance 1e-04"]
+
+
+def test_fresnel_errs_by_its_law_at_any_tolerance(points: Measured) -> None:
+    loose, tight = of(points, "Fresnel")
+    assert 1e-3 < tight.error < 1e-1
+    assert loose.error == pytest.approx(tight.error, rel=0.05)
+
+
+def test_node_by_node_is_what_the_reference_is(points: Measured) -> None:
+    (entry,) = of(points, DIRECT)
+    assert entry.error < 1e-5
+    assert entry.evaluations > 100
+
+
+def sharp(*ranges: tuple[float, float]) -> SharpRange:
+    near, far = (np.array(ends, dtype=float) for ends in zip(*ranges, strict=True))
+    return SharpRange(names=tuple(map(str, range(len(ranges)))), slices=DepthOfField(near=near, far=far))
+
+
+def test_the_difference_is_what_is_sharp_by_one_alone() -> None:
+    assert _difference(sharp((1.0, 2.0)), sharp((1.0, 2.0)), 0.0, 10.0) == 0.0
+    assert _difference(sharp((1.0, 3.0)), sharp((2.0, 4.0)), 0.0, 10.0) == pytest.approx(2.0 / 3.0)
+    assert _difference(sharp((1.0, 2.0)), sharp((3.0, 4.0)), 0.0, 10.0) == 1.0
+    assert _difference(sharp((1.0, np.inf)), sharp((2.0, np.inf)), 0.0, 11.0) == pytest.approx(0.1)
+    assert _difference(sharp((20.0, 30.0)), sharp((21.0, 22.0)), 0.0, 10.0) == 0.0
+
+
+def test_counting_diffraction_costs_little_and_its_leaving_out_is_seen() -> None:
+    definition = tradestudy.load(STUDIES / "hand_lens.yaml").definition
+    part = definition.file.depth_of_field
+    assert part is not None
+    found = depth_of_field_cost(definition, part, Allowance(seconds=5.0), lambda _step, _share: None)
+    geometric, half, full = found.entries
+    assert full.error == 0.0
+    assert 0.0 < half.error <= geometric.error <= 1.0

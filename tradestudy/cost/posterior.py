@@ -1,0 +1,168 @@
+"""Depth uncertainty of a camera whose calibration is inferred: the normal approximation and emcee, step by step."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cost.depth import fixed_sampling
+from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.measuring import Allowance, measure
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.calibration.cameras import folder_of_files
+from tradestudy.study.calibration.posteriors import group_of_sample, target_problem
+from tradestudy.study.calibration.sources import declared_groups
+from tradestudy.study.calibration.uncertain_camera import UncertainCamera
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.progress import Progress
+from tradestudy.study.schema.calibration import CalibrationStudyPart, TargetPart
+from tradestudy.uncertainty.calibration.target_inference import TargetProblem, fit_target, sample_target
+from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.uncertainty.monte_carlo import propagate
+from tradestudy.uncertainty.sources import ErrorClass, Group
+from tradestudy.uncertainty.streams import scrambled_sobol
+
+LAPLACE, EMCEE = "normal approximation", "emcee"
+_STEPS: Final = (200, 500, 1000)
+_DRAWS: Final = 2**14
+_REFERENCE_RUNS: Final = (2, 4)
+_REFERENCE_SEED: Final = 0x5EED
+_MOST_PLACES: Final = 9
+_GROUP: Final = "calibration"
+
+
+def posterior_cost(
+    definition: StudyDefinition,
+    part: CalibrationStudyPart,
+    camera: UncertainCamera,
+    allowance: Allowance,
+    progress: Progress,
+) -> Measured:
+    """Cost of the posterior of one camera that is shown a target, by the depth uncertainty that follows from it.
+
+    Parameters
+    ----------
+    definition, part
+        The study.
+    camera
+        With the posterior as a run infers it.
+    allowance
+        Time and repeats.
+    progress
+        Called with the step and the share done.
+    """
+    step = "cost: posterior"
+    progress(step, 0.0)
+    target = part.cameras[camera.name].target
+    assert target is not None  # the caller's promise
+    problem = _problem(definition, part, camera.name, target)
+    width = partial(_half_width, camera, np.array(part.distance_values())[:: _stride(len(part.distance_values()))])
+    begin = time.perf_counter()
+    fewest, most = _REFERENCE_RUNS
+    widths = [width(_by_emcee(problem, target.maximum_steps, (_REFERENCE_SEED, run))) for run in range(fewest)]
+    while len(widths) < most and allowance.allows(2.0 * (time.perf_counter() - begin)):
+        widths.append(width(_by_emcee(problem, target.maximum_steps, (_REFERENCE_SEED, len(widths)))))
+    reference_seconds = time.perf_counter() - begin
+    seen = np.all(np.isfinite(widths), axis=0)
+    bounded = np.stack(widths)[:, seen]
+    reference = bounded.mean(axis=0)
+    error = bounded.std(axis=0, ddof=1) / math.sqrt(len(widths)) / reference
+    runs: list[tuple[str, str, Callable[[int], Group], bool]] = [
+        (LAPLACE, "", lambda _run: _by_fit(problem), False),
+        # First what a run does, in case the time ends.
+        (EMCEE, "until converged", lambda run: _by_emcee(problem, target.maximum_steps, (run,)), True),
+    ]
+    runs += [
+        (EMCEE, f"{steps} steps", lambda run, steps=steps: _by_emcee(problem, steps, (run,)), False)  # type: ignore[misc]
+        for steps in _STEPS
+    ]
+    entries: list[Entry] = []
+    left_out: list[str] = []
+    for number, (model, setting, draw, chosen) in enumerate(runs):
+        progress(step, number / len(runs))
+        if not allowance.allows(reference_seconds / len(widths) if model == EMCEE else 0.0):
+            left_out.append(f"{model}, {setting}: no time left")
+            continue
+        timed = measure(lambda run, draw=draw: width(draw(run)), allowance)  # type: ignore[misc]  # bound at once
+        off = np.sqrt(np.mean((np.stack(timed.values)[:, seen] / reference - 1.0) ** 2, axis=0))
+        entries.append(
+            Entry(
+                model=model,
+                setting=setting,
+                evaluations=math.nan,
+                error=float(off.max()),
+                typical_error=float(np.median(off)),
+                seconds=timed.seconds,
+                least_seconds=timed.least_seconds,
+                peak_memory=timed.peak_memory,
+                repeats=timed.repeats,
+                chosen=chosen,
+            )
+        )
+    progress(step, 1.0)
+    return Measured(
+        name="posterior",
+        title=f"Posterior of {camera.name}",
+        says=f"Half the central 68.27 % interval of depth of {camera.name} on the axis at {int(seen.sum())} distances "
+        "by a calibration inferred from its target: seconds of fit, chains and propagation, relative error at the "
+        "worst.",
+        reference=f"mean of {len(widths)} posteriors by emcee, each until converged, of seeds of their own",
+        reference_error=float(error.max()),
+        reference_seconds=reference_seconds,
+        entries=tuple(entries),
+        left_out=tuple(left_out),
+    )
+
+
+def _stride(count: int) -> int:
+    return -(-count // _MOST_PLACES)
+
+
+def _problem(definition: StudyDefinition, part: CalibrationStudyPart, name: str, target: TargetPart) -> TargetProblem:
+    """The same observations as those of a run."""
+    camera = definition.case.cameras[name]
+    assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
+    folder = folder_of_files(definition, ("calibration", "cameras", name))
+    groups = declared_groups(camera, part.cameras[name], folder)
+    return target_problem(name, camera, groups, target, seed=part.seed)[0]
+
+
+def _by_emcee(problem: TargetProblem, steps: int, seed: tuple[int, ...]) -> Group:
+    rng = np.random.default_rng((*seed, _REFERENCE_SEED))
+    posterior = sample_target(problem, fit_target(problem), rng=rng, maximum_steps=steps)
+    return group_of_sample(problem.priors.names, posterior.sample)
+
+
+def _by_fit(problem: TargetProblem) -> Group:
+    fit = fit_target(problem)
+    names = problem.priors.names
+    columns = [fit.laplace.names.index(name) for name in names]
+    return JointNormal(
+        name=_GROUP,
+        parameters=names,
+        mean=np.zeros(len(names)),
+        covariance=fit.laplace.covariance[np.ix_(columns, columns)],
+        error_class=ErrorClass.RIG,
+    )
+
+
+def _half_width(camera: UncertainCamera, places: FloatArray, calibration: Group) -> FloatArray:
+    """Of depth at places [m], with another calibration in the place of the camera's own."""
+    groups = tuple(calibration if group.name == _GROUP else group for group in camera.groups)
+    changed = replace(camera, groups=groups)
+    return propagate(
+        changed.model(places, 0.0),
+        changed.sources,
+        fixed_sampling(scrambled_sobol, _DRAWS),
+        seed=0,
+        point=f"cost/{camera.name}",
+        inverse_depth=True,
+    ).half_width
