@@ -19,7 +19,7 @@ from tradestudy.effects.picture_change import (
 
 # What the closed forms leave out: microlenses that are lit in part, rings that the detector cuts. From random light
 # paths; `python -m tests.campaigns.light_bounds` holds it against others.
-_SAFETY: Final = 4.0
+_SAFETY: Final = 2.2
 
 
 def source_extent_in_picture(scene: LightScene) -> Slot:
