@@ -226,3 +226,8 @@ def test_finds_the_nearest_name() -> None:
 def test_whoever_reads_no_study_does_not_import_pint() -> None:
     script = "import sys, tradestudy.units; assert 'pint' not in sys.modules"
     assert subprocess.run([sys.executable, "-c", script], check=False).returncode == 0
+
+
+def test_an_infinite_number_is_written_as_such() -> None:
+    assert units.significant(float("inf")) == "∞"
+    assert units.significant(float("-inf"), 2) == "−∞"

@@ -288,7 +288,9 @@ def display_unit(value: float, dimension: Dimension) -> DisplayUnit:
 
 
 def significant(number: float, digits: int = 3) -> str:
-    """Write a number with so many significant digits and no trailing zeros: ``1230``, ``0.00012``, ``4.5×10⁻⁹``."""
+    """Write a number with so many significant digits, no trailing zeros: ``1230``, ``0.00012``, ``4.5×10⁻⁹``, ``∞``."""
+    if math.isinf(number):
+        return "∞" if number > 0.0 else "−∞"
     mantissa, _, exponent = f"{number:.{digits - 1}e}".partition("e")
     if number == 0.0:
         return "0"
