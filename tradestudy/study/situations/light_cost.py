@@ -15,14 +15,14 @@ from tradestudy.optics.chain import ChainAccuracy, LightPath
 from tradestudy.optics.chain.sources import source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
 
-# Seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
+# Processor seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
 SECONDS: Final[Mapping[str, float]] = {
     "rays of a disc: pixel behind a microlens": 2.3e-5,
     "rays of a point: pixel behind a microlens": 2e-6,
-    "sample of a patch": 3.0e-8,
-    "sample of a patch in double precision": 6.0e-8,
+    "sample of a patch": 4.5e-8,
+    "sample of a patch in double precision": 1.2e-7,
     "sample of the detector": 3.0e-7,
-    "microlens field, Kirchhoff": 0.25,
+    "microlens field, Kirchhoff": 0.6,
     "microlens field, Fresnel": 0.1,
 }
 _FADING = 4.0  # Fresnel lengths beyond what is kept of the light

@@ -1,0 +1,86 @@
+"""Seconds per unit of the work of light pictures, for the tables that predict them; prints and keeps nothing.
+
+    python -m tests.campaigns.light_seconds
+
+Processor seconds on the light spot, the least of three: `tradestudy.study.situations.light_cost.SECONDS` and
+`tradestudy.effects.point_images.SECONDS_PER_IMAGE` times the speed of this machine.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from tradestudy import load
+from tradestudy.effects.light_scene import LightScene
+from tradestudy.machine import machine_speed
+from tradestudy.optics.chain import FRESNEL, GEOMETRIC, KIRCHHOFF, ChainAccuracy, Legs, chain_image
+from tradestudy.study.point_spreads import SpreadMethod, every_case, point_spread_of
+from tradestudy.study.situations.light_cost import LightWork
+from tradestudy.study.spot_images import light_path, light_source
+
+STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
+COARSE, FINE, DOUBLE = 0.1, 0.01, 9e-4
+
+
+def least(task: Callable[[], object], repeats: int = 3) -> float:
+    """Least processor seconds of a task."""
+    found = []
+    for _ in range(repeats):
+        start = time.process_time()
+        task()
+        found.append(time.process_time() - start)
+    return min(found)
+
+
+def main() -> None:
+    """Measure every unit."""
+    file = load(STUDY).file
+    part, spread = file.light_spot, file.point_spread
+    assert part is not None
+    assert spread is not None
+    path, source, speed = light_path(part), light_source(part), machine_speed()
+    scene = LightScene(path=path, source=source, wavelength=part.wavelength)
+
+    def picture(legs: Legs, tolerance: float, *, point: bool = False, repeats: int = 3) -> float:
+        def task() -> object:
+            return chain_image(
+                path, source.centre if point else source, wavelength=part.wavelength, legs=legs,
+                accuracy=ChainAccuracy(tolerance=tolerance), rng=np.random.default_rng(0),
+            )  # fmt: skip
+
+        return speed * least(task, repeats)
+
+    def samples(tolerance: float) -> float:
+        work = LightWork(scene=scene, tolerance=tolerance)
+        return work.source_points * work.lit_microlenses * work.patch_side**2
+
+    pixels = path.pixels.shape[0] * path.pixels.shape[1] * path.microlenses.count
+    point = {legs: picture(legs, FINE, point=True) for legs in (FRESNEL, KIRCHHOFF)}
+    disc = {legs: picture(legs, COARSE) for legs in (FRESNEL, KIRCHHOFF)}
+    patch = (picture(KIRCHHOFF, FINE) - disc[KIRCHHOFF]) / (samples(FINE) - samples(COARSE))
+    measured = {
+        "rays of a disc: pixel behind a microlens": picture(GEOMETRIC, FINE) / pixels,
+        "rays of a point: pixel behind a microlens": picture(GEOMETRIC, FINE, point=True) / pixels,
+        "sample of a patch": patch,
+        "sample of a patch in double precision": picture(KIRCHHOFF, DOUBLE, repeats=1) / samples(DOUBLE),
+        "sample of the detector": point[FRESNEL] / LightWork(scene=scene, tolerance=FINE).detector_side ** 2,
+        "microlens field, Kirchhoff minus Fresnel": (disc[KIRCHHOFF] - disc[FRESNEL]) / 4.0,
+        "disc at 10 % beside its samples": disc[KIRCHHOFF] - patch * samples(COARSE),
+    }
+    case = every_case(spread)[0]
+    methods: tuple[SpreadMethod, ...] = ("fresnel", "kirchhoff")
+    for method in methods:
+        image = least(
+            lambda m=method: point_spread_of(case, method=m, window=spread.window, tolerance=spread.tolerance)  # type: ignore[misc]  # mypy knows no type of m
+        )
+        measured[f"image of a point, {method}"] = speed * image
+    for name, seconds in measured.items():
+        print(f"{name:45s} {seconds:.3g}")
+
+
+if __name__ == "__main__":
+    main()
