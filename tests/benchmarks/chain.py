@@ -149,6 +149,9 @@ def knobs() -> Iterator[Row]:
     settings = {"as is": ChainAccuracy(tolerance=1e-2)}
     settings |= {knob: ChainAccuracy(tolerance=1e-2, **{knob: 2.0}) for knob in KNOBS}
     settings["tolerance halved"] = ChainAccuracy(tolerance=5e-3)
+    settings["all at once, 1.4 times each and the tolerance divided by 1.4"] = ChainAccuracy(
+        tolerance=7e-3, **dict.fromkeys(KNOBS, 1.4)
+    )
     settings["all at once"] = ChainAccuracy(tolerance=5e-3, **dict.fromkeys(KNOBS, 2.0))
     base = None
     for name, accuracy in settings.items():
