@@ -1,11 +1,12 @@
-"""Bad input in bulk: mutated and invented study files through `check`, in process.
+"""Bad input in bulk: mutated and invented study files through `check` and `plan`, in process.
 
     python -m tests.campaigns.fuzz --inputs 20000
 
-Whatever is fed in, `check` says what the study holds or refuses it in words: never another exception or a warning,
-never longer than ten seconds, never beyond a gigabyte, never writing, moving or starting anything. Inputs come from two
-sources: mutations of the shipped studies (text, values, structure, splices, hostile YAML) and studies that hypothesis
-invents from the schema's own keys. Figures go to fuzz.md beside this file; an input that breaks a rule is kept.
+Whatever is fed in, `check` says what the study holds and `plan` what it would compute, or they refuse it in words:
+never another exception or a warning, never longer than ten seconds, never beyond a gigabyte, never writing, moving or
+starting anything. Inputs come from two sources: mutations of the shipped studies (text, values, structure, splices,
+hostile YAML) and studies that hypothesis invents from the schema's own keys. Figures go to fuzz.md beside this file; an
+input that breaks a rule is kept.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ from tests.campaigns import record
 from tests.campaigns.invented import invent
 from tests.campaigns.mutations import Corpus, mutated
 from tradestudy import api
-from tradestudy.errors import StudyError
+from tradestudy.errors import StudyError, TradestudyError
+from tradestudy.machine import machine_speed
 
 LONGEST_SECONDS = 10.0
 MOST_BYTES = 2**30
@@ -91,7 +93,7 @@ class Watch:
 
 
 def feed(tally: Tally, watch: Watch, path: Path, overrides: tuple[str, ...], source: str) -> None:
-    """Check one file, and judge how that ends."""
+    """Check and plan one file, and judge how that ends."""
     tally.inputs += 1
     tally.by_source[source] += 1
     begin = time.monotonic()
@@ -116,19 +118,26 @@ def feed(tally: Tally, watch: Watch, path: Path, overrides: tuple[str, ...], sou
 
 def _outcome(path: Path, overrides: tuple[str, ...]) -> str:
     try:
-        summary = api.load(path, overrides).check_summary()
+        study = api.load(path, overrides)
+        assert study.check_summary().strip()
     except StudyError as error:
         told = [str(problem) for problem in error.problems]
         if not told or any(not problem.what.strip() for problem in error.problems):
             raise AssertionError(f"refused without a word: {told}") from error
         return "refused"
-    assert summary.strip()
-    return "accepted"
+    try:
+        assert str(study.plan()).strip()
+    except TradestudyError as error:
+        if not str(error).strip() or error.exit_status != 2:
+            raise AssertionError(f"no plan, and no word of what is wrong with the input: {error}") from error
+        return "no plan"
+    return "planned"
 
 
 def campaign(folder: Path, *, inputs: int, seed: int, keep: Callable[[Path, int], None]) -> Tally:
     """Feed so many inputs."""
     tally, watch, corpus = Tally(), Watch(), Corpus.shipped(folder)
+    machine_speed()  # measured once and remembered by the user's machine: no input's doing
     rng = random.Random(seed)
 
     def fed(text: bytes, overrides: tuple[str, ...], source: str) -> None:
@@ -173,7 +182,7 @@ def limits() -> Iterator[None]:
 
 def main() -> None:
     """Run the campaign and keep its figures."""
-    parser = argparse.ArgumentParser(description="Feed bad study files to check, in bulk.")
+    parser = argparse.ArgumentParser(description="Feed bad study files to check and plan, in bulk.")
     parser.add_argument("--inputs", type=int, default=20_000)
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
@@ -188,13 +197,14 @@ def main() -> None:
     bad = {kind: tally.outcomes[kind] for kind in ("traceback", "hang", "memory", "reaches out", "file")}
     path = record.write(
         "fuzz",
-        "Bad input in bulk: what was fed to `check`, and how it ended",
+        "Bad input in bulk: what was fed to `check` and `plan`, and how it ended",
         f"python -m tests.campaigns.fuzz --inputs {asked.inputs} --seed {asked.seed}",
         ("What", "Count"),
         [
             ("inputs", tally.inputs),
             *((f"of them {source}", count) for source, count in sorted(tally.by_source.items())),
-            ("accepted", tally.outcomes["accepted"]),
+            ("accepted and planned", tally.outcomes["planned"]),
+            ("accepted, no plan for it, said why", tally.outcomes["no plan"]),
             ("refused in words", tally.outcomes["refused"]),
             ("tracebacks and warnings", bad["traceback"]),
             (f"hangs beyond {LONGEST_SECONDS:g} s", bad["hang"]),

@@ -57,7 +57,7 @@ def test_bad_input_is_refused_in_words(tmp_path: Path) -> None:
     assert kept == []
     assert tally.inputs == INPUTS
     # A fuzzer that nothing survives, or that changes nothing, would test little.
-    assert INPUTS // 100 < tally.outcomes["accepted"] < INPUTS // 2
+    assert INPUTS // 100 < tally.outcomes["planned"] + tally.outcomes["no plan"] < INPUTS // 2
 
 
 def test_the_fuzzer_tells_a_breach(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

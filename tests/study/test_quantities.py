@@ -24,7 +24,7 @@ def message(kind: Any, value: object) -> str:
     ("name", "accepted", "refused"),
     [
         ("Length", "-3 mm", "infinity"),
-        ("PositiveLength", "1e-300 m", "0 m"),
+        ("PositiveLength", "1e-30 m", "0 m"),
         ("NonNegativeLength", "0 m", "-1 nm"),
         ("PositiveLengthOrInfinity", "infinity", "-infinity"),
         ("PositiveWavelength", "10 nm", "550 mm"),
@@ -45,6 +45,13 @@ def test_limits(name: str, accepted: object, refused: object) -> None:
     assert isinstance(adapter.validate_python(accepted), float)
     with pytest.raises(ValidationError):
         adapter.validate_python(refused)
+
+
+@pytest.mark.parametrize("slip", ["1e31 m", "-1e31 m", "1e-31 m"])
+def test_what_no_study_can_hold_is_a_slip(slip: str) -> None:
+    assert message(quantities.Length, slip) == (
+        f"'{slip}' is out of range; nothing in a study is below 1e-30 or beyond 1e30 in SI units"
+    )
 
 
 @pytest.mark.parametrize("refused", [3.0, "3", True, -1, None])

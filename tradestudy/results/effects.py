@@ -24,7 +24,8 @@ EFFECTS: Final[Mapping[str, Variable]] = {
     "number": Variable(
         dims=("decision",),
         units="1",
-        long_name="its value at the worst place of the study; NaN where the effect has none",
+        long_name="its value at the worst place of the study; NaN where the effect has none, infinite where nothing "
+        "of the kind is there to divide by",
         error="closed form",
     ),
     "reason": Variable(dims=("decision",), units="", long_name="why the bound holds"),
@@ -42,7 +43,10 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         error="it is a bound",
     ),
     "wanted": Variable(
-        dims=("piece", "quantity"), units="1", long_name="relative error that the study allows", error="declared"
+        dims=("piece", "quantity"),
+        units="1",
+        long_name="relative error that the study allows; NaN where the quantity is not asked for",
+        error="declared",
     ),
     "piece_title": Variable(dims=("piece",), units="", long_name="the camera, lens or light path in words"),
     "piece_seconds": Variable(

@@ -10,6 +10,9 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from tradestudy import units
 from tradestudy.units import Dimension, UnitError, parse, pretty
 
+# Products of a few quantities within these stay finite; what lies beyond is a slip of the keyboard.
+_SMALLEST, _LARGEST = 1e-30, 1e30
+
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 
 
@@ -44,6 +47,8 @@ def quantity(
         number = parse(value, dimension)
         if math.isinf(number) and not (infinite and number > 0.0):
             raise UnitError(f"infinity is not possible here; {dimension.name} is expected, such as {dimension.example}")
+        if math.isfinite(number) and number != 0.0 and not _SMALLEST <= abs(number) <= _LARGEST:
+            raise UnitError(f"'{value}' is out of range; nothing in a study is below 1e-30 or beyond 1e30 in SI units")
         if not (above < number and at_least <= number <= at_most):
             raise UnitError(f"'{value}' is out of range; {dimension.name} {limits} is expected")
         return number

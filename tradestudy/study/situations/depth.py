@@ -13,9 +13,9 @@ import numpy as np
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, declared_disparity_error
 from tradestudy.effects.base import OFF, Slot, SlotName
 from tradestudy.effects.calibration import calibration_slot
-from tradestudy.effects.declared import declared_slots
 from tradestudy.effects.picture.trial import MARGIN
 from tradestudy.effects.temperature import temperature_slot
+from tradestudy.effects.unused import declared_reason, unused_slots
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import PictureGeometry, picture_geometry
 from tradestudy.optics.arrays import FloatArray
@@ -117,14 +117,16 @@ def _usable(variant: _Variant) -> FloatArray:
 def _picture(variants: Sequence[_Variant], distances: int) -> tuple[Slot, ...]:
     """Slots of the picture: weighed where the disparity error is derived from it, all off where it is declared."""
     derived = [_picture_case(variant) for variant in variants]
-    found = [case for case in derived if case is not None]
+    found = [case for case in derived if case is not None and case.places.size]
     if found:
         return picture_slots(found, distances=distances)
     first = variants[0]
-    geometry = picture_geometry(first.camera, _places(first)[:1])
-    return declared_slots(
-        disparity_error_px=declared_disparity_error(first.camera), numbers=_numbers(geometry, first.wavelength)
-    )
+    if isinstance(first.camera.disparity_error_px, float | int):
+        reason = declared_reason(declared_disparity_error(first.camera))
+    else:
+        reason = "the camera forms no picture at any distance of the study"
+    geometry = picture_geometry(first.camera, _places(first)[:1] if _places(first).size else first.distance[:1])
+    return unused_slots(reason=reason, numbers=_numbers(geometry, first.wavelength))
 
 
 def _numbers(geometry: PictureGeometry, wavelength: float) -> dict[SlotName, tuple[str, float]]:

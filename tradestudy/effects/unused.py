@@ -1,4 +1,4 @@
-"""Slots of the picture where the disparity error is declared: nothing that happens in the picture can reach it."""
+"""Slots of a picture that reaches no result: everything that happens in it is left out."""
 
 from __future__ import annotations
 
@@ -8,9 +8,17 @@ from tradestudy.accuracy import Quantity
 from tradestudy.effects.base import OFF, Bound, Model, Slot, SlotName
 
 
-def declared_slots(
+def declared_reason(disparity_error_px: float) -> str:
+    """Why the picture does not matter where the disparity error [px] is declared."""
+    return (
+        f"the disparity error is declared, {disparity_error_px:g} px, and stands for the whole picture; "
+        "what blurs, mixes or dims the picture reaches depth only if it is derived"
+    )
+
+
+def unused_slots(
     *,
-    disparity_error_px: float,
+    reason: str,
     numbers: Mapping[SlotName, tuple[str, float]],
     quantities: Sequence[Quantity] = ("depth_uncertainty",),
 ) -> tuple[Slot, ...]:
@@ -18,8 +26,8 @@ def declared_slots(
 
     Parameters
     ----------
-    disparity_error_px
-        As declared [px].
+    reason
+        Why nothing of it matters.
     numbers
         The slots; for each, a criterion in words and its value, for the reader.
     quantities
@@ -27,12 +35,6 @@ def declared_slots(
     """
     found = []
     for name, (criterion, number) in numbers.items():
-        bound = Bound(
-            relative_change=0.0,
-            criterion=criterion,
-            number=number,
-            reason=f"the disparity error is declared, {disparity_error_px:g} px, and stands for the whole picture; "
-            "what blurs, mixes or dims the picture reaches depth only if it is derived",
-        )
+        bound = Bound(relative_change=0.0, criterion=criterion, number=number, reason=reason)
         found.append(Slot(name=name, models=(Model(name=OFF, bounds=dict.fromkeys(quantities, bound)),)))
     return tuple(found)
