@@ -17,7 +17,6 @@ from tradestudy.cost.depth import fixed_sampling
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance, measure
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.calibration.cameras import folder_of_files
 from tradestudy.study.calibration.posteriors import group_of_sample, target_problem
 from tradestudy.study.calibration.sources import declared_groups
 from tradestudy.study.calibration.uncertain_camera import UncertainCamera
@@ -130,7 +129,7 @@ def _problem(definition: StudyDefinition, part: CalibrationStudyPart, name: str,
     """The same observations as those of a run."""
     camera = definition.case.cameras[name]
     assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
-    folder = folder_of_files(definition, ("calibration", "cameras", name))
+    folder = definition.folder_of(("calibration", "cameras", name))
     groups = declared_groups(camera, part.cameras[name], folder)
     return target_problem(name, camera, groups, target, seed=part.seed)[0]
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 from tradestudy.cameras.error_models import Environment
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
@@ -53,7 +52,7 @@ def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, s
     for name, of_camera in part.cameras.items():
         camera = definition.case.cameras[name]
         assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
-        designs[name], folder = camera, folder_of_files(definition, ("calibration", "cameras", name))
+        designs[name], folder = camera, definition.folder_of(("calibration", "cameras", name))
         if of_camera.corners is not None:
             assert isinstance(camera, StereoRig)  # the schema lets no other kind in
             asked[name] = CornersToInfer.of(name, camera, of_camera.corners, folder, seed=part.seed)
@@ -69,7 +68,7 @@ def uncertain_cameras(definition: StudyDefinition, part: CalibrationStudyPart, s
         name: found.calibration if isinstance(found, RealRig) else found for name, found in inferred.items()
     }
     for name, of_camera in part.cameras.items():
-        camera, folder = designs[name], folder_of_files(definition, ("calibration", "cameras", name))
+        camera, folder = designs[name], definition.folder_of(("calibration", "cameras", name))
         if name in rigs:
             rig = rigs[name]
             cameras[name] = UncertainCamera(
@@ -103,10 +102,3 @@ def _environment(body: BodyPart | None, surroundings: SurroundingsPart | None, w
         temperature=surroundings.calibrated_at_temperature,
         pressure=surroundings.calibrated_at_pressure,
     )
-
-
-def folder_of_files(definition: StudyDefinition, path: tuple[str, ...]) -> Path:
-    """Where the files that a part of the study names are looked for: beside the file that the study was read from."""
-    file, _, _ = definition.document.locate(path)
-    root, _, _ = definition.document.locate(())
-    return Path(file if Path(file).is_file() else root).parent
