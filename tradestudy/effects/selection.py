@@ -224,8 +224,7 @@ def _nothing_fits(
     elif math.isinf(shortfall[nearest]):
         offer = "no set within the budget has a finite bound; raise the budget"
     else:
-        factor = float(shortfall[nearest]) * 1.000001
-        loosest = ", ".join(dict.fromkeys(_share(value * factor) for value in accuracy.relative.values()))
+        loosest = offered(accuracy, float(shortfall[nearest]))
         offer = f"{loosest} can be had; ask for that"
         if math.isfinite(accuracy.budget):
             offer = f"{loosest} can be had in {cost(nearest):.3g} s; ask for that, or raise the budget"
@@ -238,6 +237,17 @@ def _nothing_fits(
         limit=f"within {accuracy.budget:g} s" if math.isfinite(accuracy.budget) else "",
         remedy=offer,
     )
+
+
+def offered(accuracy: Accuracy, factor: float) -> str:
+    """An accuracy looser by a factor, in words and rounded so that it holds what it offers: upwards."""
+    return ", ".join(dict.fromkeys(f"{_rounded_up(100.0 * v * factor)} %" for v in accuracy.relative.values()))
+
+
+def _rounded_up(number: float) -> str:
+    """Two digits, never less than the number."""
+    step = 10.0 ** (math.floor(math.log10(number)) - 1)
+    return f"{math.ceil(number / step * (1.0 + 1e-9)) * step:.12g}"
 
 
 def _share(value: float) -> str:

@@ -156,14 +156,20 @@ class StudyDefinition:
         places = None if written_at is None else {path: (*written_at, path) for path in values}
         return StudyDefinition.of(with_values(self.document, texts, written_at=places), self.models)
 
-    @property
-    def data_files(self) -> tuple[Path, ...]:
-        """Files beside the study that its calibration part names, as they are looked for."""
-        return tuple(
-            self.folder_of(path[:-1]) / str(value)
+    @cached_property
+    def data_files(self) -> Mapping[str, Path]:
+        """Files beside the study that its calibration part names, by where it names them; those of readings too."""
+        found = self._own_files()
+        for name, reading in self.readings.items():
+            found |= {f"{name}: {path}": file for path, file in reading._own_files().items()}
+        return found
+
+    def _own_files(self) -> dict[str, Path]:
+        return {
+            ".".join(map(str, path)): self.folder_of(path[:-1]) / str(value)
             for path, value in _leaves(("calibration",), self.document.tree.get("calibration"))
             if path[-1] == "file" and isinstance(value, str)
-        )
+        }
 
     def folder_of(self, path: tuple[str | int, ...]) -> Path:
         """Where the files that a part of the study names are looked for: beside the file that holds the part."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from tradestudy.accuracy import Accuracy
 from tradestudy.effects.base import SlotName
-from tradestudy.effects.selection import Selection
+from tradestudy.effects.selection import Selection, offered
 from tradestudy.errors import Problem, StudyError, UnaffordableError
 from tradestudy.machine import machine_speed
 from tradestudy.study.definition import StudyDefinition
@@ -147,8 +147,8 @@ def _too_long(
         for _ in range(_ROUNDS):
             middle = (low + high) / 2.0
             low, high = (low, middle) if seconds(math.exp(middle)) <= budget else (middle, high)
-        offer = dict.fromkeys(f"{100.0 * value * math.exp(high):.2g} %" for value in plan.accuracy.relative.values())
-        remedy = f"{', '.join(offer)} can be had in {seconds(math.exp(high)):.3g} s; ask for that, or raise the budget"
+        offer = offered(plan.accuracy, math.exp(high))
+        remedy = f"{offer} can be had in {seconds(math.exp(high)):.3g} s; ask for that, or raise the budget"
     return UnaffordableError(
         "the accuracy wanted takes longer than the budget",
         value=f"{plan.seconds[0]:.3g} s",

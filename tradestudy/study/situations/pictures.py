@@ -212,7 +212,7 @@ def picture_slots(cases: Sequence[PictureCase], *, distances: int) -> tuple[Slot
         illumination=min(case.illumination for case in cases),
         read_noise_share=max(read for read, _ in noise),
         quantisation_share=max(rounding for _, rounding in noise),
-        spectrum_width=max(_spectrum_width(case.settings) for case in cases),
+        spectrum_width=_widest(cases),
         microlens_reach_airy=min(
             math.inf if micro is None else case.geometry.widest_window_px / math.sqrt(2.0) / case.airy_px(micro)
             for case, _, micro in stages
@@ -242,8 +242,12 @@ def _noise_shares(case: PictureCase) -> tuple[float, float]:
     return (read - shot) / everything, (everything - read) / everything
 
 
-def _spectrum_width(settings: PictureSettings) -> float:
-    if len(settings.spectrum) < 2:
-        return math.nan
-    wavelengths = [wavelength for wavelength, _ in settings.spectrum]
-    return (max(wavelengths) - min(wavelengths)) / settings.wavelength
+def _widest(cases: Sequence[PictureCase]) -> float:
+    """Width of the widest declared spectrum over its centre; NaN where none is declared."""
+    found = [
+        (max(wavelength for wavelength, _ in lines) - min(wavelength for wavelength, _ in lines))
+        / case.settings.wavelength
+        for case in cases
+        if (lines := case.settings.spectrum)
+    ]
+    return max(found, default=math.nan)

@@ -22,7 +22,7 @@ class Situation:
     quantities
         What is asked for.
     slots
-        Bounds hold for the worst place of the study: every distance, every design of its sweep.
+        Bounds are those of the worst place looked at: distances, readings, ends of the sweep and of inverse questions.
     seconds
         Predicted cost of a set of models [s].
     """
@@ -34,7 +34,7 @@ class Situation:
     seconds: Callable[[Chosen], float] = sum_of_seconds
 
     def select(self, accuracy: Accuracy, forced: dict[SlotName, str]) -> Selection:
-        """Choose its models; what the study forces elsewhere and this piece does not have is no concern here.
+        """Choose its models; a forced model that this piece does not have is for the other pieces.
 
         Raises
         ------
