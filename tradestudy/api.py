@@ -128,7 +128,7 @@ class Study:
         """
         from tradestudy.cost.study_cost import study_cost
 
-        found = study_cost(self.definition, repeats=repeats, budget=budget, progress=progress)
+        found = study_cost(self.plan().definition, repeats=repeats, budget=budget, progress=progress)
         return found.assign_attrs(study=self.name, study_hash=self.hash)
 
     def run(

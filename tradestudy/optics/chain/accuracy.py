@@ -42,7 +42,7 @@ class ChainAccuracy:
         Factor on the phase that the nodes on an extended source resolve, and on the radii at which the main-lens
         field is computed.
     memory_limit
-        Largest memory [bytes] that the arrays may take.
+        Largest memory [bytes] that the arrays of one pass may take; stating its error takes a second pass beside it.
 
     Raises
     ------
