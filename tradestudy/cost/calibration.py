@@ -8,7 +8,7 @@ import numpy as np
 
 from tradestudy.cost.depth import SOBOL, Case, propagation_cost
 from tradestudy.cost.entries import Measured
-from tradestudy.cost.measuring import Allowance
+from tradestudy.cost.measuring import MOST_PLACES, Allowance
 from tradestudy.study.calibration.cameras import UncertainCameras
 from tradestudy.study.calibration.propagation import sampling_of
 from tradestudy.study.calibration.uncertain_camera import UncertainCamera
@@ -17,15 +17,13 @@ from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.linear import linear
 
-_MOST_PLACES = 9
-
 
 def calibration_cost(
     part: CalibrationStudyPart, uncertain: UncertainCameras, allowance: Allowance, progress: Progress
 ) -> Measured | None:
     """Cost of the depth uncertainty of every camera of the calibration part, on the axis, noise and calibration."""
     places = np.array(part.distance_values())
-    wanted = places[np.unique(np.linspace(0, places.size - 1, min(_MOST_PLACES, places.size)).astype(int))]
+    wanted = places[np.unique(np.linspace(0, places.size - 1, min(MOST_PLACES, places.size)).astype(int))]
     cases = [case for camera in uncertain.cameras.values() if (case := _case(camera, wanted)) is not None]
     if not cases:
         return None
@@ -36,7 +34,7 @@ def calibration_cost(
         progress,
         name="calibrated_depth_uncertainty",
         title="Depth uncertainty with all calibration errors",
-        says=f"Half the central 68.27 % interval of depth of {len(cases)} cameras on the axis at up to {_MOST_PLACES} "
+        says=f"Half the central 68.27 % interval of depth of {len(cases)} cameras on the axis at up to {MOST_PLACES} "
         "distances each where infinity is three deviations away, through the exact models: seconds for all of them "
         "together, relative error at the worst.",
         chosen=SOBOL,

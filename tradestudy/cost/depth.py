@@ -14,7 +14,7 @@ from scipy.special import ndtri
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.entries import Entry, Measured
-from tradestudy.cost.measuring import Allowance, Timed, measure
+from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, Timed, entry_of, measure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
@@ -28,7 +28,6 @@ from tradestudy.uncertainty.monte_carlo import FEWEST_REPLICATES, Sampling, prop
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 from tradestudy.uncertainty.streams import Sampler, plain_random, scrambled_sobol
 
-MOST_PLACES: Final = 9
 SOBOL, PLAIN = "scrambled Sobol", "plain Monte Carlo"
 _SAMPLERS: Final[Mapping[str, Sampler]] = {SOBOL: scrambled_sobol, PLAIN: plain_random}
 _POWERS: Final = range(9, 20, 2)
@@ -36,7 +35,6 @@ _MOST_POWER: Final = {SOBOL: 17, PLAIN: 19}
 _SUPERSCRIPTS: Final = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SCRAMBLES: Final = 8
 _MOST_REFERENCE_DRAWS, _FEWEST_REFERENCE_DRAWS = 2**20, 2**15
-_REFERENCE_SEED: Final = 0x5EED
 _BATCH: Final = 2**13
 _REFERENCE_SHARE: Final = 0.25  # of the time allowed
 
@@ -270,16 +268,13 @@ def _entry(
     with np.errstate(invalid="ignore"):  # an unbounded interval is no error bar, and said so by an infinite error
         relative = np.abs(np.stack(timed.values) - reference) / reference
     error = np.sqrt(np.mean(np.where(np.isnan(relative), np.inf, relative) ** 2, axis=0))
-    return Entry(
+    return entry_of(
+        timed,
         model=model,
         setting=setting,
         evaluations=evaluations,
         error=float(np.max(error)),
         typical_error=float(np.median(error)),
-        seconds=timed.seconds,
-        least_seconds=timed.least_seconds,
-        peak_memory=timed.peak_memory,
-        repeats=timed.repeats,
         chosen=chosen,
     )
 
@@ -315,7 +310,7 @@ def _scrambles(cases: Sequence[Case], draws: int) -> tuple[FloatArray, float]:
     for scramble in range(_SCRAMBLES):
         parts = []
         for number, case in enumerate(cases):
-            rng = np.random.default_rng((_REFERENCE_SEED, scramble, number))
+            rng = np.random.default_rng((REFERENCE_SEED, scramble, number))
             engine = Sobol(case.sources.dimensions, scramble=True, bits=52, rng=rng)
             depths = []
             for _ in range(max(1, draws // _SCRAMBLES // _BATCH)):

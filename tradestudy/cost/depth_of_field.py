@@ -9,8 +9,8 @@ from typing import Final, get_args
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
-from tradestudy.cost.entries import Entry, Measured
-from tradestudy.cost.measuring import Allowance, measure
+from tradestudy.cost.entries import Measured
+from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure
 from tradestudy.study.definition import StudyDefinition
@@ -50,16 +50,13 @@ def depth_of_field_cost(
         timed = measure(partial(ranges, measure_), allowance)
         errors = [_difference(own, full, near, far) for own, full in zip(timed.values[0], reference, strict=True)]
         entries.append(
-            Entry(
+            entry_of(
+                timed,
                 model=title,
                 setting="",
                 evaluations=math.nan,
                 error=max(errors),
                 typical_error=float(np.median(errors)),
-                seconds=timed.seconds,
-                least_seconds=timed.least_seconds,
-                peak_memory=timed.peak_memory,
-                repeats=timed.repeats,
                 chosen=any(one.diffraction == measure_ and one.blur == widest for one in part.sharp.values()),
             )
         )

@@ -29,7 +29,7 @@ class Entry:
     typical_error
         The median over cameras and places.
     seconds, least_seconds
-        Median and least wall time over the repeats [s].
+        Median and least wall time over the repeats [s]; of 5 s and more that of the one traced run.
     peak_memory
         Largest memory that Python and numpy held at once during the computation [bytes].
     repeats

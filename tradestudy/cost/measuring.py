@@ -10,9 +10,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, Generic, TypeVar
 
+from tradestudy.cost.entries import Entry
+
 Value = TypeVar("Value")
 
 FEWEST_REPEATS: Final = 3
+DEFAULT_BUDGET: Final = 300.0  # seconds
+MOST_PLACES: Final = 9  # of a study's distances that are measured at
+REFERENCE_SEED: Final = 0x5EED  # of references that are drawn; what is measured takes its seeds from 0 up
 _LONG_ENOUGH: Final = 0.2  # seconds that the repeats of a quick computation fill
 _MOST_REPEATS: Final = 200
 _LONG: Final = 5.0  # seconds from which the traced run is the only one
@@ -111,4 +116,29 @@ def measure(compute: Callable[[int], Value], allowance: Allowance) -> Timed[Valu
         least_seconds=min(taken),
         peak_memory=float(peak),
         repeats=len(taken),
+    )
+
+
+def entry_of(
+    timed: Timed[Value],
+    *,
+    model: str,
+    setting: str,
+    evaluations: float,
+    error: float,
+    typical_error: float,
+    chosen: bool,
+) -> Entry:
+    """What was timed, as an entry, with the errors that its values are found to have."""
+    return Entry(
+        model=model,
+        setting=setting,
+        evaluations=evaluations,
+        error=error,
+        typical_error=typical_error,
+        seconds=timed.seconds,
+        least_seconds=timed.least_seconds,
+        peak_memory=timed.peak_memory,
+        repeats=timed.repeats,
+        chosen=chosen,
     )

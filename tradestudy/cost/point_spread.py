@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cost.entries import Entry, Measured
-from tradestudy.cost.measuring import Allowance, measure
+from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import (
@@ -85,16 +85,13 @@ def point_spread_cost(
             for one, lens in zip(found, lenses, strict=True)
         ]
         entries.append(
-            Entry(
+            entry_of(
+                timed,
                 model=model,
                 setting=setting,
                 evaluations=nodes,
                 error=max(errors),
                 typical_error=float(np.median(errors)),
-                seconds=timed.seconds,
-                least_seconds=timed.least_seconds,
-                peak_memory=timed.peak_memory,
-                repeats=timed.repeats,
                 chosen=chosen,
             )
         )

@@ -15,7 +15,7 @@ from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.cameras.stereo import StereoRig
 from tradestudy.cost.depth import fixed_sampling
 from tradestudy.cost.entries import Entry, Measured
-from tradestudy.cost.measuring import Allowance, measure
+from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, entry_of, measure
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.calibration.posteriors import group_of_sample, target_problem
 from tradestudy.study.calibration.sources import declared_groups
@@ -33,8 +33,6 @@ LAPLACE, EMCEE = "normal approximation", "emcee"
 _STEPS: Final = (200, 500, 1000)
 _DRAWS: Final = 2**14
 _REFERENCE_RUNS: Final = (2, 4)
-_REFERENCE_SEED: Final = 0x5EED
-_MOST_PLACES: Final = 9
 _GROUP: Final = "calibration"
 
 
@@ -66,9 +64,9 @@ def posterior_cost(
     width = partial(_half_width, camera, np.array(part.distance_values())[:: _stride(len(part.distance_values()))])
     begin = time.perf_counter()
     fewest, most = _REFERENCE_RUNS
-    widths = [width(_by_emcee(problem, target.maximum_steps, (_REFERENCE_SEED, run))) for run in range(fewest)]
+    widths = [width(_by_emcee(problem, target.maximum_steps, (REFERENCE_SEED, run))) for run in range(fewest)]
     while len(widths) < most and allowance.allows(2.0 * (time.perf_counter() - begin)):
-        widths.append(width(_by_emcee(problem, target.maximum_steps, (_REFERENCE_SEED, len(widths)))))
+        widths.append(width(_by_emcee(problem, target.maximum_steps, (REFERENCE_SEED, len(widths)))))
     reference_seconds = time.perf_counter() - begin
     seen = np.all(np.isfinite(widths), axis=0)
     bounded = np.stack(widths)[:, seen]
@@ -93,16 +91,13 @@ def posterior_cost(
         timed = measure(lambda run, draw=draw: width(draw(run)), allowance)  # type: ignore[misc]  # bound at once
         off = np.sqrt(np.mean((np.stack(timed.values)[:, seen] / reference - 1.0) ** 2, axis=0))
         entries.append(
-            Entry(
+            entry_of(
+                timed,
                 model=model,
                 setting=setting,
                 evaluations=math.nan,
                 error=float(off.max()),
                 typical_error=float(np.median(off)),
-                seconds=timed.seconds,
-                least_seconds=timed.least_seconds,
-                peak_memory=timed.peak_memory,
-                repeats=timed.repeats,
                 chosen=chosen,
             )
         )
@@ -122,7 +117,7 @@ def posterior_cost(
 
 
 def _stride(count: int) -> int:
-    return -(-count // _MOST_PLACES)
+    return -(-count // MOST_PLACES)
 
 
 def _problem(definition: StudyDefinition, part: CalibrationStudyPart, name: str, target: TargetPart) -> TargetProblem:
@@ -135,7 +130,7 @@ def _problem(definition: StudyDefinition, part: CalibrationStudyPart, name: str,
 
 
 def _by_emcee(problem: TargetProblem, steps: int, seed: tuple[int, ...]) -> Group:
-    rng = np.random.default_rng((*seed, _REFERENCE_SEED))
+    rng = np.random.default_rng((*seed, REFERENCE_SEED))
     posterior = sample_target(problem, fit_target(problem), rng=rng, maximum_steps=steps)
     return group_of_sample(problem.priors.names, posterior.sample)
 

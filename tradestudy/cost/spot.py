@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cost.entries import Entry, Measured
-from tradestudy.cost.measuring import Allowance, measure
+from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource, chain_image
@@ -222,16 +222,13 @@ def _measured(
         found = timed.values[0]
         relative = float(np.linalg.norm(found.pixels - reference) / np.linalg.norm(reference))
         entries.append(
-            Entry(
+            entry_of(
+                timed,
                 model=TITLES[method],
                 setting=_setting(tolerance),
                 evaluations=float(found.effort.get("source points", math.nan)),
                 error=relative,
                 typical_error=relative,
-                seconds=timed.seconds,
-                least_seconds=timed.least_seconds,
-                peak_memory=timed.peak_memory,
-                repeats=timed.repeats,
                 chosen=chosen(method, tolerance),
             )
         )

@@ -17,7 +17,7 @@ from tradestudy.cost.calibration import calibration_cost
 from tradestudy.cost.depth import depth_cost
 from tradestudy.cost.depth_of_field import depth_of_field_cost
 from tradestudy.cost.entries import Measured, next_digit, on_frontier
-from tradestudy.cost.measuring import FEWEST_REPEATS, Allowance
+from tradestudy.cost.measuring import DEFAULT_BUDGET, FEWEST_REPEATS, Allowance
 from tradestudy.cost.point_spread import point_spread_cost
 from tradestudy.cost.posterior import posterior_cost
 from tradestudy.cost.spot import point_cost, spot_cost
@@ -28,7 +28,6 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.execution import Steps
 from tradestudy.study.progress import Progress
 
-DEFAULT_BUDGET: Final = 300.0
 _ENTRY_FIELDS: Final = {
     "model": "model",
     "setting": "setting",
@@ -57,7 +56,8 @@ def study_cost(
     definition
         The study.
     repeats
-        How often each computation is timed, 3 or more; quick ones oftener, long ones only as often as the time allows.
+        How often each computation is timed, 3 or more; quick ones oftener, those of 5 s and more once, in the run that
+        traces their memory, and others only as often as the time allows.
     budget
         Wall time for everything [s], calibrations that have to be inferred first apart; what does not fit is left out
         and named.

@@ -9,7 +9,7 @@ from tradestudy.results.variable import Variable
 
 _ENTRY: Final = ("entry",)
 _QUANTITY: Final = ("cost_quantity",)
-_SCATTER: Final = "the repeats scatter; see least_seconds and repeats"
+_SCATTER: Final = "the repeats scatter; see least_seconds and repeats; of a single run it is not known"
 
 
 def _words(dims: tuple[str, ...], long_name: str) -> Variable:
@@ -36,7 +36,11 @@ COST: Final[Mapping[str, Variable]] = {
         error="as relative_error",
     ),
     "seconds": Variable(
-        dims=_ENTRY, units="s", long_name="median wall time over the repeats, computed afresh", error=_SCATTER
+        dims=_ENTRY,
+        units="s",
+        long_name="median wall time over the repeats, computed afresh; of 5 s and more that of the one run, "
+        "lengthened by the tracing of its memory",
+        error=_SCATTER,
     ),
     "least_seconds": Variable(
         dims=_ENTRY, units="s", long_name="least wall time over the repeats, computed afresh", error=_SCATTER
@@ -44,11 +48,13 @@ COST: Final[Mapping[str, Variable]] = {
     "peak_memory": Variable(
         dims=_ENTRY,
         units="byte",
-        long_name="largest memory that Python and numpy held at once, traced by tracemalloc in a run of its own; what "
-        "compiled libraries allocate for themselves is not in it",
+        long_name="largest memory that Python and numpy held at once, traced by tracemalloc in the first run, which "
+        "is the only one of 5 s and more; what compiled libraries allocate for themselves is not in it",
         error="exact for what it counts",
     ),
-    "repeats": Variable(dims=_ENTRY, units="1", long_name="how often it was timed", error="a count"),
+    "repeats": Variable(
+        dims=_ENTRY, units="1", long_name="how often it was timed; 1 for 5 s and more", error="a count"
+    ),
     "chosen": Variable(dims=_ENTRY, units="1", long_name="whether a run of the study computes it so"),
     "frontier": Variable(
         dims=_ENTRY, units="1", long_name="whether no other entry has as small an error in as little time"

@@ -103,9 +103,11 @@ def _circumstances(data: xr.Dataset, code_hash: str) -> Spans:
     other = "" if data.attrs.get("code_hash") == code_hash else " An earlier state of this program was measured."
     return say(
         "Measured on {date} on {cores} cores of {processor}, load average {load} at the end.{busy}{other} Every "
-        "computation starts afresh, its caches emptied; seconds are medians over the repeats. Memory is the most that "
-        "Python and numpy held at once (tracemalloc, in a run of its own); what compiled libraries allocate for "
-        "themselves is not in it.",
+        "computation starts afresh, its caches emptied: first while its memory is traced (tracemalloc), then again for "
+        "its time; seconds are medians over the repeats. What takes 5 s and more, or what the time left allowed no "
+        "more of, was run once: its time is that of the traced run, which tracing lengthens, or of a single run after "
+        "it. Memory is the most that Python and numpy held at once; what compiled libraries allocate for themselves is "
+        "not in it.",
         date=str(data.attrs["measured"])[:10],
         cores=str(cores),
         processor=str(machine["processor"]),
@@ -194,7 +196,7 @@ def _table(entries: xr.Dataset, name: str, title: str) -> Table:
                 _error(float(entry["typical_error"])),
                 _duration(float(entry["seconds"])),
                 f"{significant(float(entry['peak_memory']) / 1e6, 2)}",
-                str(int(entry["repeats"])),
+                "once" if int(entry["repeats"]) == 1 else str(int(entry["repeats"])),
                 ", ".join(marks),
             )
         )
@@ -213,7 +215,8 @@ def _table(entries: xr.Dataset, name: str, title: str) -> Table:
         rows=tuple(rows),
         notes=(
             "Error: the worst over cameras and places, of random methods its root mean square over the repeats. "
-            "Typical: the median over them. Frontier: nothing else is as accurate in less time.",
+            "Typical: the median over them. Frontier: nothing else is as accurate in less time. Once: timed a single "
+            "time, of 5 s and more while the memory was traced, which lengthens it.",
         ),
     )
 
