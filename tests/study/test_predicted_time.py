@@ -27,7 +27,7 @@ def steps_of(name: str, *overrides: str, speed: float = 1.0) -> dict[str, Predic
 def test_samplers_state_a_range_and_everything_else_a_number(name: str) -> None:
     for step in steps_of(name).values():
         assert 0.0 <= step.low <= step.high < math.inf
-        assert step.is_fixed == (step.name not in ADAPTIVE)
+        assert (step.low == step.high) == (step.name not in ADAPTIVE)
         assert step.work
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 from tradestudy.accuracy import Quantity
 from tradestudy.errors import OutOfRangeError
@@ -28,7 +28,6 @@ SlotName = Literal[
     "temperature",
     "sampling",
 ]
-SLOT_NAMES: Final[tuple[SlotName, ...]] = get_args(SlotName)
 OFF: Final = "off"
 
 

@@ -140,11 +140,6 @@ class LightScene:
         """Distance of neighbouring microlenses' cells on the detector, seen from the main lens [m]."""
         return self.path.microlenses.pitch * (1.0 + self.path.detector_distance / self.path.array_distance)
 
-    @cached_property
-    def lit_share(self) -> float:
-        """Share of the rays through the pupil that pass the array."""
-        return len(self._rays.landing) / (_PUPIL_POINTS * _SOURCE_POINTS)
-
     @property
     def why_unbounded(self) -> str:
         """Why no bound can be stated from rays and widths; empty where one can.
@@ -167,9 +162,8 @@ class LightScene:
         index = rays.lens.astype(int)[:, None]
         own = np.take_along_axis(to, index, axis=1)
         apart = np.linalg.norm(scaled[index[:, 0]][:, None] - scaled, axis=-1)
-        np.put_along_axis(apart, index, math.inf, axis=1)  # the cell has no border with itself
-        with np.errstate(invalid="ignore"):  # 0/∞ for that one is 0 − 0
-            distance = (to**2 - own**2) / (2.0 * apart)
+        np.put_along_axis(apart, index, 1.0, axis=1)  # the cell has no border with itself: left out below
+        distance = (to**2 - own**2) / (2.0 * apart)
         np.put_along_axis(distance, index, math.inf, axis=1)
         return np.asarray(distance.min(axis=1))
 

@@ -26,7 +26,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="its value at the worst place of the study; NaN where the effect has none, infinite where nothing "
         "of the kind is there to divide by",
-        error="closed form",
+        error="closed form; of light paths from sampled rays, a mean over some hundreds to thousands of them",
     ),
     "reason": Variable(dims=("decision",), units="", long_name="why the bound holds"),
     "why": Variable(dims=("decision",), units="", long_name="why the model was taken or not"),

@@ -77,11 +77,6 @@ class PredictedStep:
     high: float
     work: str
 
-    @property
-    def is_fixed(self) -> bool:
-        """Whether the work is known beforehand."""
-        return self.low == self.high
-
 
 def predicted_seconds(definition: StudyDefinition, speed: float) -> tuple[PredictedStep, ...]:
     """Predict every step of a run, the writing of its report included, one worker computing.

@@ -7,16 +7,13 @@ in which their blur is measured. They are 1 at frequency 0; negative values are 
 from tradestudy.imaging.transfer.defocus import disc_transfer
 from tradestudy.imaging.transfer.diffraction import airy_transfer
 from tradestudy.imaging.transfer.fresnel import fresnel_transfer
-from tradestudy.imaging.transfer.kirchhoff import KirchhoffTransfer, kirchhoff_transfer
 from tradestudy.imaging.transfer.kirchhoff_lattice import kirchhoff_transfers
 from tradestudy.imaging.transfer.pixel import square_transfer
 
 __all__ = [
-    "KirchhoffTransfer",
     "airy_transfer",
     "disc_transfer",
     "fresnel_transfer",
-    "kirchhoff_transfer",
     "kirchhoff_transfers",
     "square_transfer",
 ]

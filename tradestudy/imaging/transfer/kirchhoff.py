@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -24,65 +23,6 @@ _PERIODS = 12
 _FREQUENCIES = 97
 
 
-@dataclass(frozen=True, kw_only=True)
-class KirchhoffTransfer:
-    """Transfer at the frequencies asked for, and how far it may be off."""
-
-    value: FloatArray
-    error: float
-
-
-def kirchhoff_transfer(
-    frequency: FloatArray,
-    *,
-    wavelength: float,
-    aperture_diameter: float,
-    focal_length: float,
-    object_distance: float,
-    plane_distance: float,
-    lens_phase: LensPhase,
-) -> KirchhoffTransfer:
-    """Transfer by Kirchhoff's integral: ``2π ∫ I(r) J₀(2π ν r) r dr`` over the spot of a point on the axis.
-
-    The spot falls off as 1/r³ and its transform converges slowly, but Fresnel's spot has the same tail and a transform
-    in one smooth integral: only the difference of the two is transformed, over the geometric blur and 12 periods λ N.
-
-    Parameters
-    ----------
-    frequency
-        ν ≥ 0 [cycles/m] in the plane.
-    wavelength
-        λ [m].
-    aperture_diameter, focal_length
-        Of the lens [m].
-    object_distance
-        Point to lens [m]; negative for light that converges towards a point behind the lens. Beyond 1000 km it counts
-        as infinite.
-    plane_distance
-        Lens to the plane of the picture [m].
-    lens_phase
-        ``perfect`` or ``parabolic``; see `CircularLens`.
-
-    Returns
-    -------
-    KirchhoffTransfer
-        Normalised to 1 at frequency 0. The error is the larger of what the outer half of the spot contributes and what
-        normalising took away; the propagation itself is good to 1e-4 of the spot.
-
-    Raises
-    ------
-    TradestudyError
-        From `aperture_field`: the lens or the point is impossible, or takes more nodes than are allowed.
-    """
-    distance = math.copysign(min(abs(object_distance), FARTHEST), object_distance)
-    correction, error = kirchhoff_correction(
-        wavelength, aperture_diameter, focal_length, distance, plane_distance, lens_phase
-    )
-    N, blur = _cone(aperture_diameter, focal_length, distance, plane_distance)
-    fresnel = fresnel_transfer(frequency, wavelength, N, blur)
-    return KirchhoffTransfer(value=fresnel + correction_at(correction, wavelength * N * frequency), error=error)
-
-
 def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
     """A correction of `kirchhoff_correction` at shares of the cut-off; 0 past it, where both are below the error."""
     from scipy.interpolate import CubicSpline
@@ -101,7 +41,14 @@ def _cone(aperture: float, focal_length: float, distance: float, plane: float) -
 def kirchhoff_correction(
     wavelength: float, aperture: float, focal_length: float, distance: float, plane: float, lens_phase: LensPhase
 ) -> tuple[FloatArray, float]:
-    """Kirchhoff's transfer less Fresnel's at 97 even shares of the cut-off from 0 to 1, and its error."""
+    """Kirchhoff's transfer less Fresnel's at 97 even shares of the cut-off from 0 to 1, and its error.
+
+    The transfer is ``2π ∫ I(r) J₀(2π ν r) r dr`` over the spot of a point on the axis. The spot falls off as 1/r³ and
+    its transform converges slowly, but Fresnel's spot has the same tail and a transform in one smooth integral: only
+    the difference of the two is transformed, over the geometric blur and 12 periods λ N. The error is the larger of
+    what the outer half of the spot contributes and what normalising took away; the propagation itself is good to 1e-4
+    of the spot.
+    """
     from scipy.special import j0
 
     from tradestudy.optics.propagation import CircularLens, PointSource

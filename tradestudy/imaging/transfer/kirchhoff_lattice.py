@@ -33,25 +33,33 @@ def kirchhoff_transfers(
     defocus_waves: FloatArray,
     lens_phase: LensPhase,
 ) -> tuple[FloatArray, FloatArray]:
-    """Kirchhoff's transfer as `kirchhoff_transfer` gives it, interpolated between planes or defoci.
+    """Transfer by Kirchhoff's integral, ``2π ∫ I(r) J₀(2π ν r) r dr``, interpolated between planes or defoci.
 
     Parameters
     ----------
     frequency
-        [cycles/m] in the plane, shape (distances, frequencies).
-    wavelength, aperture_diameter, lens_phase
-        As there.
+        ν ≥ 0 [cycles/m] in the plane, shape (distances, frequencies).
+    wavelength, aperture_diameter
+        λ and of the lens [m].
+    lens_phase
+        ``perfect`` or ``parabolic``; see `CircularLens`.
     focal_length, plane_distance
         [m], shape (distances,).
     defocus_waves
         Path error at the rim ``A²/8 (1/a + 1/b − 1/f)/λ``, signed; its object distance is where the point stands. 0 is
-        the point that the plane is in focus for.
+        the point that the plane is in focus for. A negative object distance is that of light that converges towards a
+        point behind the lens; beyond 1000 km a point counts as infinitely far away.
 
     Returns
     -------
     tuple
-        Transfer, shape (distances, frequencies), and its error, shape (distances,): that of the lattice points and the
-        difference of cubic and parabolic interpolation. NaN where a length is.
+        Transfer, 1 at frequency 0, shape (distances, frequencies), and its error, shape (distances,): that of the
+        lattice points and the difference of cubic and parabolic interpolation. NaN where a length is.
+
+    Raises
+    ------
+    TradestudyError
+        From `aperture_field`: the lens or the point is impossible, or takes more nodes than are allowed.
     """
     value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
     for k in np.flatnonzero(np.isfinite(plane_distance + defocus_waves + focal_length)):

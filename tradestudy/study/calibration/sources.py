@@ -20,7 +20,6 @@ from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
 from tradestudy.uncertainty.sources import ErrorClass, Group, Source
 
 SEPARATOR = "/"
-NOISE_NAMES = ("pixel_noise", "left_pixel_noise", "right_pixel_noise")
 
 
 def own_groups(camera: StereoRig | FocusedPlenoptic) -> tuple[Group, ...]:
