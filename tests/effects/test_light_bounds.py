@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from scipy import integrate, special
 
+from tests.campaigns.light_bounds import TOLERANCE, measured
 from tests.campaigns.light_cases import LightCase, bounds_of, changes_of, random_case
+from tradestudy.effects.interference import light_behind_neighbours
 from tradestudy.effects.light_scene import LightScene
-from tradestudy.effects.picture_change import edge_wave, frequencies, picture_change
+from tradestudy.effects.picture_change import disc_envelope, edge_wave, frequencies, picture_change
 from tradestudy.effects.point_images import PointImage, diffraction_of_points
 from tradestudy.effects.spectrum import spectrum_in_picture
 from tradestudy.optics.chain import DiscSource, LightPath, Microlenses, PixelGrid, square_centres
@@ -84,8 +86,29 @@ def test_exact_rays_land_where_spherical_aberration_sends_them() -> None:
 
 
 def test_half_of_the_airy_pattern_lies_within_the_radius_of_the_bound() -> None:
-    v = 0.5348 * math.pi
+    image = PointImage(
+        lens=CircularLens(radius=2e-3, focal_length=10e-3, lens_phase="perfect"), source=PointSource(distance=0.1),
+        image_distance=0.1 / 9, centre=(0.0, 0.0), wavelength=550e-9,
+    )  # fmt: skip
+    v = 2 * math.pi / 550e-9 * 2e-3 / (0.1 / 9) * image.diffraction_radius
     assert 1 - special.j0(v) ** 2 - special.j1(v) ** 2 == pytest.approx(0.5, abs=2e-4)
+
+
+def test_the_envelope_of_a_disc_is_never_exceeded_and_hardly_too_large() -> None:
+    x = np.linspace(1e-6, 200.0, 200_001)
+    envelope, exact = disc_envelope(x), np.abs(2 * special.j1(x) / x)
+    assert np.all(envelope >= exact * (1 - 1e-15))
+    assert np.max(exact[x > 1.5] / envelope[x > 1.5]) > 0.999
+    peaks = special.jnp_zeros(1, 60)
+    assert np.all(disc_envelope(peaks) < 1.05 * np.abs(2 * special.j1(peaks) / peaks))
+
+
+def test_diffraction_takes_as_much_light_beyond_a_border_as_an_airy_pattern_has_outside() -> None:
+    """All rays land in the middle of their cells, m from the border: 1 − E(m) = J₀² + J₁², its rings averaged."""
+    spot = scene()
+    spot.__dict__["margins"] = np.full(3, 60e-6)
+    v = math.pi * spot.cutoff * 60e-6 + np.linspace(-math.pi, math.pi, 2001)
+    assert light_behind_neighbours(spot) == pytest.approx(np.mean(special.j0(v) ** 2 + special.j1(v) ** 2), rel=0.02)
 
 
 def test_a_wider_pupil_needs_kirchhoff_sooner() -> None:
@@ -113,10 +136,24 @@ def test_no_bound_is_stated_inside_the_focal_spot() -> None:
     assert "focal spot" in focused.why_unbounded
 
 
-@pytest.mark.parametrize("number", [1, 302])
+def test_bounds_hold_on_every_light_path_of_the_audit() -> None:
+    """What was kept of the audit against bounds computed anew; none, or all of a path, may be without a bound."""
+    changes, _ = measured()
+    stated, exceeded = 0, set()
+    for number, found in changes.items():
+        bounds = bounds_of(random_case(np.random.default_rng([0, int(number)])))
+        finite = [math.isfinite(bound) for bound in bounds.values()]
+        assert all(finite) or not any(finite)
+        stated += all(finite)
+        exceeded |= {(number, effect) for effect, change in found.items() if change > bounds[effect]}
+    assert stated > 0.9 * len(changes) > 100
+    assert exceeded <= {("316", "source_extent: off")}  # changes half as much again as its bound: the audit's one miss
+
+
+@pytest.mark.parametrize("number", [302, 182, 311, 17])
 def test_bounds_hold_on_random_light_paths(number: int) -> None:
-    case = random_case(np.random.default_rng([0, number]))
+    case, kept = random_case(np.random.default_rng([0, number])), measured()[0][str(number)]
     bounds = bounds_of(case)
-    for effect, change in changes_of(case, 0.02).items():
-        assert change <= bounds[effect], effect
-        assert bounds[effect] < 100.0 or not math.isfinite(bounds[effect]), effect
+    for effect, change in changes_of(case, TOLERANCE).items():
+        assert change <= bounds[effect] < 100.0, effect
+        assert change == pytest.approx(kept[effect], rel=0.01, abs=1e-4), effect

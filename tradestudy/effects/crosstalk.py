@@ -11,9 +11,7 @@ from tradestudy.effects.interference import interference_change, light_behind_ne
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import bound_of, complete
 
-# What the closed forms leave out: microlenses that are lit in part, rings that the detector cuts. From random light
-# paths; `python -m tests.campaigns.light_bounds` holds it against others.
-_SAFETY: Final = 1.5
+_SAFETY: Final = 1.5  # see `picture_change`
 
 
 def crosstalk_in_picture(scene: LightScene) -> Slot:

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from tradestudy.effects.light_scene import LightScene
+from tradestudy.effects.picture_change import disc_envelope
 from tradestudy.optics.arrays import FloatArray
+
+_AIRY_TAIL: Final = 2.0 / math.pi**2  # share of an Airy pattern of cutoff f_c outside the radius m, times f_c m
 
 
 def light_behind_neighbours(scene: LightScene) -> float:
     """Upper bound on the light that leaves its microlens's cell, relative L2 over the picture.
 
     A ray that lands behind a neighbour is there with all its light. One that lands the margin m inside its own cell
-    sends the share 2/(π² f_c m) beyond its border by diffraction at an aperture of cutoff f_c, of which at most half
-    to that side.
+    sends by diffraction at an aperture of cutoff f_c at most the share 2/(π² f_c m) beyond its border: all of an Airy
+    pattern that is farther from its middle, whichever side it is on.
     """
     return math.sqrt(float(np.mean(_shares_outside(scene) ** 2)))
 
@@ -30,14 +34,15 @@ def _shares_outside(scene: LightScene) -> FloatArray:
     margins = scene.margins
     if not margins.size:
         return np.zeros(1)
-    inside = np.maximum(margins, 0.2 / scene.cutoff)
-    return np.asarray(np.where(margins < 0.0, 1.0, 0.2 / (scene.cutoff * inside)))
+    within = np.maximum(margins, _AIRY_TAIL / scene.cutoff)  # closer to the border no more than all of it leaves
+    return np.asarray(np.where(margins < 0.0, 1.0, _AIRY_TAIL / (scene.cutoff * within)))
 
 
 def fringe_contrast(scene: LightScene) -> float:
     """What is left of fringes between neighbouring microlenses after pixel and source have averaged them.
 
-    Their frequency is pitch/(λ b_L); a pixel leaves at most 1/(π f p), a disc of radius r 1.6/(2π f r)^{3/2}.
+    Their frequency is pitch/(λ b_L); a pixel leaves at most 1/(π f p), a disc of radius r the
+    envelope of 2 J₁(x)/x, x = 2π f r.
     """
     pixel = 1.0 / (math.pi * _fringe_frequency(scene) * scene.path.pixels.pitch)
     return min(1.0, pixel) * _contrast_by_source(scene)
@@ -49,8 +54,7 @@ def sampled_fringes(scene: LightScene) -> float:
 
 
 def _contrast_by_source(scene: LightScene) -> float:
-    x = max(2.0 * math.pi * _fringe_frequency(scene) * scene.spot_radius, 1e-9)
-    return min(1.0, 1.6 / math.pow(x, 1.5))
+    return float(disc_envelope(2.0 * math.pi * _fringe_frequency(scene) * scene.spot_radius))
 
 
 def _fringe_frequency(scene: LightScene) -> float:

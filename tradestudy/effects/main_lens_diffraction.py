@@ -10,9 +10,7 @@ from tradestudy.effects.interference import interference_change
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import bound_of, complete, law_change, lit_transfer, picture_change, rim_light
 
-# What the closed forms leave out: microlenses that are lit in part, rings that the detector cuts. From random light
-# paths; `python -m tests.campaigns.light_bounds` holds it against others.
-_SAFETY: Final = {"rays": 1.5, "fresnel": 2.5}
+_SAFETY: Final = {"rays": 1.5, "fresnel": 2.5}  # see `picture_change`
 
 
 def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:

@@ -19,9 +19,7 @@ from tradestudy.effects.picture_change import (
     source_transfer,
 )
 
-# What the closed forms leave out: microlenses that are lit in part, rings that the detector cuts. From random light
-# paths; `python -m tests.campaigns.light_bounds` holds it against others.
-_SAFETY: Final = 1.5
+_SAFETY: Final = 1.5  # see `picture_change`
 
 
 def microlens_diffraction_in_picture(scene: LightScene) -> Slot:

@@ -1,4 +1,9 @@
-"""How far a change of the transfer function moves the pixels of a picture, by Parseval over spatial frequency."""
+"""How far a change of the transfer function moves the pixels of a picture, by Parseval over spatial frequency.
+
+Every effect multiplies its closed forms by a factor of safety of its own, for what they leave out: microlenses that are
+lit in part, rings that the detector cuts. The factors come from random light paths;
+`python -m tests.campaigns.light_bounds` holds them against others.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +20,7 @@ from tradestudy.effects.light_scene import LawDifference, LightScene
 from tradestudy.optics.arrays import FloatArray
 
 _POINTS: Final = 600
+_ENVELOPE: Final = 1.651
 _EDGE_WAVE: Final = (
     1.0 / math.pi
 )  # ∫ |U − U_rays|² dv at a straight edge, v = x √(2/(λ z)); the intensity's is the same
@@ -38,6 +44,11 @@ def disc_transfer(f: FloatArray, radius: float) -> FloatArray:
     return np.asarray(2.0 * j1(x) / x)
 
 
+def disc_envelope(x: FloatArray | float) -> FloatArray:
+    """What |2 J₁(x)/x| never exceeds: 1 and c/x^{3/2}; far out c = 2 √(2/π) = 1.596 would do, x = 2.17 needs 1.651."""
+    return np.asarray(np.minimum(1.0, _ENVELOPE / np.maximum(x, 1e-9) ** 1.5))
+
+
 def pixel_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
     """Of a pixel, for all directions alike: that of a disc of its area."""
     return disc_transfer(f, scene.path.pixels.pitch / math.sqrt(math.pi))
@@ -51,13 +62,13 @@ def source_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
 def lit_transfer(scene: LightScene, *, source: bool = True, pixels: bool = True) -> FloatArray:
     """What source, defocus, aperture and pixel leave of every frequency, at most; without some if asked.
 
-    Defocus leaves 1.6/x^{3/2}, the envelope of 2 J₁(x)/x, and rings, which hold the share η² of the light's square
+    Defocus leaves the envelope of 2 J₁(x)/x, and rings, which hold the share η² of the light's square
     over all frequencies up to the cutoff: η/(2π N) of each, four times that where the detector cuts the picture.
     """
     f = frequencies(scene)
-    x = np.maximum(2.0 * math.pi * f * scene.least_blur_on_detector, 1e-9)
     zones = max(scene.microlens_fresnel_number, 1e-9)
-    blurred = np.minimum(1.0, 1.6 / x**1.5 + 2.0 * edge_wave(zones) / (math.pi * zones))
+    defocused = disc_envelope(2.0 * math.pi * f * scene.least_blur_on_detector)
+    blurred = np.minimum(1.0, defocused + 2.0 * edge_wave(zones) / (math.pi * zones))
     left = blurred * aperture_transfer(scene, f)
     if source:
         left = left * source_transfer(scene, f)
@@ -114,13 +125,13 @@ def rim_light(scene: LightScene) -> float:
     """Share η of the rim's wave in the field on the array, less where source and pixel average it.
 
     It turns by k R/z per metre of the array. On one pixel falls light of that part of the source whose image it is,
-    which moves the pupil's shadow by r; of fringes that fine a disc of radius r leaves 1.6/x^{3/2}, x = k R r/z.
+    which moves the pupil's shadow by r; of fringes that fine a disc of radius r leaves 2 J₁(x)/x, x = k R r/z.
     """
     path, source = scene.path, scene.source
     moved = source.diameter / 2.0 * path.array_distance / source.distance
     seen = min(1.0, path.pixels.pitch / math.sqrt(math.pi) / max(scene.spot_radius, 1e-12))
     x = 2.0 * math.pi / scene.wavelength * path.main_lens.radius / path.array_distance * moved * seen
-    return edge_wave(scene.main_fresnel_number) * min(1.0, 1.6 / math.pow(max(x, 1e-9), 1.5))
+    return edge_wave(scene.main_fresnel_number) * float(disc_envelope(x))
 
 
 def law_change(scene: LightScene, law: LawDifference) -> float:

@@ -17,9 +17,7 @@ from tradestudy.effects.picture_change import (
     pixel_transfer,
 )
 
-# What the closed forms leave out: microlenses that are lit in part, rings that the detector cuts. From random light
-# paths; `python -m tests.campaigns.light_bounds` holds it against others.
-_SAFETY: Final = 2.5
+_SAFETY: Final = 2.5  # see `picture_change`
 
 
 def pixel_integration_in_picture(scene: LightScene) -> Slot:

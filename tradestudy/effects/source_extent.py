@@ -17,9 +17,7 @@ from tradestudy.effects.picture_change import (
     source_transfer,
 )
 
-# What the closed forms leave out: microlenses that are lit in part, rings that the detector cuts. From random light
-# paths; `python -m tests.campaigns.light_bounds` holds it against others.
-_SAFETY: Final = 2.2
+_SAFETY: Final = 2.2  # see `picture_change`
 
 
 def source_extent_in_picture(scene: LightScene) -> Slot:

@@ -23,9 +23,7 @@ from tradestudy.effects.picture_change import (
 )
 from tradestudy.optics.arrays import FloatArray
 
-# What the closed forms leave out: microlenses that are lit in part, rings that the detector cuts. From random light
-# paths; `python -m tests.campaigns.light_bounds` holds it against others.
-_SAFETY: Final = 3.0
+_SAFETY: Final = 3.0  # see `picture_change`
 
 
 def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: FloatArray) -> Slot:
