@@ -27,9 +27,20 @@ def field_illumination(field_angle: float, *, pupil_diameter: float, stop_separa
     OutOfRangeError
         For an angle or a length that cannot be.
     """
+    require_field(field_angle, stop_separation)
+    s = min(stop_separation * math.tan(field_angle) / pupil_diameter, 1.0)
+    return math.cos(field_angle) ** 4 * (2.0 / math.pi) * (math.acos(s) - s * math.sqrt(1.0 - s * s))
+
+
+def require_field(field_angle: float, stop_separation: float) -> None:
+    """Refuse an angle or a length that cannot be, as `field_illumination` does.
+
+    Raises
+    ------
+    OutOfRangeError
+        For an angle outside 0° to below 90°, or a separation that is negative or not finite.
+    """
     if not 0.0 <= field_angle < math.pi / 2.0:
         raise OutOfRangeError("field angle", value=f"{math.degrees(field_angle):g}°", limit="0° to below 90°")
     if not (math.isfinite(stop_separation) and stop_separation >= 0.0):
         raise OutOfRangeError("separation of the stops", value=f"{stop_separation:g} m", limit="0 m or more")
-    s = min(stop_separation * math.tan(field_angle) / pupil_diameter, 1.0)
-    return math.cos(field_angle) ** 4 * (2.0 / math.pi) * (math.acos(s) - s * math.sqrt(1.0 - s * s))
