@@ -261,6 +261,8 @@ def test_blur_wider_than_the_window_and_no_noise_at_all_are_outside() -> None:
         {"window_px": 0.0},
         {"wavelength": 0.0},
         {"pixel_fill": 1.1},
+        {"field_angle": math.pi / 2},
+        {"stop_separation": -1e-3},
         {"spectrum": ((0.0, 1.0),)},
         {"spectrum": ((5e-7, 0.0),)},
     ],

@@ -32,7 +32,7 @@ from tradestudy.imaging.transfer import (
     kirchhoff_transfers,
     square_transfer,
 )
-from tradestudy.imaging.vignetting import field_illumination
+from tradestudy.imaging.vignetting import field_illumination, require_field
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 DefocusModel = Literal["off", "disc"]
@@ -78,9 +78,9 @@ class PictureSettings:
     spectrum
         Wavelengths [m] and weights of the model `weighted`; the weights are normalised.
     field_angle
-        Of the place in the picture whose light counts [rad].
+        Of the place in the picture whose light counts [rad], from 0 to below 90°.
     stop_separation
-        See `field_illumination` [m].
+        See `field_illumination` [m], 0 or more.
     pixel_fill
         Active width of a pixel over its pitch, above 0 to 1.
     lens_phase
@@ -116,6 +116,7 @@ class PictureSettings:
         ):
             if value is not None:
                 require_positive(name, value, unit)
+        require_field(self.field_angle, self.stop_separation)
         for wavelength, weight in self.spectrum:
             require_positive("wavelength", wavelength)
             require_positive("weight of a wavelength", weight, "")
