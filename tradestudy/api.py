@@ -161,7 +161,11 @@ class Study:
         tree = compute(plan, steps, seconds)
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
-        record = {**self._record(started, seconds), "predicted_seconds": list(plan.seconds), "points": steps.counts}
+        record = {
+            **self._record(started, seconds),
+            "predicted_seconds": [round(end, 1) for end in plan.seconds],
+            "points": steps.counts,
+        }
         return Result(data=tree, run_record=record)
 
     def _record(self, started: datetime, seconds: Mapping[str, float]) -> dict[str, Any]:

@@ -118,6 +118,8 @@ def _text(what: str, columns: Sequence[xr.DataArray]) -> Iterator[Difference]:
 
 def _largest_move(first: xr.DataArray, other: xr.DataArray) -> str:
     """The largest relative change in words, with where it is; empty where nothing moved."""
+    if any(first.sizes[dim] != other.sizes[dim] for dim in first.dims if dim in other.dims and dim not in first.coords):
+        return "another number of entries"
     a, b = xr.align(first.astype(float), other.astype(float), join="inner")
     if first.size == 0 and other.size == 0:
         return ""

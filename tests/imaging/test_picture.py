@@ -235,7 +235,6 @@ def test_stopping_down_at_fixed_light_raises_the_error_and_more_than_its_light_a
         ({"texture": Texture(contrast=0.001, correlation_length=100e-6)}, "too large"),
         ({"window_px": 3.0}, "too few samples"),
         ({"texture": Texture(contrast=0.2, correlation_length=5e-3)}, "correlation length"),
-        ({"light": Light(electrons=5e5, f_number=9.8)}, "saturate"),
     ],
 )
 def test_conditions_are_named(change: dict, words: str) -> None:
@@ -244,6 +243,15 @@ def test_conditions_are_named(change: dict, words: str) -> None:
     broken = [name for name, where in found.violated.items() if where[0]]
     assert not found.applies.any()
     assert any(words in name for name in broken)
+
+
+def test_full_pixels_are_told_apart_from_bad_matching() -> None:
+    usual = error_of(hand_lens(), 55e-3)
+    bright = error_of(hand_lens(), 55e-3, replace(SETTINGS, light=Light(electrons=5e5, f_number=9.8)))
+    assert usual.filled_share[0] < 1.0 < bright.filled_share[0]
+    assert bright.applies.all()
+    # In proportion to the light that a pixel collects.
+    assert bright.filled_share[0] / usual.filled_share[0] == pytest.approx(5e5 / SETTINGS.light.electrons)
 
 
 def test_blur_wider_than_the_window_and_no_noise_at_all_are_outside() -> None:

@@ -120,6 +120,10 @@ class DisparityErrorLaw(Protocol):
         """Where a matcher can reach that error."""
         ...
 
+    def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
+        """Electrons of the brightest pixels over what a pixel holds: at most 1."""
+        ...
+
 
 DisparityError = float | DisparityErrorLaw
 

@@ -182,7 +182,7 @@ def _why(
     """One sentence with the number and the limit that it was held against."""
     quantity, change = _worst(model, totals, accuracy)
     wanted = accuracy.relative[quantity] if totals else math.nan
-    held = f"changes {_words(quantity)} by at most {_share(change)}, {_share(wanted)} wanted" if totals else "not asked"
+    held = f"changes {_words(quantity)} by {_at_most(change)}, {_share(wanted)} wanted" if totals else "not asked"
     if is_forced:
         return f"forced by the study; {held}"
     if slot_forced:
@@ -197,6 +197,8 @@ def _why(
     )
     if joint > 1.0:
         return f"refused: {held}, but with the other omissions {_share(joint * wanted)}"
+    if model.seconds >= own.seconds and model.change_of(quantity) >= own.change_of(quantity):
+        return f"not taken: {held}, and {own.name}, which leaves out no more, costs no more"
     return f"not needed: {held}, and {own.name} suffices"
 
 
@@ -248,6 +250,10 @@ def _rounded_up(number: float) -> str:
     """Two digits, never less than the number."""
     step = 10.0 ** (math.floor(math.log10(number)) - 1)
     return f"{math.ceil(number / step * (1.0 + 1e-9)) * step:.12g}"
+
+
+def _at_most(value: float) -> str:
+    return "an amount without bound" if math.isinf(value) else f"at most {_share(value)}"
 
 
 def _share(value: float) -> str:

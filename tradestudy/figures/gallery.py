@@ -119,17 +119,17 @@ def _paper_figures(tree: xr.DataTree) -> Iterator[Drawing]:
     first, last = float(distance[0]), float(distance[-1])
     if first < CLOSE_RANGE_ENDS:
         end = min(CLOSE_RANGE_ENDS, last)
-        yield _discrimination(tree, "close_range", 0.0, end, "the paper's figure 8")
+        yield _discrimination(tree, "close_range", 0.0, end)
     if last > CLOSE_RANGE_ENDS:
-        yield _discrimination(tree, "mid_range", max(CLOSE_RANGE_ENDS, first), last, "the paper's figure 9")
+        yield _discrimination(tree, "mid_range", max(CLOSE_RANGE_ENDS, first), last)
 
 
-def _discrimination(tree: xr.DataTree, name: str, near: float, far: float, of_paper: str) -> Drawing:
+def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Drawing:
     depth, shown = nominal(tree), cameras(tree)
     span = f"{pretty(near, LENGTH) if near else '0'} to {pretty(far, LENGTH)}"
     return Drawing(
         name=name,
-        caption=f"Depth discriminating power and depth uncertainty from {span} ({of_paper}). Discrimination is the "
+        caption=f"Depth discriminating power and depth uncertainty from {span}. Discrimination is the "
         "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
         "uncertainty has both." + _design_words(tree),
         alt=f"Two charts against distance from {span}, depth on a logarithmic axis: discriminating "

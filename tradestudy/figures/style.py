@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
 INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
@@ -164,9 +164,17 @@ def length_tick(millimetres: float, _position: int | None = None) -> str:
 
 
 def log_axis(
-    axes: Axes, which: str, *, dense: bool = False, tick: Callable[[float, int | None], str] = plain_number
+    axes: Axes,
+    which: str,
+    *,
+    dense: bool = False,
+    tick: Callable[[float, int | None], str] = plain_number,
+    ends: tuple[float, float] | None = None,
 ) -> None:
-    """A logarithmic axis with plain numbers; `dense`, for few decades, labels 2 and 5 and has minor ticks."""
+    """A logarithmic axis with plain numbers; `dense`, for few decades, labels 2 and 5 and has minor ticks.
+
+    Between `ends` less than a factor 4 apart there may be no such number: then evenly spaced ones stand.
+    """
     axis = axes.xaxis if which == "x" else axes.yaxis
     (axes.set_xscale if which == "x" else axes.set_yscale)("log")
     axis.set_major_locator(LogLocator(base=10.0, subs=(1.0, 2.0, 5.0) if dense else (1.0,), numticks=20))
@@ -176,6 +184,9 @@ def log_axis(
         LogLocator(base=10.0, subs=tuple(map(float, range(2, 10))), numticks=20) if dense else NullLocator()
     )
     axis.set_minor_formatter(NullFormatter())
+    if ends is not None and ends[1] < 4.0 * ends[0]:
+        axis.set_major_locator(MaxNLocator(nbins=4))
+        axis.set_minor_locator(NullLocator())
 
 
 def legend(figure: StudyFigure, handles: Sequence[Line2D | Patch], labels: Sequence[str], columns: int) -> Legend:

@@ -34,12 +34,13 @@ _COLUMNS = 3
 
 
 def reference_distance(tree: xr.DataTree) -> float:
-    """The distance [m] at which designs are compared: the middle one of the declared, or of the range."""
+    """The computed distance [m] at which designs are compared: next to the middle of those declared, or of all."""
+    distance = tree["depth"].to_dataset()["distance"].values
+    middle = float(np.sqrt(distance[0] * distance[-1]))
     if "decision" in tree.children and "place" in tree["decision"].coords:
         places = np.sort(tree["decision"].to_dataset()["place"].values)
-        return float(places[(len(places) - 1) // 2])
-    distance = tree["depth"].to_dataset()["distance"].values
-    return float(np.sqrt(distance[0] * distance[-1]))
+        middle = float(places[(len(places) - 1) // 2])
+    return float(distance[np.argmin(np.abs(np.log(distance / middle)))])
 
 
 def moved_cameras(tree: xr.DataTree) -> tuple[Camera, ...]:

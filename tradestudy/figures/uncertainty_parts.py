@@ -111,7 +111,7 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: Camera, names: tuple[str, ...]
             markersize=3,
             markevery=[int(spot) % len(distance) for spot in spots],
         )
-    log_axis(axes, "x")
+    log_axis(axes, "x", ends=(float(distance[0]), float(distance[-1])))
     log_axis(axes, "y", tick=length_tick)
     axes.set_xlim(distance[0], distance[-1])
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)

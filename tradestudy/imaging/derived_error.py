@@ -60,6 +60,11 @@ class PictureDisparityError:
         found, shape = self.derived(camera, distance), np.shape(distance)
         return Limit(value=found.value.reshape(shape), bound=LARGEST_ERROR_PX, met=found.applies.reshape(shape))
 
+    def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
+        """Electrons of the brightest texture over the full well: at most 1."""
+        share = self.derived(camera, distance).filled_share.reshape(np.shape(distance))
+        return Limit(value=share, bound=1.0, met=share <= 1.0)
+
 
 @lru_cache(maxsize=_REMEMBERED)
 def _derived(

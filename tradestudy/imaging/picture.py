@@ -170,15 +170,18 @@ class DerivedDisparityError:
         coarser rules), of aliased power from beyond the replicas that are summed, of Kirchhoff's transfer.
     violated
         By condition, where the bound is not what a matcher can reach.
+    filled_share
+        Electrons of the brightest texture over the full well; above 1 the picture is cut off and the bound is none.
     """
 
     value: FloatArray
     error: FloatArray
     violated: Mapping[str, BoolArray]
+    filled_share: FloatArray
 
     @property
     def applies(self) -> BoolArray:
-        """Where every condition holds."""
+        """Where every condition holds, saturation apart."""
         return np.asarray(~np.any(list(self.violated.values()), axis=0))
 
 
@@ -208,7 +211,10 @@ def disparity_error_px(
         value[chosen], error[chosen] = _value_and_error(geometry.at(chosen), settings, models, _NODES[k])
     value = np.where(value > _NOTHING_KNOWN_PX, np.inf, value)
     return DerivedDisparityError(
-        value=value, error=error, violated=_violated(geometry, settings, _electrons(geometry, settings, models), value)
+        value=value,
+        error=error,
+        violated=_violated(geometry, settings, value),
+        filled_share=np.broadcast_to(_filled_share(settings, _electrons(geometry, settings, models)), value.shape),
     )
 
 
@@ -382,18 +388,20 @@ def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: 
     return fill * geometry.sample_width / geometry.sample_pitch
 
 
-def _violated(
-    geometry: PictureGeometry, settings: PictureSettings, electrons: FloatArray, bound: FloatArray
-) -> Mapping[str, BoolArray]:
+def _filled_share(settings: PictureSettings, electrons: FloatArray) -> FloatArray:
+    """Electrons of the brightest texture over the full well."""
+    brightest = electrons * (1.0 + _PEAK_CONTRAST * settings.texture.contrast)
+    return np.asarray(brightest / settings.sensor_noise.full_well_electrons)
+
+
+def _violated(geometry: PictureGeometry, settings: PictureSettings, bound: FloatArray) -> Mapping[str, BoolArray]:
     """Where a matcher cannot reach the bound, by condition."""
     window = window_px(geometry, settings)
     length_px = settings.texture.correlation_length * geometry.magnification / geometry.sample_pitch
-    brightest = electrons * (1.0 + _PEAK_CONTRAST * settings.texture.contrast)
     return {
         "the error is too large for a bound of small errors": ~(bound <= LARGEST_ERROR_PX),
         "there is no noise": bound == 0.0,
         "the window has too few samples": ~(window >= SMALLEST_WINDOW_PX),
         "the window is too small for the texture's correlation length": ~(window >= _WINDOW_OVER_LENGTH * length_px),
         "the window is too small for the blur": ~(window >= _WINDOW_OVER_BLUR * geometry.blur_px),
-        "the pixels saturate": ~(brightest <= settings.sensor_noise.full_well_electrons),
     }

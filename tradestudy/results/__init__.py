@@ -29,6 +29,7 @@ FORMAT_VERSION: Final = 1
 GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "cameras": CAMERAS,
     "depth": DEPTH,
+    "depth_at_places": DEPTH,
     "depth_of_field": DEPTH_OF_FIELD,
     "criteria": CRITERIA,
     "decision": {**DECISION, **DECISION_ADDITIONS},

@@ -83,7 +83,10 @@ def _ratio(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: s
 
 
 def _more_certain(pair: tuple[str, str], ratio: float) -> str:
-    return "" if math.isnan(ratio) else pair[0] if ratio < 1.0 else pair[1]
+    """Of two that are equal to rounding neither is."""
+    if math.isnan(ratio) or math.isclose(ratio, 1.0, rel_tol=1e-9):
+        return ""
+    return pair[0] if ratio < 1.0 else pair[1]
 
 
 def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, way: str) -> list[str]:

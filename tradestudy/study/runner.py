@@ -9,7 +9,7 @@ from tradestudy.study.execution import Steps
 from tradestudy.study.groups.claims import claims_group, requirements_group
 from tradestudy.study.groups.criteria import criteria_group
 from tradestudy.study.groups.decision import decision_group
-from tradestudy.study.groups.depth import depth_group
+from tradestudy.study.groups.depth import depth_at_places_group, depth_group
 from tradestudy.study.groups.depth_of_field import depth_of_field_group
 from tradestudy.study.groups.effects import effects_group
 from tradestudy.study.groups.fresnel_validity import fresnel_validity_group
@@ -70,6 +70,8 @@ def compute(
         groups["/effects"] = effects_group(plan)
     if definition.case.cameras:
         groups["/depth"] = depth_group(definition, steps)
+        if file.decision is not None:
+            groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
         progress("decision", 0.0)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"])
     if file.calibration is not None:

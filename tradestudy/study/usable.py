@@ -18,6 +18,7 @@ LIMIT_NAMES: Final = (
     "total_covering_plane",
     "availability",
     "focus",
+    "saturation",
     "matching",
     "last_disparity_step",
     "failed_fraction",
@@ -54,13 +55,14 @@ class Boundary:
 def evaluate_limits(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> Mapping[str, Limit]:
     """All limits that the study declares and the camera knows, at distances [m]; none holds where it forms no image.
 
-    ``matching`` is among them for a camera whose disparity error is derived: where no matcher reaches it in the
-    picture, the camera measures nothing that is known. ``closed_form`` is always among them: where the uncertainty is
-    not known to a tenth of itself, it decides nothing.
+    ``saturation`` and ``matching`` are among them for a camera whose disparity error is derived: where the brightest
+    pixels are full, or no matcher reaches that error, the camera measures nothing that is known. ``closed_form`` is
+    always among them: where the uncertainty is not known to a tenth of itself, it decides nothing.
     """
     distance = np.where(camera.images(distance), distance, np.nan)
     limits = dict(camera.limits(distance, criteria))
     if not isinstance(camera.disparity_error_px, float | int):
+        limits["saturation"] = camera.disparity_error_px.saturation(camera, distance)
         limits["matching"] = camera.disparity_error_px.limit(camera, distance)
     error = closed_form_error(camera, distance)
     limits["closed_form"] = Limit(value=error, bound=_LARGEST_ERROR, met=~(error > _LARGEST_ERROR))

@@ -67,6 +67,11 @@ class ChainAccuracy:
             if not (value > 0 and math.isfinite(value)):
                 raise OutOfRangeError(name, value=f"{value:g}", limit="> 0, finite")
 
+    @property
+    def fresnel_lengths(self) -> float:
+        """How far diffracted light is followed from where rays land, in Fresnel lengths √(λ z)."""
+        return 1.2 * math.pow(self.tolerance, -1 / 6) * self.diffraction_reach
+
     def compared(self) -> ChainAccuracy:
         """The settings whose result is compared with this one's to state its error.
 

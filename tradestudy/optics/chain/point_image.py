@@ -161,7 +161,7 @@ def plan_waves(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> Wave
     path = wave.path
     reach = ray_reach(path, wave.source, whole_pupil=wave.coherent_radius > 0)
     fresnel_length = math.sqrt(wave.wavelength * path.detector_distance)
-    margin = accuracy.diffraction_reach * 1.2 * fresnel_length * math.pow(accuracy.tolerance, -1 / 6)
+    margin = accuracy.fresnel_lengths * fresnel_length
     kept = float(reach.travel.max()) + margin
     pixels = path.pixels
     band = half_band(wave.wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)

@@ -16,7 +16,14 @@ from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
-from tradestudy.optics.chain.detector_transfer import Response, choose_transfer, half_band, propagate, response
+from tradestudy.optics.chain.detector_transfer import (
+    Response,
+    Transfer,
+    choose_transfer,
+    half_band,
+    propagate,
+    response,
+)
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane
 from tradestudy.optics.chain.pixels import samples_per_pixel
 from tradestudy.optics.chain.point_image import field_spacing
@@ -27,7 +34,7 @@ from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 
 _MARGIN = 3
-_SINGLE_PRECISION_FROM = 1e-3  # tolerance above which 32-bit floats add nothing to the error
+SINGLE_PRECISION_FROM = 1e-3  # tolerance above which 32-bit floats add nothing to the error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,40 +81,18 @@ def prepare_spot(
     """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
     lenses = path.microlenses
     distance = np.linalg.norm(nodes.all, axis=1)
-    edge = nodes.all[np.argmax(distance)]
-    outer = PointSource(x=float(edge[0]), y=float(edge[1]), distance=source.distance)
+    outer = outermost(source, nodes)
     reaches = [ray_reach(path, point) for point in (source.centre, outer)]
-    growth = 1.2 * math.pow(accuracy.tolerance, -1 / 6) * accuracy.diffraction_reach
-    margin = growth * math.sqrt(wavelength * path.detector_distance)
-    spread = max(float(one.spread.max()) for one in reaches)
-    half_patch = spread + margin
-    kept = lenses.cell_reach + half_patch
-    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial[1], tolerance=accuracy.tolerance)
-    per_pixel = samples_per_pixel(path.pixels, accuracy.pixel_sampling * 2 * band * path.pixels.pitch)
-    spacing = path.pixels.pitch / per_pixel
+    patch = detector_patch(path, reaches, wavelength, paraxial[1], accuracy)
     plane = microlens_plane(
         path,
         reaches[1],
         wavelength=wavelength,
         paraxial=paraxial[1],
-        target_reach=half_patch,
+        target_reach=patch.half_side,
         density=accuracy.microlens_nodes,
     )
-    tilt = _steepest(reaches[0], reaches[1])
-    transfer = choose_transfer(
-        wavelength=wavelength,
-        distance=path.detector_distance,
-        paraxial=paraxial[1],
-        node_reach=lenses.cell_reach,
-        target_reach=half_patch + spacing,
-        kept_reach=kept,
-        spacing=spacing,
-        tilt=tilt,
-        tolerance=accuracy.tolerance,
-    )
-    depth = abs(path.image_at_array(source.centre)[2])
-    beyond = growth * math.sqrt(wavelength * max(depth, path.detector_distance))
-    lit_within = max(blur_radius(path, source.centre), blur_radius(path, outer)) + beyond + lenses.cell_reach
+    lit_within = max(lit_radius(path, point, wavelength, accuracy) for point in (source.centre, outer))
     radii, tables = _tables(path, source, distance, wavelength, paraxial[0], accuracy, lit_within + lenses.cell_reach)
     transmission = plane.transmission(source.centre)
     return Spot(
@@ -121,14 +106,68 @@ def prepare_spot(
         plane=plane,
         transmission=transmission,
         response=response(
-            transfer,
-            largest_carrier=tilt / wavelength + transfer.frequency_step,
-            single=accuracy.tolerance >= _SINGLE_PRECISION_FROM,
+            patch.transfer,
+            largest_carrier=patch.tilt / wavelength + patch.transfer.frequency_step,
+            single=accuracy.tolerance >= SINGLE_PRECISION_FROM,
         ),
-        half_patch=half_patch,
-        per_pixel=per_pixel,
+        half_patch=patch.half_side,
+        per_pixel=patch.per_pixel,
         lit_within=lit_within,
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectorPatch:
+    """The part of the detector behind one microlens that light of one source point is followed on."""
+
+    half_side: float
+    per_pixel: int
+    tilt: float
+    transfer: Transfer
+
+
+def outermost(source: DiscSource, nodes: SourceNodes) -> PointSource:
+    """The node that is farthest from the axis."""
+    edge = nodes.all[np.argmax(np.linalg.norm(nodes.all, axis=1))]
+    return PointSource(x=float(edge[0]), y=float(edge[1]), distance=source.distance)
+
+
+def detector_patch(
+    path: LightPath, reaches: list[RayReach], wavelength: float, paraxial: bool, accuracy: ChainAccuracy
+) -> DetectorPatch:
+    """Patch, samples and transfer that hold the light of all points, from the rays of centre and rim of the disc."""
+    margin = accuracy.fresnel_lengths * math.sqrt(wavelength * path.detector_distance)
+    half = max(float(one.spread.max()) for one in reaches) + margin
+    node_reach = path.microlenses.cell_reach
+    kept = node_reach + half
+    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
+    per_pixel = samples_per_pixel(path.pixels, accuracy.pixel_sampling * 2 * band * path.pixels.pitch)
+    spacing = path.pixels.pitch / per_pixel
+    tilt = _steepest(reaches[0], reaches[1])
+    transfer = choose_transfer(
+        wavelength=wavelength,
+        distance=path.detector_distance,
+        paraxial=paraxial,
+        node_reach=node_reach,
+        target_reach=half + spacing,
+        kept_reach=kept,
+        spacing=spacing,
+        tilt=tilt,
+        tolerance=accuracy.tolerance,
+    )
+    return DetectorPatch(half_side=half, per_pixel=per_pixel, tilt=tilt, transfer=transfer)
+
+
+def lit_radius(path: LightPath, point: PointSource, wavelength: float, accuracy: ChainAccuracy) -> float:
+    """Radius about the chief ray of a point within which its light may reach the middle of a microlens [m]."""
+    depth = abs(path.image_at_array(point)[2])
+    beyond = accuracy.fresnel_lengths * math.sqrt(wavelength * max(depth, path.detector_distance))
+    return blur_radius(path, point) + beyond + path.microlenses.cell_reach
+
+
+def table_count(accuracy: ChainAccuracy) -> int:
+    """Distances from the axis at which the main-lens field is computed, to be interpolated in between."""
+    return max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
 
 
 def _steepest(centre: RayReach, rim: RayReach) -> float:
@@ -151,7 +190,7 @@ def _tables(
 ) -> tuple[FloatArray, list[FieldTable]]:
     """Main-lens field for sources on the x axis at Chebyshev points of the distances that occur."""
     low, high = float(distance.min()), float(distance.max())
-    count = max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
+    count = table_count(accuracy)
     radii = (low + high) / 2 - (high - low) / 2 * np.cos(math.pi * (np.arange(count) + 0.5) / count)
     lenses = path.microlenses
     half = min(half_width, float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
@@ -212,7 +251,7 @@ def point_intensity(spot: Spot, at: tuple[float, float], table: FieldTable) -> F
     steps = np.rint(sine / (spot.wavelength * transfer.frequency_step)).astype(int)
     frequency = transfer.frequency_step * steps
     carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * cell.x + frequency[:, 1:] * cell.y))
-    kind = np.complex64 if spot.accuracy.tolerance >= _SINGLE_PRECISION_FROM else np.complex128
+    kind = np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
     first, start = _patch_starts(spot, reach, lit)
     side = 2 * math.ceil(spot.half_patch / spot.spacing) + 1
     patches = propagate(

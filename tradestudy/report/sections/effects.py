@@ -23,12 +23,12 @@ _QUANTITIES = {
     "psf_width": "width of a point's image",
 }
 _COLUMNS = (
-    Column(title="Effect", weight=2),
-    Column(title="Model", weight=2),
-    Column(title="Of", weight=3),
-    Column(title="Changes at most", weight=2),
-    Column(title="Number", weight=3),
-    Column(title="Because", weight=6),
+    Column(title="Effect", weight=4),
+    Column(title="Model", weight=4),
+    Column(title="Of", weight=4),
+    Column(title="Changes at most", weight=3),
+    Column(title="Number", weight=5),
+    Column(title="Because", weight=8),
 )
 
 
@@ -58,7 +58,7 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
         yield Table(
             name="effects-weighed",
             caption="Models that were weighed and not taken.",
-            columns=(*_COLUMNS[:-1], Column(title="Verdict", weight=6)),
+            columns=(*_COLUMNS[:-1], Column(title="Verdict", weight=8)),
             rows=tuple(_merged(others, data)),
         )
 

@@ -25,7 +25,37 @@ def method(tree: xr.DataTree) -> Iterator[Block]:
     if "stereo" in kinds:
         yield from _stereo()
     yield from _uncertainty()
-    yield from _ranges()
+    derived = "matching" in _limits_in_use(tree)
+    if derived:
+        yield from _derived_disparity()
+    yield from _ranges(derived=derived)
+
+
+def _limits_in_use(tree: xr.DataTree) -> set[str]:
+    """Names of the limits that some camera has."""
+    met = facts.dataset(tree, "depth")["limit_met"]
+    used = (met >= 0).any([dim for dim in met.dims if dim != "limit"])
+    return {str(name) for name, there in zip(used["limit"].values, used.values, strict=True) if there}
+
+
+def _derived_disparity() -> Iterator[Block]:
+    yield Heading(text="Disparity errors that are derived from the picture", anchor="method-derived", level=2)
+    yield Paragraph(
+        "A derived disparity error is the Cramér–Rao bound of matching two windows of the camera's picture: "
+        "a random texture of the declared contrast and correlation length, blurred by defocus, diffraction and pixels, "
+        "in the noise of its electrons, their reading and their rounding, with what the samples alias counted as noise."
+    )
+    yield Equation(
+        typst="1 / sigma_d^2 = W^2 integral.double (2 pi nu_x)^2 gamma^2 / (1 - gamma^2) dif^2 nu, quad "
+        "gamma = (S abs(H)^2) / (S abs(H)^2 + N)",
+        alt="one over sigma d squared equals W squared times the integral over the band of two pi nu x squared times "
+        "gamma squared over one minus gamma squared; gamma equals S H squared over S H squared plus N",
+    )
+    yield Paragraph(
+        "S is the spectrum of the texture in the picture, H the transfer of lenses and pixels, N the noise, W the side "
+        "of the window. The bound is what a good matcher reaches where the error is small against a pixel and the "
+        "window large against blur and texture; where that is not so the distance is not usable, limit “matching”."
+    )
 
 
 def _plenoptic() -> Iterator[Block]:
@@ -147,7 +177,7 @@ def _uncertainty() -> Iterator[Block]:
     )
 
 
-def _ranges() -> Iterator[Block]:
+def _ranges(*, derived: bool) -> Iterator[Block]:
     yield Heading(text="Where a camera counts as usable", anchor="method-usable", level=2)
     yield Paragraph(
         "A distance is usable where every limit that the study declares holds. At each end of the range the limit that "
@@ -164,5 +194,13 @@ def _ranges() -> Iterator[Block]:
             say("**Last disparity step**: the disparity still differs from that of infinity by more than one step."),
             say("**Failed measurements**: the share that noise and calibration put beyond infinity."),
             say("**Relative uncertainty**: the depth uncertainty as a share of the distance."),
+            *(
+                (
+                    say("**Saturation**: the brightest texture, three deviations above the mean, fits the pixels."),
+                    say("**Matching**: the derived disparity error is one that a matcher can reach, at most 0.25 px."),
+                )
+                if derived
+                else ()
+            ),
         )
     )

@@ -91,7 +91,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
     """Numbers behind the curves at the declared distances."""
     from tradestudy.figures.depth_data import nominal
 
-    depth = nominal(tree)
+    depth = facts.dataset(tree, "depth_at_places") if facts.has(tree, "depth_at_places") else nominal(tree)
     rows: list[tuple[Text, ...]] = []
     for place in facts.places(tree):
         there = depth.sel(distance=place, method="nearest")
@@ -151,7 +151,8 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     """Equivalent baselines and failed measurements, one column per declared distance."""
     from tradestudy.figures.depth_data import nominal
 
-    depth, places = nominal(tree), facts.places(tree)
+    places = facts.places(tree)
+    depth = facts.dataset(tree, "depth_at_places") if facts.has(tree, "depth_at_places") else nominal(tree)
 
     def table(name: str, variable: str, caption: str, write: Callable[[float], str]) -> Table:
         data = depth[variable].sel(way="both") if "way" in depth[variable].dims else depth[variable]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,19 +34,36 @@ def depth_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     }
     leading = tuple(axis.path for axis in axes)
     coordinates: dict[str, Any] = {axis.path: list(axis.labels) for axis in axes}
-    coordinates |= {
+    coordinates |= _coordinates(definition, definition.case.distance, part_names)
+    result = dataset("depth", stacked, coordinates, leading=leading)
+    for axis in axes:
+        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
+    return result
+
+
+def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]) -> xr.Dataset:
+    """/depth_at_places: the same at the distances of the decision, between those of the scene, as declared."""
+    distance = np.array(sorted(set(places)))
+    point = replace(DepthPoint.of(definition.case), distance=distance)
+    table = depth_table(point)
+    intervals = max(map(len, table.intervals), default=0)
+    return dataset(
+        "depth_at_places",
+        _depth_arrays(table, list(table.parts), max(intervals, 1)),
+        _coordinates(definition, distance, list(table.parts)),
+    )
+
+
+def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
+    return {
         "camera": list(definition.case.cameras),
-        "distance": definition.case.distance,
+        "distance": distance,
         "side": ["nearer", "farther"],
         "way": list(WAYS),
         "quantile": list(QUANTILES),
         "part": part_names,
         "limit": list(LIMIT_NAMES),
     }
-    result = dataset("depth", stacked, coordinates, leading=leading)
-    for axis in axes:
-        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
-    return result
 
 
 def _depth_arrays(table: DepthTable, part_names: list[str], most_intervals: int) -> dict[str, Any]:

@@ -132,7 +132,7 @@ class LimitDistanceClaim(_ClaimPart):
     camera: CameraName
     limit: Literal[
         "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
-        "relative_uncertainty", "matching",
+        "relative_uncertainty", "saturation", "matching",
     ]  # fmt: skip
     end: Literal["near", "far"]
 

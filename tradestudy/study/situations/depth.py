@@ -33,6 +33,9 @@ from tradestudy.study.usable import all_met, evaluate_limits
 _MOST_DISTANCES: Final = 101
 _TRIAL_DISTANCES: Final = 7
 _MOST_CORNERS: Final = 64
+# Bisections: of the ends of the usable range, and of a pair's decision under one reading.
+_ASKED_FOR_ENDS: Final = 700
+_ASKED_FOR_DECISION: Final = 4000
 # On the reference machine: one distance of one camera, all errors, all limits.
 _SECONDS_PER_DISTANCE: Final = 4e-5
 
@@ -63,7 +66,7 @@ def depth_situations(definition: StudyDefinition) -> tuple[Situation, ...]:
                 title=definition.file.cameras[name].title,
                 quantities=("depth_uncertainty",),
                 slots=(
-                    *_picture(own, definition.case.distance.size),
+                    *_picture(own, _times_asked(definition, name)),
                     *_errors(own, definition.case.distance.size),
                 ),
             )
@@ -114,12 +117,21 @@ def _usable(variant: _Variant) -> FloatArray:
     return variant.distance[met]
 
 
-def _picture(variants: Sequence[_Variant], distances: int) -> tuple[Slot, ...]:
+def _times_asked(definition: StudyDefinition, name: str) -> int:
+    """At how many distances a run asks for the uncertainty of a camera, roughly: curves, ends, and the decision."""
+    asked = 8 * definition.case.distance.size + _ASKED_FOR_ENDS
+    decision = definition.file.decision
+    if decision is not None and name in decision.between:
+        asked += _ASKED_FOR_DECISION * (1 + len(definition.readings))
+    return asked
+
+
+def _picture(variants: Sequence[_Variant], asked: int) -> tuple[Slot, ...]:
     """Slots of the picture: weighed where the disparity error is derived from it, all off where it is declared."""
     derived = [_picture_case(variant) for variant in variants]
     found = [case for case in derived if case is not None and case.places.size]
     if found:
-        return picture_slots(found, distances=distances)
+        return picture_slots(found, asked=asked)
     first = variants[0]
     if isinstance(first.camera.disparity_error_px, float | int):
         reason = declared_reason(declared_disparity_error(first.camera))
@@ -138,8 +150,8 @@ def _numbers(geometry: PictureGeometry, wavelength: float) -> dict[SlotName, tup
     ]
     return {
         "defocus_blur": ("blur over pixel", float(geometry.blur_px[0])),
-        "main_lens_diffraction": ("Airy radius over pixel", airy[0]),
-        "microlens_diffraction": ("Airy radius over pixel", airy[1]),
+        "main_lens_diffraction": ("Airy radius of the main lens over pixel", airy[0]),
+        "microlens_diffraction": ("Airy radius of a microlens over pixel", airy[1]),
         "crosstalk": ("half a micro-image over Airy radius", geometry.widest_window_px / math.sqrt(2.0) / airy[1]),
         "pixel_integration": ("pixel over pitch", 1.0),
         "source_extent": ("extent of a point", math.nan),

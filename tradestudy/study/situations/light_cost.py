@@ -12,8 +12,18 @@ import numpy as np
 
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
-from tradestudy.optics.chain.sources import source_nodes, symmetries
+from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.point_image import plan_waves
+from tradestudy.optics.chain.rays import ray_reach
+from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
+from tradestudy.optics.chain.spot_points import (
+    SINGLE_PRECISION_FROM,
+    detector_patch,
+    lit_radius,
+    outermost,
+    table_count,
+)
 
 # Processor seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
 SECONDS: Final[Mapping[str, float]] = {
@@ -25,9 +35,6 @@ SECONDS: Final[Mapping[str, float]] = {
     "microlens field, Kirchhoff": 0.6,
     "microlens field, Fresnel": 0.1,
 }
-_FADING = 4.0  # Fresnel lengths beyond what is kept of the light
-_FIELDS = 4.0  # of the main lens that a disc needs at a tolerance of 1 %
-_DOUBLE_BELOW = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,50 +52,41 @@ class LightWork:
     scene: LightScene
     tolerance: float
 
-    @property
-    def _growth(self) -> float:
-        """Fresnel lengths up to which diffracted light is followed."""
-        return 1.2 * math.pow(self.tolerance, -1.0 / 6.0)
-
     @cached_property
-    def patch_side(self) -> float:
+    def patch_side(self) -> int:
         """Samples along a side of the periodic grid behind one microlens."""
-        return self._side(self.scene.path.microlenses.cell_reach, self._beyond)
+        scene = self.scene
+        ends = (scene.source.centre, outermost(scene.source, self._nodes))
+        reaches = [ray_reach(scene.path, point) for point in ends]
+        return detector_patch(scene.path, reaches, scene.wavelength, False, self._accuracy).transfer.count
 
     @cached_property
-    def detector_side(self) -> float:
+    def detector_side(self) -> int:
         """The same for all microlenses and pixels at once, as a single point is computed."""
-        path = self.scene.path
-        array = float(np.max(np.abs(path.microlenses.centres))) + path.microlenses.cell_reach
-        return self._side(array, max(path.pixels.shape) * path.pixels.pitch / 2.0)
+        scene = self.scene
+        wave = PupilWave(path=scene.path, source=scene.source.centre, wavelength=scene.wavelength, paraxial=False)
+        return plan_waves(wave, False, self._accuracy).transfer.count
 
     @property
-    def _beyond(self) -> float:
-        """How far light lands from its ray image [m]."""
-        scene = self.scene
-        return scene.blur_on_detector + self._growth * math.sqrt(scene.wavelength * scene.path.detector_distance)
+    def _accuracy(self) -> ChainAccuracy:
+        return ChainAccuracy(tolerance=self.tolerance)
 
-    def _side(self, nodes: float, targets: float) -> float:
-        scene, b = self.scene, self.scene.path.detector_distance
-        faded = scene.path.microlenses.cell_reach + self._beyond + _FADING * math.sqrt(scene.wavelength * b)
-        band = faded / math.hypot(faded, b) / scene.wavelength
-        per_pixel = max(3, math.ceil(2.0 * band * scene.path.pixels.pitch))
-        return (nodes + targets + faded) * per_pixel / scene.path.pixels.pitch
+    @cached_property
+    def _nodes(self) -> SourceNodes:
+        scene = self.scene
+        density = source_density(self._accuracy)
+        return source_nodes(scene.path, scene.source, wavelength=scene.wavelength, density=density)
 
     @cached_property
     def source_points(self) -> float:
         """Points of the disc, without those that its symmetries give."""
-        scene = self.scene
-        density = source_density(ChainAccuracy(tolerance=self.tolerance))
-        nodes = source_nodes(scene.path, scene.source, wavelength=scene.wavelength, density=density)
-        return len(nodes.all) / len(symmetries(scene.path, scene.source))
+        return len(self._nodes.all) / len(symmetries(self.scene.path, self.scene.source))
 
     @cached_property
     def lit_microlenses(self) -> float:
         """Microlenses that light of one point of the disc reaches, on average over the disc."""
         scene, lenses = self.scene, self.scene.path.microlenses
-        reach = math.sqrt(scene.wavelength * max(abs(scene.depth), scene.path.detector_distance))
-        within = scene.blur_on_array + self._growth * reach + lenses.cell_reach
+        within = lit_radius(scene.path, scene.source.centre, scene.wavelength, self._accuracy)
         moved = scene.source.diameter / 2.0 * scene.path.array_distance / scene.source.distance
         chief = np.asarray(scene.path.chief_point(scene.source.centre))
         angle = math.pi / 4.0 * np.arange(8)
@@ -103,8 +101,8 @@ class LightWork:
         if separate:
             repeats = float(self.scene.path.microlenses.count)
             points, lit = points * len(symmetries(self.scene.path, self.scene.source)), 1.0
-        unit = "sample of a patch" + (" in double precision" if self.tolerance < _DOUBLE_BELOW else "")
-        fields = _FIELDS * math.pow(1e-2 / self.tolerance, 1.0 / 6.0)
+        unit = "sample of a patch" + (" in double precision" if self.tolerance < SINGLE_PRECISION_FROM else "")
+        fields = table_count(self._accuracy)
         samples = points * lit * self.patch_side**2
         return repeats * (
             SECONDS[unit] * samples + SECONDS[_field(paraxial)] * fields + self.seconds_of_point(paraxial=paraxial)

@@ -31,9 +31,9 @@ from tradestudy.optics.psf_difference import FIRST_DARK_RING
 from tradestudy.study.acting import AnyDepthCamera, with_models
 from tradestudy.study.depth import depth_uncertainty
 
-# On the reference machine [s]: for every distance, as often as a run asks for it; and once for a camera, the lattice of
-# defocus that Kirchhoff's part is interpolated on.
-_SECONDS_PER_DISTANCE: Final = {"fresnel": 4e-3, "airy": 1e-3, "disc": 1e-3, "weighted": 2e-3, "kirchhoff": 4e-3}
+# On the reference machine [s]: for every distance at which a run asks for the error; and once for a camera, the lattice
+# of defocus that Kirchhoff's part is interpolated on.
+_SECONDS_PER_DISTANCE: Final = {"fresnel": 1e-3, "airy": 1e-4, "disc": 1e-4, "weighted": 1e-3, "kirchhoff": 1e-3}
 _SECONDS_ONCE: Final = {"kirchhoff": 20.0}
 
 
@@ -58,6 +58,10 @@ class _Scaled:
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """As the law."""
         return self.law.limit(camera, distance)
+
+    def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
+        """As the law."""
+        return self.law.saturation(camera, distance)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -180,8 +184,8 @@ class PictureCase:
         return float(np.nanmax(half**2 / (half**2 + stage.plane_distance**2)))
 
 
-def picture_slots(cases: Sequence[PictureCase], *, distances: int) -> tuple[Slot, ...]:
-    """Slots of the picture of one camera, weighed over every variant of it; costs are for so many distances."""
+def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ...]:
+    """Slots of the picture of one camera, weighed over every variant of it; costs are for so many distances asked."""
     stages = [(case, case.geometry.main_lens, case.geometry.microlens) for case in cases]
     noise = [_noise_shares(case) for case in cases]
 
@@ -189,7 +193,7 @@ def picture_slots(cases: Sequence[PictureCase], *, distances: int) -> tuple[Slot
         return max(value(case) for case in cases)
 
     def seconds(name: str) -> float:
-        return _SECONDS_PER_DISTANCE.get(name, 0.0) * distances + _SECONDS_ONCE.get(name, 0.0)
+        return _SECONDS_PER_DISTANCE.get(name, 0.0) * asked + _SECONDS_ONCE.get(name, 0.0)
 
     trial = PictureTrial(
         change=lambda slot, name: worst(lambda case: case.change(slot, name)),
