@@ -33,7 +33,6 @@ _POINT_REFERENCE: Final = ChainAccuracy(
 )
 _SPOT_TOLERANCES: Final = (0.2, 0.05)
 _COARSEST: Final = 0.2
-_STANDING: Final = 1e-2  # where the study compares no methods to a tolerance of its own
 _REFERENCE_SEED: Final = 1
 
 
@@ -109,7 +108,7 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
             rng=np.random.default_rng(seed),
         )
 
-    title, name, standing = "Picture of the whole spot", "spot", part.tolerance or _STANDING
+    title, name, standing = "Picture of the whole spot", "spot", part.tolerance
     says = "All pixels of the picture of the spot: relative L2 error over the pixels."
     progress("cost: spot", 0.0)
     # The finest reference of which the time allows two, so that something is left to be held against it.

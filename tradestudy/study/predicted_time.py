@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
 
-from tradestudy.effects.base import OFF, SlotName
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.calibration.propagation import FIELDS, WAYS
@@ -18,9 +17,9 @@ from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.study.schema.questions import ImageDifferenceClaim, LitPixelsClaim
 from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, MethodName, PointSpreadPart
 from tradestudy.study.situations.light_cost import LightWork, seconds_of_rays
-from tradestudy.study.situations.light_spot import METHODS
 from tradestudy.study.situations.light_spot import NAME as LIGHT_SPOT
-from tradestudy.study.spot_images import SpotModels, light_path, light_source
+from tradestudy.study.situations.light_spot import named_spot_models
+from tradestudy.study.spot_images import SpotModels, light_path, light_source, without_comparison
 from tradestudy.study.sweep import sweep_axes
 
 # Seconds per unit of work on the reference machine (speed 1): processor seconds, so that what else ran on it while it
@@ -118,7 +117,8 @@ def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
     if file.fresnel_validity is not None:
         yield from _fresnel_validity(file.fresnel_validity)
     if file.light_spot is not None:
-        yield from _light_spot(file.light_spot, _chosen_picture(definition.models.get(LIGHT_SPOT)))
+        names = definition.models.get(LIGHT_SPOT)
+        yield from _light_spot(file.light_spot, named_spot_models(file.light_spot, names) if names else None)
     if file.point_spread is not None:
         points = _points(file.point_spread)
         yield _fixed("point spread", f"{points} point-spread functions", {"point spread": points})
@@ -229,7 +229,7 @@ def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
 
 def _light_spot(part: LightSpotPart, chosen: SpotModels | None) -> Iterator[PredictedStep]:
     """Pictures by the methods that are compared, and by the chosen models where that is another."""
-    asked = [SpotModels(method=method, tolerance=part.tolerance) for method in part.methods if part.tolerance]
+    asked = [SpotModels(method=method, tolerance=part.tolerance) for method in part.methods]
     if chosen is not None and chosen not in asked:
         asked.append(chosen)
     seconds = math.fsum(_picture_seconds(part, models) for models in asked)
@@ -247,31 +247,18 @@ def _light_spot(part: LightSpotPart, chosen: SpotModels | None) -> Iterator[Pred
         )
 
 
-def _chosen_picture(chosen: Mapping[SlotName, str] | None) -> SpotModels | None:
-    """The picture that the names of chosen models make; None where nothing was chosen."""
-    if not chosen:
-        return None
-    return SpotModels(
-        method=METHODS[chosen["main_lens_diffraction"], chosen["microlens_diffraction"]],
-        tolerance=float(chosen["sampling"].removesuffix(" %")) / 100.0,
-        separate=chosen["crosstalk"] == OFF,
-        integrated=chosen["pixel_integration"] != OFF,
-        point=chosen["source_extent"] == OFF,
-    )
-
-
 def _picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
     if models.point:
         return point_seconds(part, models.method, models.tolerance)
     if models.separate and models.method != "geometric":
-        work = _spot_work(_bare(part), models.tolerance)
+        work = _spot_work(without_comparison(part), models.tolerance)
         return work.seconds_of_disc(paraxial=models.method == "fresnel", separate=True)
     return spot_seconds(part, models.method, models.tolerance)
 
 
 def spot_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> float:
     """Seconds of one image of the spot on the reference machine; the tolerance is nothing to rays."""
-    work = _spot_work(_bare(part), tolerance)
+    work = _spot_work(without_comparison(part), tolerance)
     if method == "geometric":
         return seconds_of_rays(work.scene.path, point=False)
     return work.seconds_of_disc(paraxial=method == "fresnel", separate=False)
@@ -279,7 +266,7 @@ def spot_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> f
 
 def point_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> float:
     """The same for the image of one point of the spot."""
-    work = _spot_work(_bare(part), tolerance)
+    work = _spot_work(without_comparison(part), tolerance)
     if method == "geometric":
         return seconds_of_rays(work.scene.path, point=True)
     return work.seconds_of_point(paraxial=method == "fresnel")
@@ -307,8 +294,11 @@ def _claims(definition: StudyDefinition) -> PredictedStep:
     """Claims about depth under each reading, and images of the spot that a reading asks for anew."""
     file, readings = definition.file, {"": definition, **definition.readings}
     known: set[tuple[LightSpotPart, float, MethodName]] = set()
-    if file.light_spot is not None and file.light_spot.tolerance is not None:
-        known = {(_bare(file.light_spot), file.light_spot.tolerance, method) for method in file.light_spot.methods}
+    if file.light_spot is not None:
+        known = {
+            (without_comparison(file.light_spot), file.light_spot.tolerance, method)
+            for method in file.light_spot.methods
+        }
     answers, seconds = 0, 0.0
     for claim in file.claims.values():
         names = list(readings) if claim.under == "all" else [claim.reading or "", *claim.under]
@@ -317,18 +307,13 @@ def _claims(definition: StudyDefinition) -> PredictedStep:
             continue
         for name, method in itertools.product(names, (claim.method, claim.reference)):
             spot = readings[name].file.light_spot
-            if spot is None or spot.tolerance is None:
+            if spot is None:
                 continue
-            if (_bare(spot), spot.tolerance, method) not in known:
-                known.add((_bare(spot), spot.tolerance, method))
+            if (without_comparison(spot), spot.tolerance, method) not in known:
+                known.add((without_comparison(spot), spot.tolerance, method))
                 seconds += spot_seconds(spot, method, spot.tolerance)
     seconds += _seconds({"claim about depth": answers + len(file.requirements)})
     return PredictedStep(name="claims", low=seconds, high=seconds, work=f"{answers} claims under their readings")
-
-
-def _bare(part: LightSpotPart) -> LightSpotPart:
-    """What touches the image of a spot."""
-    return part.model_copy(update={"methods": (), "tolerance": None, "published": (), "benchmarks": False})
 
 
 def _report(definition: StudyDefinition) -> PredictedStep:

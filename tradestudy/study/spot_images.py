@@ -102,8 +102,12 @@ def spot_image(part: LightSpotPart, method: MethodName) -> ChainImage:
 
 def spot_picture(part: LightSpotPart, models: SpotModels) -> ChainImage:
     """Image of the declared spot by any models; what does not touch the image does not compute it again."""
-    bare = {"methods": (), "tolerance": 1.0, "published": (), "benchmarks": False}
-    return _spot_picture(part.model_copy(update=bare), models)
+    return _spot_picture(without_comparison(part), models)
+
+
+def without_comparison(part: LightSpotPart) -> LightSpotPart:
+    """What touches the image of a spot: the part without the methods that are compared, and to what."""
+    return part.model_copy(update={"methods": (), "tolerance": 1.0, "published": (), "benchmarks": False})
 
 
 @lru_cache(maxsize=64)

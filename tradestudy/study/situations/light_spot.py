@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cache
 from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import OFF
+from tradestudy.effects.base import OFF, SlotName
 from tradestudy.effects.crosstalk import crosstalk_in_picture
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.main_lens_diffraction import main_lens_diffraction_in_picture
@@ -73,6 +74,13 @@ def spot_models(selection: Selection) -> SpotModels:
     """What a selection of models computes."""
     models = _models(selection.chosen)
     assert models is not None  # a set that cannot be combined costs infinitely much and is never selected
+    return models
+
+
+def named_spot_models(part: LightSpotPart, names: Mapping[SlotName, str]) -> SpotModels:
+    """What models of such names compute, one for every slot."""
+    models = _models({slot.name: slot.model(names[slot.name]) for slot in light_spot_situation(part).slots})
+    assert models is not None  # as above
     return models
 
 
