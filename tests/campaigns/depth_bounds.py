@@ -69,7 +69,7 @@ def audit(cases: int, seed: int) -> Iterator[Held]:
 
 
 def _held(name: str, definition: StudyDefinition, *, kirchhoff: bool) -> Iterator[Held]:
-    (situation,) = depth_situations(definition)
+    (situation,) = depth_situations(definition, {})
     complete: dict[SlotName, str] = {
         slot.name: "fresnel" if "fresnel" in slot.model_names else slot.model_names[-1] for slot in situation.slots
     }

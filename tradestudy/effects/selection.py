@@ -228,6 +228,8 @@ def _nothing_fits(
     else:
         loosest = offered(accuracy, float(shortfall[nearest]))
         offer = f"{loosest} can be had; ask for that"
+        if max(accuracy.relative.values()) * shortfall[nearest] > 1.0:
+            offer = "not even 100 % can be had"
         if math.isfinite(accuracy.budget):
             offer = f"{loosest} can be had in {cost(nearest):.3g} s; ask for that, or raise the budget"
     if fitting_costs.size:

@@ -17,7 +17,6 @@ from tradestudy.study.predicted_time import PredictedStep, predicted_seconds
 from tradestudy.study.situations.every import every_situation
 from tradestudy.study.situations.situation import Situation
 
-_LOOSEST = 1e6
 _ROUNDS = 40
 
 
@@ -74,7 +73,7 @@ def plan_of(definition: StudyDefinition) -> Plan:
     accuracy = definition.file.accuracy.wanted()
     forced = definition.file.effects.forced()
     speed = machine_speed()
-    situations = every_situation(definition)
+    situations = every_situation(definition, forced)
     _check_forced(definition, situations, forced)
     timeless = Accuracy(relative=accuracy.relative)
     selections = {one.name: one.select(timeless, forced) for one in situations}
@@ -139,11 +138,12 @@ def _too_long(
         acting = definition.with_models(_models(chosen))
         return math.fsum(step.low for step in (*predicted_seconds(acting, speed), *_pictures(acting, chosen, speed)))
 
-    loosest = seconds(_LOOSEST)
+    most = math.log(1.0 / max(plan.accuracy.relative.values()))  # nothing is asked for beyond the whole
+    loosest = seconds(math.exp(most))
     if loosest > budget:
-        remedy = f"even with everything left out it takes {loosest:.3g} s; raise the budget or ask for less"
+        remedy = f"even to 100 % it takes {loosest:.3g} s; raise the budget or ask for less"
     else:
-        low, high = 0.0, math.log(_LOOSEST)
+        low, high = 0.0, most
         for _ in range(_ROUNDS):
             middle = (low + high) / 2.0
             low, high = (low, middle) if seconds(math.exp(middle)) <= budget else (middle, high)

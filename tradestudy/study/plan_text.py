@@ -47,7 +47,11 @@ def _lines(plan: Plan) -> Iterator[str]:
 
 def _is_harmless(decision: Decision) -> bool:
     """Whether a model acts and changes nothing at all."""
-    return decision.chosen and all(bound.relative_change == 0.0 for bound in decision.model.bounds.values())
+    return (
+        decision.chosen
+        and not decision.forced
+        and all(bound.relative_change == 0.0 for bound in decision.model.bounds.values())
+    )
 
 
 def _harmless(decisions: tuple[Decision, ...]) -> Iterator[str]:

@@ -306,7 +306,7 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 class SweepRangePart(Part):
     """Values on a scale, ends with units."""
 
-    start: Text = Field(alias="from")
-    stop: Text = Field(alias="to")
+    start: QuantityText = Field(alias="from")
+    stop: QuantityText = Field(alias="to")
     points: Annotated[int, Field(ge=2, le=1000, strict=True)]
     spacing: Literal["log", "linear"] = "linear"

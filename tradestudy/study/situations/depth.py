@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -27,12 +27,14 @@ from tradestudy.study.depth import closed_form_error, depth_uncertainty
 from tradestudy.study.situations.pictures import PictureCase, picture_slots
 from tradestudy.study.situations.situation import Situation
 from tradestudy.study.sweep import sweep_axes
-from tradestudy.study.usable import all_met, evaluate_limits
+from tradestudy.study.usable import all_met, evaluate_limits, usable_intervals
 
 # Bounds are looked for at this many of the study's distances; they change slowly in between.
-_MOST_DISTANCES: Final = 101
+_MOST_DISTANCES: Final = 401
 _TRIAL_DISTANCES: Final = 7
 _MOST_CORNERS: Final = 64
+# Slots of errors that are not of the picture.
+_LENGTHS: Final[tuple[SlotName, ...]] = ("calibration", "temperature")
 # Bisections: of the ends of the usable range, and of a pair's decision under one reading.
 _ASKED_FOR_ENDS: Final = 700
 _ASKED_FOR_DECISION: Final = 4000
@@ -47,17 +49,22 @@ class _Variant:
     camera: DepthCamera
     criteria: UsableCriteria
     distance: FloatArray
+    asked: tuple[float, ...]
     wavelength: float
+    forced: Mapping[SlotName, str]
 
 
-def depth_situations(definition: StudyDefinition) -> tuple[Situation, ...]:
-    """One situation for each camera that measures depth, its bounds the worst over all variants of the study."""
+def depth_situations(definition: StudyDefinition, forced: Mapping[SlotName, str]) -> tuple[Situation, ...]:
+    """One situation for each camera that measures depth, its bounds the worst over all variants of the study.
+
+    Every slot is weighed beside the models that the study forces in the others.
+    """
     variants = tuple(_every_variant(definition))
     found = []
     for name in definition.case.cameras:
         own: list[_Variant] = []
         for variant in variants:
-            one = _variant(variant, name)
+            one = _variant(variant, name, forced)
             if one is not None and not any(_same(one, other) for other in own):
                 own.append(one)
         found.append(
@@ -88,18 +95,36 @@ def _every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
             yield definition.with_values({question.vary: f"{end!r} {dimension.unit}".strip()})
 
 
-def _variant(definition: StudyDefinition, name: str) -> _Variant | None:
+def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, str]) -> _Variant | None:
     camera = definition.case.cameras.get(name)
     if camera is None:  # a reading may replace it by one that measures no depth
         return None
-    distance = definition.case.distance
+    assert isinstance(camera, AnyDepthCamera)  # a case holds no others
+    distance, file = definition.case.distance, definition.file
     step = max(1, -(-distance.size // _MOST_DISTANCES))
+    asked = [*(() if file.decision is None else file.decision.at), *(one.at for one in file.solve.values())]
+    asked += [end for one in file.requirements.values() for end in one.depth_uncertainty.over]
+    own = _applicable(camera, forced)
     return _Variant(
-        camera=camera,
+        camera=acting(camera, {slot: name for slot, name in own.items() if slot not in _LENGTHS}),
         criteria=definition.case.criteria,
-        distance=distance[::step],
+        distance=np.unique(np.append(distance[::step], distance[-1:])),
+        asked=tuple(asked),
         wavelength=definition.case.wavelength,
+        forced=own,
     )
+
+
+def _applicable(camera: AnyDepthCamera, forced: Mapping[SlotName, str]) -> dict[SlotName, str]:
+    """The forced models that a camera has: not of microlenses without them, nor of a spectrum that is not declared."""
+    law = camera.disparity_error_px
+    found = dict(forced)
+    if isinstance(law, PictureDisparityError):
+        if law.models.microlens_diffraction == "none":
+            found.pop("microlens_diffraction", None)
+        if not law.settings.spectrum:
+            found.pop("spectrum", None)
+    return found
 
 
 def _same(one: _Variant, other: _Variant) -> bool:
@@ -107,7 +132,7 @@ def _same(one: _Variant, other: _Variant) -> bool:
         one.camera == other.camera
         and one.criteria == other.criteria
         and np.array_equal(one.distance, other.distance)
-        and one.wavelength == other.wavelength
+        and (one.wavelength, one.asked) == (other.wavelength, other.asked)
     )
 
 
@@ -165,9 +190,22 @@ def _picture_case(variant: _Variant) -> PictureCase | None:
     law = variant.camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return None
-    places = _places(variant)
-    chosen = places[np.unique(np.linspace(0, places.size - 1, _TRIAL_DISTANCES).astype(int))]
-    return PictureCase(camera=variant.camera, settings=law.settings, places=chosen)
+    return PictureCase(
+        camera=variant.camera, settings=law.settings, places=_trial_places(variant), forced=variant.forced
+    )
+
+
+def _trial_places(variant: _Variant) -> FloatArray:
+    """Across every usable interval and a tenth beyond, as leaving blur out would extend it, and wherever is asked."""
+    camera, distance = variant.camera, variant.distance
+    found = [np.asarray(variant.asked)]
+    for interval in usable_intervals(camera, variant.criteria, distance):
+        found.append(np.geomspace(0.9 * interval.near, 1.1 * interval.far, _TRIAL_DISTANCES))
+        found.append(np.array([interval.near, interval.far]))
+    if len(found) == 1:
+        found.append(distance[np.unique(np.linspace(0, distance.size - 1, _TRIAL_DISTANCES).astype(int))])
+    places = np.unique(np.concatenate(found))
+    return places[camera.images(places)]
 
 
 def _places(variant: _Variant) -> FloatArray:
@@ -218,8 +256,12 @@ def _bound_of(variant: _Variant, slot: SlotName) -> float:
 def _share_of(variant: _Variant, slot: SlotName) -> float:
     """1 − u(without)/u(with), the largest where a picture is formed; a lost far end counts as the whole."""
     places = _imaged(variant)
-    without = depth_uncertainty(acting(_depth_camera(variant), {slot: OFF}), places)
-    everything = depth_uncertainty(variant.camera, places)
+    others: dict[SlotName, str] = {
+        other: variant.forced[other] for other in _LENGTHS if other in variant.forced and other != slot
+    }
+    camera = acting(_depth_camera(variant), others)
+    without = depth_uncertainty(acting(camera, {slot: OFF}), places)
+    everything = depth_uncertainty(camera, places)
     with np.errstate(invalid="ignore"):  # infinite over infinite: the far end is lost without it as well
         share = 1.0 - np.where(np.isinf(without), 1.0, without / everything)
     return float(np.nanmax(share, initial=0.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -66,11 +66,12 @@ class _Scaled:
 
 @dataclass(frozen=True, kw_only=True)
 class PictureCase:
-    """A camera with a derived disparity error, at the places where it is usable [m]."""
+    """A camera with a derived disparity error, at places [m] that count, under the models that are forced."""
 
     camera: DepthCamera
     settings: PictureSettings
     places: FloatArray
+    forced: Mapping[SlotName, str]
 
     @cached_property
     def geometry(self) -> PictureGeometry:
@@ -92,20 +93,29 @@ class PictureCase:
 
     def change(self, slot: SlotName, name: str) -> float:
         """Relative change of the disparity error if one slot takes another model, the largest over the places."""
-        models = with_models(self.complete, {slot: name})
-        if models == self.complete:
-            return 0.0
-        return self._departure(self.geometry, models)
+        standing = self._standing(slot)
+        models = with_models(standing, {slot: name})
+        return 0.0 if models == standing else self._departure(standing, self.geometry, models)
 
-    def _departure(self, geometry: PictureGeometry, models: PictureModels) -> float:
+    def _standing(self, slot: SlotName) -> PictureModels:
+        """What a slot is weighed beside: the models that are forced elsewhere, and the most complete of the others."""
+        return with_models(self.complete, {other: name for other, name in self.forced.items() if other != slot})
+
+    def _departure(self, standing: PictureModels, geometry: PictureGeometry, models: PictureModels) -> float:
+        reference, value = self._errors(standing), disparity_error_px(geometry, self.settings, models).value
         with np.errstate(divide="ignore", invalid="ignore"):  # where nothing passes either is infinite
-            ratio = disparity_error_px(geometry, self.settings, models).value / self._reference
-        found = np.abs(ratio - 1.0)
+            found = np.abs(value / reference - 1.0)
+        found = np.where(np.isinf(reference) & np.isfinite(value), np.inf, found)
         return float(np.max(np.where(np.isnan(found), 0.0, found), initial=0.0))
 
+    def _errors(self, models: PictureModels) -> FloatArray:
+        if models not in self._known:
+            self._known[models] = disparity_error_px(self.geometry, self.settings, models).value
+        return self._known[models]
+
     @cached_property
-    def _reference(self) -> FloatArray:
-        return disparity_error_px(self.geometry, self.settings, self.complete).value
+    def _known(self) -> dict[PictureModels, FloatArray]:
+        return {}
 
     @property
     def illumination(self) -> float:
@@ -153,11 +163,14 @@ class PictureCase:
             return 0.0
         width = 8.0 * self.settings.wavelength * stage.f_number * self.aberration_waves(stage)
         found = 0.0
+        standing = self._standing(
+            "main_lens_diffraction" if stage is self.geometry.main_lens else "microlens_diffraction"
+        )
         for sign in (1.0, -1.0):
             moved = replace(stage, blur_diameter=np.abs(stage.blur_diameter + sign * width))
             is_main = stage is self.geometry.main_lens
             geometry = replace(self.geometry, main_lens=moved) if is_main else replace(self.geometry, microlens=moved)
-            found = max(found, self._departure(geometry, self.complete))
+            found = max(found, self._departure(standing, geometry, standing))
         return found
 
     @property
