@@ -7,15 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 
 from tradestudy import api
 from tradestudy.api import Study
-from tradestudy.cost import stored
+from tradestudy.cost import measuring, stored
 from tradestudy.cost.measuring import Allowance, forget, measure
 from tradestudy.cost.study_cost import study_cost
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.quadrature import gauss_legendre
 from tradestudy.provenance import code_hash
+from tradestudy.report.document import Table
+from tradestudy.report.sections.cost import cost as cost_section
 from tradestudy.results import GROUPS
 
 ASKED = "What would one more digit cost?"
@@ -136,3 +139,17 @@ def test_every_run_starts_afresh() -> None:
     timed = measure(lambda run: seen.append(run) or run, Allowance(seconds=5.0))
     assert seen[:3] == [0, 1, 2]  # random methods take their seed from the number of the run
     assert timed.repeats == len(seen) - 1 >= 3
+
+
+def test_what_is_timed_once_is_said_to_be(study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(measuring, "_LONG", 0.0)  # as if everything took 5 s
+    seen: list[int] = []
+    assert measure(lambda run: seen.append(run), Allowance(seconds=5.0)).repeats == 1
+    assert seen == [0]
+    found = study.cost(budget=2.0)
+    assert set(found["repeats"].values) == {1}
+    tree = xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": found})
+    table = next(
+        block for block in cost_section(tree, {}) if isinstance(block, Table) and block.name.endswith("-table")
+    )
+    assert {row[5] for row in table.rows} == {"once"}
