@@ -77,12 +77,11 @@ def _wanted(data: xr.Dataset) -> Iterator[str]:
 
 
 def _foreseen(run: Mapping[str, Any]) -> Iterator[str]:
-    """How long the run was foreseen to take, and took."""
+    """How long the run was foreseen to take."""
     if (foreseen := run.get("predicted_seconds")) is None:
         return
     ends = dict.fromkeys(pretty(float(seconds), DURATION, digits=2) for seconds in foreseen)
-    took = pretty(float(run["seconds"]["compute"]), DURATION, digits=2)
-    yield f"The run was foreseen to take {' to '.join(ends)}, its report included; computing took {took}."
+    yield f"The run was foreseen to take {' to '.join(ends)}, its report included; what it took stands under provenance."
 
 
 @dataclass(frozen=True, kw_only=True)
