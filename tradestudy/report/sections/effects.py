@@ -81,7 +81,7 @@ def _foreseen(run: Mapping[str, Any]) -> Iterator[str]:
     if (foreseen := run.get("predicted_seconds")) is None:
         return
     ends = dict.fromkeys(pretty(float(seconds), DURATION, digits=2) for seconds in foreseen)
-    yield f"The run was foreseen to take {' to '.join(ends)}, its report included; what it took stands under provenance."
+    yield f"The run was foreseen to take {' to '.join(ends)}, report included; what it took stands under provenance."
 
 
 @dataclass(frozen=True, kw_only=True)
