@@ -24,7 +24,7 @@ _QUANTITIES = {
 }
 _COLUMNS = (
     Column(title="Effect", weight=4),
-    Column(title="Model", weight=4),
+    Column(title="Model", weight=5),
     Column(title="Of", weight=4),
     Column(title="Changes at most", weight=3),
     Column(title="Number", weight=5),

@@ -133,9 +133,9 @@ def _stereo() -> Iterator[Block]:
         say(
             "These linear forms explain the sizes; the numbers come from the exact law, which has a pole where the "
             "yaw eats the whole disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with "
-            "*W* = 2 *Z* tan(FOV/2), bounds the near range. *f* is also taken for the distance of the sensor behind the "
-            "lens; focused at *a* that is longer by the share *f*/(*a* − *f*), and pixel noise of a rig focused at close "
-            "range then weighs less than stated here by as much."
+            "*W* = 2 *Z* tan(FOV/2), bounds the near range. *f* is also taken for the distance of the sensor behind "
+            "the lens; focused at *a* that is longer by the share *f*/(*a* − *f*), and pixel noise of a rig focused at "
+            "close range then weighs less than stated here by as much."
         )
     )
 
