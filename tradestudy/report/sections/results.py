@@ -87,11 +87,16 @@ def _curves(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bloc
     yield from _over_places(tree)
 
 
-def _values_at_places(tree: xr.DataTree) -> Table:
-    """Numbers behind the curves at the declared distances."""
+def _at_places(tree: xr.DataTree) -> xr.Dataset:
+    """Depth at the declared distances themselves; on the study's grid where none are declared."""
     from tradestudy.figures.depth_data import nominal
 
-    depth = facts.dataset(tree, "depth_at_places") if facts.has(tree, "depth_at_places") else nominal(tree)
+    return facts.dataset(tree, "depth_at_places") if facts.has(tree, "depth_at_places") else nominal(tree)
+
+
+def _values_at_places(tree: xr.DataTree) -> Table:
+    """Numbers behind the curves at the declared distances."""
+    depth = _at_places(tree)
     rows: list[tuple[Text, ...]] = []
     for place in facts.places(tree):
         there = depth.sel(distance=place, method="nearest")
@@ -149,10 +154,7 @@ def _numerical_error(tree: xr.DataTree) -> str:
 
 def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     """Equivalent baselines and failed measurements, one column per declared distance."""
-    from tradestudy.figures.depth_data import nominal
-
-    places = facts.places(tree)
-    depth = facts.dataset(tree, "depth_at_places") if facts.has(tree, "depth_at_places") else nominal(tree)
+    depth, places = _at_places(tree), facts.places(tree)
 
     def table(name: str, variable: str, caption: str, write: Callable[[float], str]) -> Table:
         data = depth[variable].sel(way="both") if "way" in depth[variable].dims else depth[variable]

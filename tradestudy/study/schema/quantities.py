@@ -96,21 +96,16 @@ FieldOfView = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=179.0 *
 
 Pixels = Annotated[float, *quantity(units.PIXELS)]
 PositivePixels = Annotated[float, *quantity(units.PIXELS, above=0.0)]
-NonNegativePixels = Annotated[float, *quantity(units.PIXELS, at_least=0.0)]
-Electrons = Annotated[float, *quantity(units.ELECTRONS)]
 PositiveElectrons = Annotated[float, *quantity(units.ELECTRONS, above=0.0)]
 NonNegativeElectrons = Annotated[float, *quantity(units.ELECTRONS, at_least=0.0)]
 Waves = Annotated[float, *quantity(units.WAVES)]
-NonNegativeWaves = Annotated[float, *quantity(units.WAVES, at_least=0.0)]
 
 Fraction = Annotated[float, *quantity(units.FRACTION)]
 PositiveFraction = Annotated[float, *quantity(units.FRACTION, above=0.0)]
-NonNegativeFraction = Annotated[float, *quantity(units.FRACTION, at_least=0.0)]
 # A part of a whole: an overlap, a probability, a confidence.
 Share = Annotated[float, *quantity(units.FRACTION, at_least=0.0, at_most=1.0)]
 Number = Annotated[float, *quantity(units.NUMBER)]
 PositiveNumber = Annotated[float, *quantity(units.NUMBER, above=0.0)]
-NonNegativeNumber = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
 
 PositiveDuration = Annotated[float, *quantity(units.DURATION, above=0.0)]
 Temperature = Annotated[float, *quantity(units.TEMPERATURE, above=0.0)]
