@@ -20,8 +20,9 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
+from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import Light, SensorNoise
-from tradestudy.imaging.picture import PictureModels, PictureSettings, disparity_error_px, window_px
+from tradestudy.imaging.picture import disparity_bound_px, disparity_error_px, window_px
 from tradestudy.imaging.texture import Texture, texture_spectrum
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
 
@@ -165,6 +166,15 @@ def test_a_distance_is_answered_alike_alone_and_among_others() -> None:
     together = error_of(hand_lens(), distance)
     alone = [error_of(hand_lens(), a).value[0] for a in distance]
     np.testing.assert_allclose(together.value, alone, rtol=1e-12)
+
+
+def test_the_bound_alone_is_the_value_of_the_whole_answer() -> None:
+    camera, distance = r5(), np.geomspace(0.15, 2.0, 26)
+    geometry = picture_geometry(camera, distance)
+    models = replace(CLOSED, main_lens_diffraction="fresnel", microlens_diffraction="fresnel")
+    whole = disparity_error_px(geometry, SETTINGS, models).value
+    np.testing.assert_allclose(disparity_bound_px(geometry, SETTINGS, models), whole, rtol=1e-12)
+    assert np.isfinite(whole).any()
 
 
 def test_diffraction_and_defocus_in_one_pupil_lose_less_than_their_product() -> None:

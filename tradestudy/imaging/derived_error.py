@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit
 from tradestudy.imaging.geometry import picture_geometry
+from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.picture import (
     LARGEST_ERROR_PX,
     DerivedDisparityError,
-    PictureModels,
-    PictureSettings,
     disparity_error_px,
 )
 from tradestudy.optics.arrays import FloatArray

@@ -51,12 +51,20 @@ def fresnel_transfer(
     nu, N, c = np.broadcast_arrays(
         *(np.asarray(value, dtype=np.float64) for value in (frequency, f_number, blur_diameter))
     )
-    s = np.minimum(wavelength * N * nu, 1.0)
-    # The phase between the two sheared pupils: k (W(x + s) − W(x − s)) = 4 k W₂₀ s x, and 4 k W₂₀ s = π c ν.
-    alpha = np.pi * c * np.where(s < 1.0, nu, 0.0)
+    with np.errstate(invalid="ignore"):  # 0 ∞ is NaN, which is the answer there
+        transfer = np.where(np.isnan(nu * N * c), np.nan, 0.0)
+    passed = (wavelength * N * nu < 1.0) & ~np.isnan(transfer)
+    transfer[passed] = _within_the_cutoff((wavelength * N * nu)[passed], np.pi * (c * nu)[passed])
+    return transfer
+
+
+def _within_the_cutoff(s: FloatArray, alpha: FloatArray) -> FloatArray:
+    """The integral for flat s < 1.
+
+    The phase between the two sheared pupils is k (W(x + s) − W(x − s)) = 4 k W₂₀ s x = α x.
+    """
     phase = alpha * (1.0 - s)
-    largest = float(np.max(np.where(np.isfinite(phase), phase, 0.0), initial=0.0))
-    count = _LEAST_NODES + math.ceil(0.6 * largest)
+    count = _LEAST_NODES + math.ceil(0.6 * float(np.max(phase, initial=0.0)))
     if count > _MOST_NODES:
         raise UnaffordableError(
             "nodes of the transfer function of a defocused pupil",
@@ -64,10 +72,9 @@ def fresnel_transfer(
             limit=f"at most {_MOST_NODES}",
             remedy="use the disc of rays, which is exact for so large a blur",
         )
-    t, w = gauss_legendre(count)
     span = np.arccos(s)
     total = np.zeros_like(s)
-    for node, weight in zip(t, w, strict=True):
-        phi = span * node
-        total += weight * np.sin(phi) ** 2 * np.cos(alpha * (np.cos(phi) - s))
+    for node, weight in zip(*gauss_legendre(count), strict=True):
+        cosine = np.cos(span * node)
+        total += weight * (1.0 - cosine * cosine) * np.cos(alpha * (cosine - s))
     return np.asarray((4.0 / np.pi) * span * total)

@@ -23,8 +23,9 @@ from tradestudy.effects.picture.spectrum import spectrum
 from tradestudy.effects.picture.trial import PictureTrial
 from tradestudy.effects.picture.vignetting import vignetting
 from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
+from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import mean_electrons, noise_variance
-from tradestudy.imaging.picture import PictureModels, PictureSettings, disparity_error_px
+from tradestudy.imaging.picture import disparity_bound_px
 from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.psf_difference import FIRST_DARK_RING
@@ -102,7 +103,7 @@ class PictureCase:
         return with_models(self.complete, {other: name for other, name in self.forced.items() if other != slot})
 
     def _departure(self, standing: PictureModels, geometry: PictureGeometry, models: PictureModels) -> float:
-        reference, value = self._errors(standing), disparity_error_px(geometry, self.settings, models).value
+        reference, value = self._errors(standing), disparity_bound_px(geometry, self.settings, models)
         with np.errstate(divide="ignore", invalid="ignore"):  # where nothing passes either is infinite
             found = np.abs(value / reference - 1.0)
         found = np.where(np.isinf(reference) & np.isfinite(value), np.inf, found)
@@ -110,7 +111,7 @@ class PictureCase:
 
     def _errors(self, models: PictureModels) -> FloatArray:
         if models not in self._known:
-            self._known[models] = disparity_error_px(self.geometry, self.settings, models).value
+            self._known[models] = disparity_bound_px(self.geometry, self.settings, models)
         return self._known[models]
 
     @cached_property

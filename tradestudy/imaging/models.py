@@ -1,0 +1,116 @@
+"""What a picture is of, and which physics of it counts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from tradestudy.cameras.parts import require_positive
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.noise import Light, SensorNoise, SensorNoiseModel
+from tradestudy.imaging.texture import Texture
+from tradestudy.imaging.vignetting import require_field
+
+DefocusModel = Literal["off", "disc"]
+DiffractionModel = Literal["none", "airy", "fresnel", "kirchhoff"]
+PixelModel = Literal["point", "square"]
+SpectrumModel = Literal["central", "weighted"]
+VignettingModel = Literal["off", "cos4"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureSettings:
+    """What is looked at, how brightly, and how it is matched.
+
+    Parameters
+    ----------
+    texture
+        Of the surface.
+    window_px, window_length
+        Side of the square window that is matched: in samples of the picture, or as a length [m] on the object so that
+        cameras are compared at equal window there. Exactly one. Never more than a micro-image holds.
+    light
+        Scene and exposure.
+    sensor_noise
+        Read noise, full well, bits.
+    wavelength
+        Of the model `central` [m].
+    spectrum
+        Wavelengths [m] and weights of the model `weighted`; the weights are normalised.
+    field_angle
+        Of the place in the picture whose light counts [rad], from 0 to below 90°.
+    stop_separation
+        See `field_illumination` [m], 0 or more.
+    pixel_fill
+        Active width of a pixel over its pitch, above 0 to 1.
+    lens_phase
+        Of the Kirchhoff model: a well-corrected lens (``perfect``), or the paper's (``parabolic``).
+
+    Raises
+    ------
+    OutOfRangeError
+        For values outside these ranges, both windows or none.
+    """
+
+    texture: Texture
+    light: Light
+    sensor_noise: SensorNoise
+    wavelength: float
+    window_px: float | None = None
+    window_length: float | None = None
+    spectrum: tuple[tuple[float, float], ...] = ()
+    field_angle: float = 0.0
+    stop_separation: float = 0.0
+    pixel_fill: float = 1.0
+    lens_phase: Literal["perfect", "parabolic"] = "perfect"
+
+    def __post_init__(self) -> None:
+        if (self.window_px is None) == (self.window_length is None):
+            raise OutOfRangeError(
+                "a window is given in pixels or as a length on the object", limit="exactly one of them"
+            )
+        for name, value, unit in (
+            ("window", self.window_px, "px"),
+            ("window", self.window_length, "m"),
+            ("wavelength", self.wavelength, "m"),
+        ):
+            if value is not None:
+                require_positive(name, value, unit)
+        require_field(self.field_angle, self.stop_separation)
+        for wavelength, weight in self.spectrum:
+            require_positive("wavelength", wavelength)
+            require_positive("weight of a wavelength", weight, "")
+        if not 0.0 < self.pixel_fill <= 1.0:
+            raise OutOfRangeError("active width of a pixel", value=f"{self.pixel_fill:g}", limit="above 0 to 1 pitch")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureModels:
+    """Which physics of the picture counts: one model for each effect, the first of each the plainest.
+
+    Parameters
+    ----------
+    defocus_blur
+        ``off``: everything in focus. ``disc``: the geometric blur; where diffraction is ``fresnel`` or ``kirchhoff``,
+        the defocus that belongs to it.
+    main_lens_diffraction, microlens_diffraction
+        ``none``; ``airy``: in focus, beside the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact paths and
+        cosines. Where the blur exceeds 200 λN the last two are the disc times their transfer in focus. A camera without
+        a microlens stage takes ``none`` only.
+    pixel_integration
+        ``point`` or ``square``: over the active pixel.
+    spectrum
+        ``central`` wavelength, or ``weighted`` transfer over the spectrum.
+    vignetting
+        ``off``, or ``cos4``: with the stops at the field angle.
+    sensor_noise
+        Which noise counts.
+    """
+
+    defocus_blur: DefocusModel
+    main_lens_diffraction: DiffractionModel
+    microlens_diffraction: DiffractionModel
+    pixel_integration: PixelModel
+    spectrum: SpectrumModel
+    vignetting: VignettingModel
+    sensor_noise: SensorNoiseModel
