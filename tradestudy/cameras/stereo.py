@@ -24,10 +24,11 @@ from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.parts import Lens, Sensor, require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.thin_lens import blur_diameter
+from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import midpoint_depth, stereo_depth, stereo_disparity
 
 NO_ERROR = ErrorSource(standard_deviation=0.0)
+PrincipalDistanceRule = Literal["focal_length", "focused"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +42,8 @@ class StereoCalibration:
     baseline
         Of the distance of the two centres of projection [m].
     focal_length
-        Of the common focal length [m].
+        Of the common principal distance [m], which is what a calibration's focal length in pixels is. It moves depth by
+        ``δZ/Z = δc/c`` wherever the lenses are focused; the focal length of the glass itself enters no line of sight.
     principal_point
         Difference of the two principal points along the baseline [m on the sensor].
     """
@@ -61,9 +63,13 @@ class StereoRig:
     Parameters
     ----------
     lens, sensor
-        Of each camera. The focal length is taken as the principal distance.
+        Of each camera.
     focus_distance
         Where both lenses are focused [m]; infinity is allowed. None: the lenses refocus on every object.
+    principal_distance_rule
+        How far the sensor stands behind the centre of projection. ``focal_length``: the focal length, exact for lenses
+        focused at infinity and where the declared focal length is that of a calibration in pixels. ``focused``: where
+        the thin lens puts the sharp image of the focus distance a, ``c = f a/(a − f)``, the lens moved as a whole.
     baseline
         Distance of the two centres of projection B [m].
     convergence_angle
@@ -83,12 +89,14 @@ class StereoRig:
     Raises
     ------
     OutOfRangeError
-        For lengths that are not positive, a focus distance inside the focal length, axes that converge by 180° or more.
+        For lengths that are not positive, a focus distance inside the focal length, axes that converge by 180° or more;
+        lenses that refocus on every object and have no one focused principal distance.
     """
 
     lens: Lens
     sensor: Sensor
     focus_distance: float | None
+    principal_distance_rule: PrincipalDistanceRule = "focal_length"
     baseline: float
     convergence_angle: float
     triangulation: Literal["disparity", "midpoint"]
@@ -117,6 +125,24 @@ class StereoRig:
                 limit=f"beyond the focal length, {self.lens.focal_length * 1e3:g} mm",
                 remedy="increase the focus distance",
             )
+        if self.principal_distance_rule == "focused" and self.focus_distance is None:
+            raise OutOfRangeError(
+                "the principal distance of lenses that refocus on every object",
+                value="focused",
+                limit="focal_length: every focus setting has a calibration of its own",
+                remedy="give a focus distance, or take the focal length as the principal distance",
+            )
+
+    @property
+    def principal_distance(self) -> float:
+        """From the centre of projection to the sensor c [m], by the declared rule: what angles are measured with."""
+        if self.principal_distance_rule == "focal_length" or self.focus_distance is None:
+            return self.lens.focal_length
+        return self.sensor_distance(self.focus_distance)
+
+    def sensor_distance(self, focus_distance: float) -> float:
+        """From a thin lens to the sensor [m] when it is focused at a distance [m]: ``f a/(a − f)``."""
+        return float(image_distance(focus_distance, self.lens.focal_length))
 
     @property
     def focus(self) -> SingleLensFocus | EveryObjectFocus:
@@ -136,13 +162,17 @@ class StereoRig:
 
     @property
     def field_of_view(self) -> float:
-        """Across, of one camera [rad]."""
-        return self.lens.field_of_view(self.sensor.width)
+        """Across, of one camera as it is focused [rad]."""
+        return self.view_of(self.sensor.width)
+
+    def view_of(self, extent: float) -> float:
+        """Full angle [rad] that an extent [m] of the sensor covers: ``2 atan(extent / 2c)``."""
+        return 2.0 * math.atan(extent / (2.0 * self.principal_distance))
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """The disparity on the sensor [m]; see `stereo_disparity`."""
         return stereo_disparity(
-            distance, self.baseline, self.lens.focal_length, convergence_angle=self.convergence_angle
+            distance, self.baseline, self.principal_distance, convergence_angle=self.convergence_angle
         )
 
     def disparity_px(self, distance: ArrayLike) -> FloatArray:
@@ -154,8 +184,8 @@ class StereoRig:
         return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
 
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
-        """``Z = f B / d`` [m] or its converging counterpart; see `stereo_depth`."""
-        return stereo_depth(disparity, self.baseline, self.lens.focal_length, convergence_angle=self.convergence_angle)
+        """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`."""
+        return stereo_depth(disparity, self.baseline, self.principal_distance, convergence_angle=self.convergence_angle)
 
     def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Change of depth [m] that moves the disparity by one step, nearer and farther (which may be infinite)."""
@@ -166,25 +196,25 @@ class StereoRig:
     def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
         """Parts of the error as errors of disparity [m], to first order, on the line midway between the cameras.
 
-        With u = B/2Z and x = d/2: yaw ψ adds ``ψ f (1 + x²/f²)``, an error of f takes away ``d δf/f``, one of B
-        ``f δB/Z (1 + x²/f²)/(1 + u²)``. Pitch and roll do not act to first order there.
+        With c the principal distance, u = B/2Z and x = d/2: yaw ψ adds ``ψ c (1 + x²/c²)``, an error of c takes away
+        ``d δc/c``, one of B ``c δB/Z (1 + x²/c²)/(1 + u²)``. Pitch and roll do not act to first order there.
         """
-        f, B = self.lens.focal_length, self.baseline
+        c, B = self.principal_distance, self.baseline
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
         d = self.disparity(distance)
-        u2, x2 = (B * inverse / 2.0) ** 2, (d / (2.0 * f)) ** 2
+        u2, x2 = (B * inverse / 2.0) ** 2, (d / (2.0 * c)) ** 2
         one, zero = np.ones_like(d), np.zeros_like(d)
         errors = self.calibration
         slopes: dict[str, tuple[ErrorSource, FloatArray]] = {
-            "yaw": (errors.yaw, f * (1.0 + x2)),
+            "yaw": (errors.yaw, c * (1.0 + x2)),
             "pitch": (errors.pitch, zero),
             "roll": (errors.roll, zero),
-            "baseline": (errors.baseline, f * inverse * (1.0 + x2) / (1.0 + u2)),
-            "focal_length": (errors.focal_length, np.abs(d) / f),
+            "baseline": (errors.baseline, c * inverse * (1.0 + x2) / (1.0 + u2)),
+            "focal_length": (errors.focal_length, np.abs(d) / c),
             "principal_point": (errors.principal_point, one),
             "temperature": (
                 ErrorSource(standard_deviation=self.expansion),
-                B * f * inverse * (1.0 + x2) / (1.0 + u2),
+                B * c * inverse * (1.0 + x2) / (1.0 + u2),
             ),
         }
         noise = DepthErrorPart(
@@ -230,15 +260,15 @@ class StereoRig:
                 "a stereo rig has no such error", value=str(sorted(unknown)), limit=str(sorted(known))
             )
         e = {name: np.asarray(errors.get(name, 0.0), dtype=np.float64) for name in known}
-        f, B, t = (
-            self.lens.focal_length + e["focal_length"],
+        c, B, t = (
+            self.principal_distance + e["focal_length"],
             self.baseline + e["baseline"],
             self.convergence_angle / 2.0,
         )
         x = self.disparity(distance) / 2.0
         shift = e["pixel_noise"] + e["principal_point"]
-        left = _turned(x + shift / 2.0, f, yaw=-t)
-        right = _turned(-(x + shift / 2.0), f, yaw=t)
+        left = _turned(x + shift / 2.0, c, yaw=-t)
+        right = _turned(-(x + shift / 2.0), c, yaw=t)
         right = _rotate(right, yaw=e["yaw"], pitch=e["pitch"], roll=e["roll"])
         if self.triangulation == "midpoint":
             centre = np.stack(np.broadcast_arrays(B / 2.0, 0.0, 0.0), axis=-1)
@@ -261,9 +291,9 @@ class StereoRig:
         }
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
-        """The baseline [m] of the parallel rig of this focal length that measures as well: B, or less if converging."""
+        """Baseline [m] of the parallel rig of this principal distance that measures as well; B for parallel axes."""
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
-        x2 = (self.disparity(distance) / (2.0 * self.lens.focal_length)) ** 2
+        x2 = (self.disparity(distance) / (2.0 * self.principal_distance)) ** 2
         return np.asarray(self.baseline * (1.0 + x2) / (1.0 + (self.baseline * inverse / 2.0) ** 2))
 
     def overlap(self, distance: ArrayLike) -> FloatArray:
@@ -315,12 +345,12 @@ class StereoRig:
         return found
 
 
-def _turned(x: ArrayLike, f: ArrayLike, *, yaw: float) -> FloatArray:
+def _turned(x: ArrayLike, c: ArrayLike, *, yaw: float) -> FloatArray:
     """Direction of the ray through image point x, in the frame of the rig, of a camera turned about the vertical.
 
     The picture is mirrored by the lens; here it is upright, so that a point to the right has x > 0.
     """
-    direction = np.stack(np.broadcast_arrays(np.asarray(x, dtype=np.float64), 0.0, f), axis=-1)
+    direction = np.stack(np.broadcast_arrays(np.asarray(x, dtype=np.float64), 0.0, c), axis=-1)
     return _rotate(direction, yaw=np.float64(yaw), pitch=np.float64(0.0), roll=np.float64(0.0))
 
 

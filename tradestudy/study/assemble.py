@@ -17,8 +17,8 @@ from tradestudy.cameras.stereo import StereoCalibration, StereoRig
 from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import Light, SensorNoise
-from tradestudy.imaging.picture import PictureModels, PictureSettings
 from tradestudy.imaging.texture import Texture
 from tradestudy.optics.depth_of_field import (
     microlens_focal_length,
@@ -166,6 +166,7 @@ def stereo_of(part: StereoPart, picture: PictureSettings | None) -> StereoRig:
         lens=lens_of(part.lenses, sensor),
         sensor=sensor,
         focus_distance=None if part.focus_distance == "every-object" else part.focus_distance,
+        principal_distance_rule=part.principal_distance,
         baseline=part.baseline,
         convergence_angle=2.0 * math.atan(part.baseline / (2.0 * part.axes_meet_at)),
         triangulation=part.depth.estimator,

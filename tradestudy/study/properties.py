@@ -49,11 +49,15 @@ def _of_plenoptic(camera: FocusedPlenoptic) -> tuple[tuple[str, str], ...]:
 
 
 def _of_stereo(rig: StereoRig) -> tuple[tuple[str, str], ...]:
+    # Beside the principal distance, so that a reader sees how far the two lie apart where the rule makes them differ.
+    sensor = "changes" if rig.focus_distance is None else pretty(rig.sensor_distance(rig.focus_distance), LENGTH, 4)
     return (
         ("focal length", pretty(rig.lens.focal_length, LENGTH, 4)),
+        ("principal distance", pretty(rig.principal_distance, LENGTH, 4)),
+        ("thin lens to sensor, as focused", sensor),
         ("pupil diameter", pretty(rig.lens.pupil_diameter, LENGTH, 4)),
         ("field of view across", pretty(rig.field_of_view, ANGLE, 4)),
-        ("field of view on the diagonal", pretty(rig.lens.field_of_view(rig.sensor.diagonal), ANGLE, 4)),
+        ("field of view on the diagonal", pretty(rig.view_of(rig.sensor.diagonal), ANGLE, 4)),
         ("baseline", pretty(rig.baseline, LENGTH, 4)),
     )
 

@@ -46,7 +46,8 @@ STEREO_ERRORS: Final[Mapping[str, str]] = {
 
 ``yaw``, ``pitch``, ``roll`` turn the right camera against the left; ``baseline_direction_y`` and ``_z`` turn the line
 of centres against the left camera. Principal points and pixel noise are in metres on the sensor, pixel noise along the
-baseline; k₁ and k₂ refer to slopes (r over the focal length)."""
+baseline; k₁ and k₂ refer to slopes (r over the principal distance). ``focal_length`` is the error of the principal
+distance, as in any calibration in pixels."""
 
 Ray = tuple[FloatArray, FloatArray, FloatArray]
 Image = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -71,7 +72,7 @@ def stereo_observation(rig: StereoRig, errors: Errors, x: ArrayLike, y: ArrayLik
         Exact; NaN for a point behind a camera.
     """
     x, y, z = (np.asarray(value, dtype=np.float64) for value in (x, y, z))
-    f, t = rig.lens.focal_length, rig.convergence_angle / 2.0
+    t = rig.convergence_angle / 2.0
     half, direction = _half_baseline(rig, errors)
     towards_left = tuple(p + half * n for p, n in zip((x, y, z), direction, strict=True))
     towards_right = tuple(p - half * n for p, n in zip((x, y, z), direction, strict=True))
@@ -82,7 +83,7 @@ def stereo_observation(rig: StereoRig, errors: Errors, x: ArrayLike, y: ArrayLik
         depth = np.where(c > 0.0, c, np.nan)
         k1, k2 = value_of(errors, f"{side}_distortion_k1"), value_of(errors, f"{side}_distortion_k2")
         u, v = distort(a / depth, b / depth, k1, k2)
-        principal_distance = f + value_of(errors, f"{side}_focal_length")
+        principal_distance = rig.principal_distance + value_of(errors, f"{side}_focal_length")
         image.append(principal_distance * u + value_of(errors, f"{side}_principal_point_x"))
         image.append(principal_distance * v + value_of(errors, f"{side}_principal_point_y"))
     return image[0], image[1], image[2], image[3]
@@ -111,13 +112,13 @@ def stereo_inverse_depth(rig: StereoRig, errors: Errors, image: Image) -> tuple[
         [1/m] from the middle of the baseline along the axis of the design; zero or negative for rays that do not meet
         in front.
     valid
-        False where the believed distortion has no inverse, or a focal length or the baseline is not positive.
+        False where the believed distortion has no inverse, or a principal distance or the baseline is not positive.
     """
     t = rig.convergence_angle / 2.0
     half, direction = _half_baseline(rig, errors)
     rays, valid = [], np.asarray(half > 0.0)
     for side, u, v in (("left", image[0], image[1]), ("right", image[2], image[3])):
-        principal_distance = rig.lens.focal_length + value_of(errors, f"{side}_focal_length")
+        principal_distance = rig.principal_distance + value_of(errors, f"{side}_focal_length")
         valid = valid & (principal_distance > 0.0)
         safe = np.where(principal_distance > 0.0, principal_distance, np.nan)
         x = (u + value_of(errors, f"{side}_pixel_noise") - value_of(errors, f"{side}_principal_point_x")) / safe
@@ -162,13 +163,13 @@ def stereo_reading(
     """
     require_known(errors, STEREO_ERRORS, "a stereo rig")
     require_field(field)
-    f, sensor = rig.lens.focal_length, rig.sensor
+    c, sensor = rig.principal_distance, rig.sensor
     z = np.asarray(distance, dtype=np.float64)
     changed: dict[str, ArrayLike] = {}
     if environment is not None and "temperature_change" in errors:
         growth = environment.length_factor(errors) - 1.0
-        changed = {"baseline": rig.baseline * growth, **{f"{side}_focal_length": f * growth for side in _SIDES}}
-    right, down = field * sensor.width / 2.0 / f, field * sensor.height / 2.0 / f
+        changed = {"baseline": rig.baseline * growth, **{f"{side}_focal_length": c * growth for side in _SIDES}}
+    right, down = field * sensor.width / 2.0 / c, field * sensor.height / 2.0 / c
     image = stereo_observation(rig, changed, right * z, down * z, z)
     inside = [np.abs(c) <= e / 2.0 for c, e in zip(image, (sensor.width, sensor.height) * 2, strict=True)]
     inverse, valid = stereo_inverse_depth(rig, errors, image)

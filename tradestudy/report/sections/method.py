@@ -120,22 +120,23 @@ def _stereo() -> Iterator[Block]:
     yield Heading(text="Depth from a stereo rig", anchor="method-stereo", level=2)
     yield Paragraph(
         say(
-            "Two cameras of focal length *f* a baseline *B* apart see a point at distance *Z* with disparity *d*; a "
-            "yaw ψ between them adds *f*ψ to the disparity."
+            "Two cameras of principal distance *c*, a baseline *B* apart, see a point at distance *Z* with disparity "
+            "*d*; a yaw ψ between them adds *c*ψ to the disparity."
         )
     )
     yield Equation(
-        typst="Z = (f B) / d, quad delta Z = Z^2 / (f B) thin delta d, quad delta Z approx Z^2 / B (1 + x^2 / f^2) psi",
-        alt="Z equals f times B over d. The change of Z equals Z squared over f B times the change of d. A yaw psi "
-        "changes Z by about Z squared over B, times one plus x squared over f squared, times psi.",
+        typst="Z = (c B) / d, quad delta Z = Z^2 / (c B) thin delta d, quad delta Z approx Z^2 / B (1 + x^2 / c^2) psi",
+        alt="Z equals c times B over d. The change of Z equals Z squared over c B times the change of d. A yaw psi "
+        "changes Z by about Z squared over B, times one plus x squared over c squared, times psi.",
     )
     yield Paragraph(
         say(
             "These linear forms explain the sizes; the numbers come from the exact law, which has a pole where the "
             "yaw eats the whole disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with "
-            "*W* = 2 *Z* tan(FOV/2), bounds the near range. *f* is also taken for the distance of the sensor behind "
-            "the lens; focused at *a* that is longer by the share *f*/(*a* − *f*), and pixel noise of a rig focused at "
-            "close range then weighs less than stated here by as much."
+            "*W* = 2 *Z* tan(FOV/2), bounds the near range. *c* is the distance of the sensor behind the lens: the "
+            "focal length *f*, as where that comes from a calibration in pixels, or, where the study says “focused”, "
+            "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a* − *f*). The table of the cameras "
+            "states *c* beside that image distance, which is longer than *f* by the share *f*/(*a* − *f*)."
         )
     )
 

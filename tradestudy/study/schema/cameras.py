@@ -31,7 +31,9 @@ class LensPart(Part):
     """A lens: its focal length, or the field of view that gives it, and its f-number."""
 
     focal_length: PositiveLength | None = Field(default=None, description="Focal length f.")
-    field_of_view: PositiveAngle | None = Field(default=None, description="Full angle, instead of a focal length.")
+    field_of_view: PositiveAngle | None = Field(
+        default=None, description="Full angle when focused at infinity, instead of a focal length."
+    )
     across: Literal["width", "diagonal"] | None = Field(
         default=None, description="What of the sensor the field of view covers."
     )
@@ -371,11 +373,26 @@ class StereoPart(_CameraPart):
     focus_distance: PositiveLengthOrInfinity | Literal["every-object"] = Field(
         description="Where the lenses are focused; every-object: a mechanism refocuses them."
     )
+    principal_distance: Literal["focal_length", "focused"] = Field(
+        default="focal_length",
+        description="Lens to sensor, which turns disparity into depth: the focal length (as of a calibration in "
+        "pixels, or focused at infinity), or the image distance of focus_distance.",
+    )
     depth: StereoDepthPart
     calibration: StereoCalibrationPart
     thermal_expansion: ThermalExpansion | None = Field(
         default=None, description="Of what holds its parts apart; default: that of scene.temperature."
     )
+
+    @model_validator(mode="after")
+    def _one_focus(self) -> Self:
+        if self.principal_distance == "focused" and self.focus_distance == "every-object":
+            raise MistakeAt(
+                ("principal_distance",),
+                "lenses that refocus on every object have no one distance to the sensor; give a focus_distance, or "
+                "focal_length here",
+            )
+        return self
 
 
 CameraPart = Annotated[
