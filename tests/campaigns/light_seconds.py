@@ -15,12 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from tradestudy import load
-from tradestudy.effects.light_scene import LightScene
 from tradestudy.machine import machine_speed
 from tradestudy.optics.chain import FRESNEL, GEOMETRIC, KIRCHHOFF, ChainAccuracy, Legs, chain_image
 from tradestudy.study.point_spreads import SpreadMethod, every_case, point_spread_of
 from tradestudy.study.situations.light_cost import LightWork
-from tradestudy.study.spot_images import light_path, light_source
+from tradestudy.study.situations.light_spot import light_scene
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 COARSE, FINE, DOUBLE = 0.1, 0.01, 9e-4
@@ -42,13 +41,13 @@ def main() -> None:
     part, spread = file.light_spot, file.point_spread
     assert part is not None
     assert spread is not None
-    path, source, speed = light_path(part), light_source(part), machine_speed()
-    scene = LightScene(path=path, source=source, wavelength=part.wavelength)
+    scene, speed = light_scene(part), machine_speed()
+    path, source = scene.path, scene.source
 
     def picture(legs: Legs, tolerance: float, *, point: bool = False, repeats: int = 3) -> float:
         def task() -> object:
             return chain_image(
-                path, source.centre if point else source, wavelength=part.wavelength, legs=legs,
+                path, source.centre if point else source, wavelength=part.mean_wavelength, legs=legs,
                 accuracy=ChainAccuracy(tolerance=tolerance), rng=np.random.default_rng(0),
             )  # fmt: skip
 

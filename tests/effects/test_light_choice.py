@@ -14,7 +14,7 @@ from tradestudy.cameras.parts import Lens
 from tradestudy.effects.sampling import TOLERANCES, sampling, tolerance_of
 from tradestudy.effects.sharpness import diffraction_of_sharpness
 from tradestudy.errors import StudyError, UnaffordableError
-from tradestudy.study.schema.wave_optics import LightSpotPart
+from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.situations.light_spot import light_spot_situation, spot_models
 from tradestudy.study.situations.point_spread import point_spread_situation
 from tradestudy.study.spot_images import SpotModels, spot_picture

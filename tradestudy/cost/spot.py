@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -13,12 +14,12 @@ from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource, chain_image
+from tradestudy.optics.chain import ChainAccuracy, ChainImage
 from tradestudy.optics.propagation import PointSource
-from tradestudy.study.predicted_time import point_seconds, spot_seconds
 from tradestudy.study.progress import Progress
-from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
-from tradestudy.study.spot_images import LEGS, light_path
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.study.situations.light_spot import picture_seconds
+from tradestudy.study.spot_images import compared_models, light_source, picture_of
 
 TITLES: Final[dict[MethodName, str]] = {
     "geometric": "rays",
@@ -41,14 +42,8 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
     x = part.spot.x + part.spot.diameter / 4
 
     def image(method: MethodName, accuracy: ChainAccuracy, seed: int = 0) -> ChainImage:
-        return chain_image(
-            light_path(part),
-            PointSource(x=x, y=part.spot.y, distance=part.spot.distance),
-            wavelength=part.wavelength,
-            legs=LEGS[method],
-            accuracy=accuracy,
-            rng=np.random.default_rng(seed),
-        )
+        point = PointSource(x=x, y=part.spot.y, distance=part.spot.distance)
+        return picture_of(part, point, compared_models(part, method), accuracy=accuracy, seed=seed)
 
     progress("cost: spot_point", 0.0)
     begin = time.perf_counter()
@@ -67,7 +62,7 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
         reference.pixels,
         allowance,
         progress,
-        predicted=lambda method, tolerance: point_seconds(part, method, _tolerance(tolerance)) / speed,
+        predicted=lambda method, tolerance: _predicted(part, method, tolerance, speed, point=True),
     )
     return Measured(
         name="spot_point",
@@ -99,14 +94,8 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
     """
 
     def image(method: MethodName, tolerance: float, seed: int = 0) -> ChainImage:
-        return chain_image(
-            light_path(part),
-            DiscSource(diameter=part.spot.diameter, distance=part.spot.distance, x=part.spot.x, y=part.spot.y),
-            wavelength=part.wavelength,
-            legs=LEGS[method],
-            accuracy=ChainAccuracy(tolerance=tolerance),
-            rng=np.random.default_rng(seed),
-        )
+        accuracy = ChainAccuracy(tolerance=tolerance)
+        return picture_of(part, light_source(part), compared_models(part, method), accuracy=accuracy, seed=seed)
 
     title, name, standing = "Picture of the whole spot", "spot", part.tolerance
     says = "All pixels of the picture of the spot: relative L2 error over the pixels."
@@ -138,7 +127,7 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
     reference_seconds = time.perf_counter() - begin
     tolerances = list(dict.fromkeys((standing, *_SPOT_TOLERANCES)))  # the study's own first, in case the time ends
     asked: list[tuple[MethodName, float]] = [
-        ("geometric", math.nan),
+        *(() if part.spot.coherent else (("geometric", math.nan),)),
         *((m, t) for t in tolerances for m in _WAVES if t > finest),
     ]
     left_out = [
@@ -177,8 +166,12 @@ def _later(image: Callable[..., ChainImage], method: MethodName, accuracy: objec
     return lambda: image(method, accuracy)
 
 
-def _predicted(part: LightSpotPart, method: MethodName, tolerance: float, speed: float) -> float:
-    return spot_seconds(part, method, _tolerance(tolerance)) / speed
+def _predicted(
+    part: LightSpotPart, method: MethodName, tolerance: float, speed: float, *, point: bool = False
+) -> float:
+    models = compared_models(part, method)
+    models = replace(models, tolerance=_tolerance(tolerance), point=point or models.point)
+    return picture_seconds(part, models) / speed
 
 
 def _tolerance(of_entry: float) -> float:

@@ -113,8 +113,10 @@ def _questions(definition: StudyDefinition, progress: Progress) -> Iterator[Call
             yield lambda allowance: posterior_cost(definition, calibration, camera, allowance, progress)
     if (spot := file.light_spot) is not None:
         speed = machine.machine_speed()
-        yield lambda allowance: point_cost(spot, allowance, progress, speed=speed)
-        yield lambda allowance: spot_cost(spot, allowance, progress, speed=speed)
+        if not spot.spot.coherent:  # one wave has no points of its own
+            yield lambda allowance: point_cost(spot, allowance, progress, speed=speed)
+        if not spot.spot.is_point:
+            yield lambda allowance: spot_cost(spot, allowance, progress, speed=speed)
 
 
 def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:

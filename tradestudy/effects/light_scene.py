@@ -54,7 +54,7 @@ class _Rays:
 
 @dataclass(frozen=True, kw_only=True)
 class LightScene:
-    """A light path, an incoherent disc before it, and one wavelength.
+    """A light path, a disc before it, and one wavelength.
 
     Parameters
     ----------
@@ -144,8 +144,11 @@ class LightScene:
     def why_unbounded(self) -> str:
         """Why no bound can be stated from rays and widths; empty where one can.
 
-        Rays say nothing of light that diffraction alone brings to a microlens, nor of the inside of a focal spot.
+        Rays say nothing of light that diffraction alone brings to a microlens, nor of the inside of a focal spot; the
+        transfer functions of all bounds are those of intensities, which add where points radiate on their own.
         """
+        if self.source.coherent:
+            return "the points of the source radiate as one wave, and bounds are known for intensities that add"
         if len(self._rays.landing) < _FEWEST_RAYS:
             return "hardly any ray passes a microlens, so that nothing is known of the light that does"
         if self.main_fresnel_number < _LEAST_FRESNEL_NUMBER:

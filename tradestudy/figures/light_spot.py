@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
@@ -60,7 +61,7 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         reference = reference_method(data)
         yield Drawing(
             name="light_spot",
-            caption="The light spot on the detector by every method (the paper's Figure 7), on one scale of "
+            caption="The light spot on the detector by every method, as in the paper's Figure 7, on one scale of "
             f"brightness. Below: the difference from {TITLES[reference]}, in per cent of its brightest pixel, and a "
             "cut through the middle row of pixels.",
             alt="Images of a spot behind an array of microlenses. " + _image_words(data, reference),
@@ -142,15 +143,23 @@ def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low:
     extent = (x[0] - step, x[-1] + step, y[0] - step, y[-1] + step)
     shown = axes.imshow(values, origin="lower", extent=extent, cmap=colors, vmin=low, vmax=high, interpolation="none")
     axes.grid(visible=False)
-    pitch, count = 1e6 * float(data.attrs["microlens_pitch"]), int(data.attrs["microlenses_across"])
-    for edge in pitch * (np.arange(1, count) - count / 2):
-        for line in (axes.axvline, axes.axhline):
-            line(edge, color="white" if colors == "inferno" else SOFT, linewidth=0.35, alpha=0.6)
+    color = "white" if colors == "inferno" else SOFT
+    axes.add_collection(LineCollection(_cells(data), colors=color, linewidths=0.35, alpha=0.6), autolim=False)
     axes.set_xticks([x[0] - step, 0, x[-1] + step], [f"{x[0] - step:.0f}", "0", f"{x[-1] + step:.0f} µm"])
     axes.set_yticks([])
     for side in axes.spines.values():
         side.set_visible(False)
     return shown
+
+
+def _cells(data: xr.Dataset) -> list[FloatArray]:
+    """Closed outlines of the microlens cells in micrometres."""
+    pitch = 1e6 * float(data.attrs["microlens_pitch"])
+    corners, reach = (6, pitch / 3**0.5) if data.attrs["microlens_layout"] == "hexagonal" else (4, pitch / 2**0.5)
+    angle = np.pi / corners + 2 * np.pi * np.arange(corners + 1) / corners
+    outline = reach * np.column_stack([np.cos(angle), np.sin(angle)])
+    centres = 1e6 * np.column_stack([data["microlens_x"].values, data["microlens_y"].values])
+    return [centre + outline for centre in centres]
 
 
 def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:

@@ -195,6 +195,18 @@ IMAGES: Final[Mapping[str, Variable]] = {
         long_name="relative L2 numerical error of chosen_image over the pixels",
         error="an estimate itself",
     ),
+    "spectral_share": Variable(
+        dims=("wavelength",), units="1", long_name="share of the light that has a wavelength", error="declared"
+    ),
+    "microlens_x": Variable(
+        dims=("microlens",), units="m", long_name="centre of a microlens, along a row", error=ROUNDING
+    ),
+    "microlens_y": Variable(
+        dims=("microlens",), units="m", long_name="centre of a microlens, across the rows", error=ROUNDING
+    ),
+    "microlens_focal_length": Variable(
+        dims=("microlens",), units="m", long_name="focal length of a microlens", symbol="f_L", error="declared"
+    ),
     "benchmark_error": Variable(
         dims=("benchmark",),
         units="1",

@@ -21,8 +21,9 @@ from tradestudy.study.acting import Models, acting
 from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of, picture_of, with_expansion
 from tradestudy.study.reader import Document, validate, with_values
 from tradestudy.study.schema.cameras import ConventionalPart
+from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart
+from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
 
 @dataclass(frozen=True, kw_only=True)

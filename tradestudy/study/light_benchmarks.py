@@ -17,7 +17,7 @@ from tradestudy.optics.propagation import (
     TargetGrid,
     aperture_field,
 )
-from tradestudy.study.schema.wave_optics import LightSpotPart
+from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.spot_images import light_path
 from tradestudy.study.timing import timed
 
@@ -40,7 +40,7 @@ def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -
         errors[name] = chain_image(
             light_path(part),
             PointSource(distance=part.spot.distance),
-            wavelength=part.wavelength,
+            wavelength=part.mean_wavelength,
             legs=KIRCHHOFF,
             accuracy=ChainAccuracy(tolerance=_POINT_TOLERANCE),
             rng=np.random.default_rng(part.seed),
@@ -69,7 +69,7 @@ def _aperture(part: LightSpotPart, phase: LensPhase, x: float) -> tuple[float, f
         targets=TargetGrid.centred(
             centre=(-x * image / distance, 0.0), pitch=_TARGET_PITCH, count=_TARGETS, distance=image
         ),
-        wavelength=part.wavelength,
+        wavelength=part.mean_wavelength,
         method="kirchhoff",
         accuracy=Accuracy(tolerance=_APERTURE_TOLERANCE),
     )

@@ -6,20 +6,18 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Final
 
-from tradestudy.effects.light_scene import LightScene
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.calibration.propagation import FIELDS, WAYS
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.calibration import CalibrationStudyPart
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.schema.questions import ImageDifferenceClaim, LitPixelsClaim
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, MethodName, PointSpreadPart
-from tradestudy.study.situations.light_cost import LightWork, seconds_of_rays
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, PointSpreadPart
 from tradestudy.study.situations.light_spot import NAME as LIGHT_SPOT
-from tradestudy.study.situations.light_spot import named_spot_models
-from tradestudy.study.spot_images import SpotModels, light_path, light_source, without_comparison
+from tradestudy.study.situations.light_spot import named_spot_models, picture_seconds
+from tradestudy.study.spot_images import SpotModels, compared_models, without_comparison
 from tradestudy.study.sweep import sweep_axes
 
 # Seconds per unit of work on the reference machine (speed 1): processor seconds, so that what else ran on it while it
@@ -229,10 +227,10 @@ def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
 
 def _light_spot(part: LightSpotPart, chosen: SpotModels | None) -> Iterator[PredictedStep]:
     """Pictures by the methods that are compared, and by the chosen models where that is another."""
-    asked = [SpotModels(method=method, tolerance=part.tolerance) for method in part.methods]
+    asked = [compared_models(part, method) for method in part.methods]
     if chosen is not None and chosen not in asked:
         asked.append(chosen)
-    seconds = math.fsum(_picture_seconds(part, models) for models in asked)
+    seconds = math.fsum(picture_seconds(part, models) for models in asked)
     yield PredictedStep(
         name="image of the spot",
         low=seconds,
@@ -245,37 +243,6 @@ def _light_spot(part: LightSpotPart, chosen: SpotModels | None) -> Iterator[Pred
             "18 apertures, one source point",
             {"aperture of 256² targets": 18, "source point through both lenses": 1},
         )
-
-
-def _picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
-    if models.point:
-        return point_seconds(part, models.method, models.tolerance)
-    if models.separate and models.method != "geometric":
-        work = _spot_work(without_comparison(part), models.tolerance)
-        return work.seconds_of_disc(paraxial=models.method == "fresnel", separate=True)
-    return spot_seconds(part, models.method, models.tolerance)
-
-
-def spot_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> float:
-    """Seconds of one image of the spot on the reference machine; the tolerance is nothing to rays."""
-    work = _spot_work(without_comparison(part), tolerance)
-    if method == "geometric":
-        return seconds_of_rays(work.scene.path, point=False)
-    return work.seconds_of_disc(paraxial=method == "fresnel", separate=False)
-
-
-def point_seconds(part: LightSpotPart, method: MethodName, tolerance: float) -> float:
-    """The same for the image of one point of the spot."""
-    work = _spot_work(without_comparison(part), tolerance)
-    if method == "geometric":
-        return seconds_of_rays(work.scene.path, point=True)
-    return work.seconds_of_point(paraxial=method == "fresnel")
-
-
-@lru_cache(maxsize=64)
-def _spot_work(part: LightSpotPart, tolerance: float) -> LightWork:
-    scene = LightScene(path=light_path(part), source=light_source(part), wavelength=part.wavelength)
-    return LightWork(scene=scene, tolerance=tolerance)
 
 
 def _points(part: PointSpreadPart) -> int:
@@ -311,7 +278,7 @@ def _claims(definition: StudyDefinition) -> PredictedStep:
                 continue
             if (without_comparison(spot), spot.tolerance, method) not in known:
                 known.add((without_comparison(spot), spot.tolerance, method))
-                seconds += spot_seconds(spot, method, spot.tolerance)
+                seconds += picture_seconds(spot, compared_models(spot, method))
     seconds += _seconds({"claim about depth": answers + len(file.requirements)})
     return PredictedStep(name="claims", low=seconds, high=seconds, work=f"{answers} claims under their readings")
 

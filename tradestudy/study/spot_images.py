@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
@@ -23,11 +24,13 @@ from tradestudy.optics.chain import (
     Microlenses,
     PixelGrid,
     chain_image,
+    hexagonal_centres,
     separate_image,
     square_centres,
 )
-from tradestudy.optics.propagation import CircularLens
-from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
+from tradestudy.optics.propagation import CircularLens, PointSource
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.units import LENGTH, pretty
 
 LEGS: Final[Mapping[MethodName, Legs]] = {
     "geometric": GEOMETRIC,
@@ -39,8 +42,7 @@ LEGS: Final[Mapping[MethodName, Legs]] = {
 
 def light_path(part: LightSpotPart) -> LightPath:
     """Main lens, microlenses and pixels as declared; stigmatic lenses are made for the spot."""
-    lens, array = part.main_lens, part.microlenses
-    image = lens.focal_length * part.spot.distance / (part.spot.distance - lens.focal_length)
+    lens = part.main_lens
     return LightPath(
         main_lens=CircularLens(
             radius=lens.focal_length / lens.f_number / 2,
@@ -48,26 +50,42 @@ def light_path(part: LightSpotPart) -> LightPath:
             lens_phase=lens.lens_phase,
             focus_distance=part.spot.distance if lens.lens_phase == "stigmatic" else None,
         ),
-        microlenses=Microlenses(
-            centres=square_centres(pitch=array.pitch, count=array.across),
-            focal_lengths=np.full(array.across**2, array.focal_length),
-            aperture="circular",
-            aperture_width=array.focal_length / array.f_number,
-            pitch=array.pitch,
-            layout="square",
-            gaps=array.gaps,
-            lens_phase=array.lens_phase,
-            focus_distance=part.array_distance - image if array.lens_phase == "stigmatic" else None,
-        ),
+        microlenses=_microlenses(part),
         array_distance=part.array_distance,
-        detector_distance=array.gap,
+        detector_distance=part.microlenses.gap,
         pixels=PixelGrid(pitch=part.detector.pixel_pitch, shape=(part.detector.pixels, part.detector.pixels)),
     )
 
 
-def light_source(part: LightSpotPart) -> DiscSource:
-    """The spot as declared."""
-    return DiscSource(diameter=part.spot.diameter, distance=part.spot.distance, x=part.spot.x, y=part.spot.y)
+def _microlenses(part: LightSpotPart) -> Microlenses:
+    array = part.microlenses
+    if array.layout == "square":
+        centres, row_pitch, shift = square_centres(pitch=array.pitch, count=array.across), array.pitch, 0.0
+    else:
+        centres = hexagonal_centres(pitch=array.pitch, rings=array.across // 2)
+        row_pitch, shift = array.pitch * math.sqrt(3.0) / 2.0, 0.5
+    rows = centres[:, 1] / row_pitch
+    columns = centres[:, 0] / array.pitch - shift * rows
+    types = np.rint(columns - rows).astype(int) % len(array.focal_lengths)
+    return Microlenses(
+        centres=centres,
+        focal_lengths=np.asarray(array.focal_lengths)[types],
+        aperture=array.aperture,
+        aperture_width=array.width,
+        pitch=array.pitch,
+        layout=array.layout,
+        gaps=array.gaps,
+        lens_phase=array.lens_phase,
+        focus_distance=part.array_distance - part.main_image_distance if array.lens_phase == "stigmatic" else None,
+    )
+
+
+def light_source(part: LightSpotPart) -> DiscSource | PointSource:
+    """The spot as declared: a disc, or a point where it has no diameter."""
+    spot = part.spot
+    if spot.is_point:
+        return PointSource(x=spot.x, y=spot.y, distance=spot.distance)
+    return DiscSource(diameter=spot.diameter, distance=spot.distance, x=spot.x, y=spot.y, coherent=spot.coherent)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,6 +104,8 @@ class SpotModels:
         Pixels integrate; else they take their centres' light times their area.
     point
         All light comes from the middle of the spot.
+    monochromatic
+        All light has the mean wavelength.
     """
 
     method: MethodName
@@ -93,11 +113,19 @@ class SpotModels:
     separate: bool = False
     integrated: bool = True
     point: bool = False
+    monochromatic: bool = False
+
+
+def compared_models(part: LightSpotPart, method: MethodName) -> SpotModels:
+    """One of the methods that are compared, with nothing else left out of the spot as it is declared."""
+    return SpotModels(
+        method=method, tolerance=part.tolerance, point=part.spot.is_point, monochromatic=len(part.lines) == 1
+    )
 
 
 def spot_image(part: LightSpotPart, method: MethodName) -> ChainImage:
     """Image of the declared spot by one of the methods that are compared, with nothing else left out."""
-    return spot_picture(part, SpotModels(method=method, tolerance=part.tolerance))
+    return spot_picture(part, compared_models(part, method))
 
 
 def spot_picture(part: LightSpotPart, models: SpotModels) -> ChainImage:
@@ -112,15 +140,62 @@ def without_comparison(part: LightSpotPart) -> LightSpotPart:
 
 @lru_cache(maxsize=64)
 def _spot_picture(part: LightSpotPart, models: SpotModels) -> ChainImage:
-    path, source = light_path(part), light_source(part)
-    image_of = separate_image if models.separate else chain_image
-    return image_of(
-        replace(path, pixels=replace(path.pixels, integrated=models.integrated)),
-        source.centre if models.point else source,
-        wavelength=part.wavelength,
-        legs=LEGS[models.method],
+    source = light_source(part)
+    return picture_of(
+        part,
+        source.centre if models.point and isinstance(source, DiscSource) else source,
+        models,
         accuracy=ChainAccuracy(tolerance=models.tolerance),
-        rng=np.random.default_rng(part.seed),
+        seed=part.seed,
+    )
+
+
+def picture_of(
+    part: LightSpotPart,
+    source: DiscSource | PointSource,
+    models: SpotModels,
+    *,
+    accuracy: ChainAccuracy,
+    seed: int,
+) -> ChainImage:
+    """Image of any source on the declared light path in the declared light, computed anew."""
+    path = light_path(part)
+    path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
+    image_of = separate_image if models.separate else chain_image
+
+    def image(wavelength: float) -> ChainImage:
+        return image_of(
+            path,
+            source,
+            wavelength=wavelength,
+            legs=LEGS[models.method],
+            accuracy=accuracy,
+            rng=np.random.default_rng(seed),
+        )
+
+    if models.monochromatic or models.method == "geometric":  # rays are the same at every wavelength
+        return image(part.mean_wavelength)
+    return _mean(part.lines, [image(wavelength) for wavelength, _ in part.lines])
+
+
+def _mean(lines: Sequence[tuple[float, float]], images: Sequence[ChainImage]) -> ChainImage:
+    """Intensities add over wavelengths, each with its share; so, at worst, do their errors."""
+    if len(images) == 1:
+        return images[0]
+    shares = [share for _, share in lines]
+    pixels = np.tensordot(shares, [image.pixels for image in images], axes=1)
+    size = float(np.linalg.norm(pixels))
+    errors = [
+        share * image.numerical_error * float(np.linalg.norm(image.pixels)) / size if size > 0.0 else 0.0
+        for share, image in zip(shares, images, strict=True)
+    ]
+    return ChainImage(
+        pixels=pixels,
+        numerical_error=math.fsum(errors),
+        error_terms={pretty(one[0], LENGTH): error for one, error in zip(lines, errors, strict=True)},
+        direct_check={name: max(image.direct_check[name] for image in images) for name in images[0].direct_check},
+        microlens_share=float(np.dot(shares, [image.microlens_share for image in images])),
+        effort={name: sum(image.effort[name] for image in images) for name in images[0].effort},
     )
 
 

@@ -13,6 +13,7 @@ from tradestudy.study.fresnel_errors import (
     path_error_f_number,
     psf_differences,
 )
+from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.schema.questions import (
     CriterionFNumberClaim,
     FresnelFNumberClaim,
@@ -20,7 +21,7 @@ from tradestudy.study.schema.questions import (
     LitPixelsClaim,
     PsfErrorClaim,
 )
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart
+from tradestudy.study.schema.wave_optics import FresnelValidityPart
 from tradestudy.study.spot_images import image_difference, lit_pixels, spot_image
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 

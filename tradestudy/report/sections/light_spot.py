@@ -39,6 +39,16 @@ _NOT_STATED = (
     "The discretisation and the machine behind the published times are not known, so that published and own times "
     "compare two computations, not two methods on one machine."
 )
+_SOURCES = {
+    "incoherent disc": "Every point of the spot radiates on its own. Its spherical",
+    "coherent disc": "The spot is coherent: one wave, of one phase over the disc. This",
+    "point": "The spot is a point. Its spherical",
+}
+_ERRORS = {
+    True: "source angles and radii against fewer of them, single points against a computation of its own, and the "
+    "integration over pixels. Methods share their nodes, so that their difference is known better than each image.",
+    False: "the image against one by fewer nodes and samples; at random places it is held against direct quadrature.",
+}
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
 
 
@@ -153,16 +163,19 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
 
 
 def _method(data: xr.Dataset) -> Iterator[Block]:
+    source = str(data.attrs["source"])
     yield Paragraph(
         say(
-            "Every point of the spot radiates on its own. Its spherical wave passes the pupil and phase of the main "
-            "lens, travels to the array, passes the aperture and phase of every microlens about the lens's own centre, "
-            "and travels to the detector, where the waves behind all microlenses add as fields. The intensity is "
-            "integrated over each pixel, and the intensities of all points of the spot are averaged. Light: {wave}; "
-            "main lens {main}, microlenses {micro}.",
-            wave=length(float(data.attrs["wavelength"])),
+            "{source} wave passes the pupil and phase of the main lens, travels to the array, passes the aperture and "
+            "phase of every microlens about the lens's own centre, and travels to the detector, where the waves behind "
+            "all microlenses add as fields. The intensity is integrated over each pixel{sum}. Light: {light}; main "
+            "lens {main}, microlenses {micro}. The array: {array}.",
+            source=_SOURCES[source],
+            sum=", and the intensities of all points of the spot are averaged" if source == "incoherent disc" else "",
+            light=_light(data),
             main=str(data.attrs["main_lens_phase"]),
             micro=str(data.attrs["microlens_phase"]),
+            array=_array(data),
         )
     )
     yield Bullets(
@@ -172,13 +185,33 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
                 "**Kirchhoff** keeps the exact path and the cosine on each leg (eqs. 9 to 16), **Fresnel** the paths "
                 "to second order and no cosines (eqs. 17 to 22)."
             ),
-            say(
-                "**Error**: source angles and radii against fewer of them, single points against a computation of its "
-                "own, and the integration over pixels. Methods share their nodes, so that their difference is known "
-                "better than each image."
-            ),
+            say("**Error**: " + _ERRORS[source == "incoherent disc"]),
         )
     )
+
+
+def _light(data: xr.Dataset) -> str:
+    """One wavelength, or all with their shares."""
+    wavelengths = [length(float(value)) for value in data["wavelength"].values]
+    if len(wavelengths) == 1:
+        return wavelengths[0]
+    shares = [share(float(value)) for value in data["spectral_share"].values]
+    lines = ", ".join(f"{amount} at {where}" for amount, where in zip(shares, wavelengths, strict=True))
+    mean = length(float(data.attrs["mean_wavelength"]))
+    chosen = "the picture by the chosen models adds them too"
+    if not data.attrs["chosen_spectrum"]:
+        chosen = "the picture by the chosen models has the mean alone"
+    return f"{lines}, added as intensities (mean {mean}; {chosen}; rays are the same at all)"
+
+
+def _array(data: xr.Dataset) -> str:
+    kinds = dict.fromkeys(float(value) for value in data["microlens_focal_length"].values)
+    counts = ", ".join(
+        f"{int((data['microlens_focal_length'] == kind).sum())} of {length(kind)}" for kind in sorted(kinds)
+    )
+    apertures = f"{data.attrs['microlens_aperture']} apertures {length(float(data.attrs['microlens_aperture_width']))}"
+    pitch = length(float(data.attrs["microlens_pitch"]))
+    return f"{data.attrs['microlens_layout']}, {pitch} from lens to lens, {apertures} wide, focal lengths {counts}"
 
 
 def _benchmarks(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Table]:

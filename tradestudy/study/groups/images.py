@@ -14,9 +14,9 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.light_benchmarks import light_benchmarks
 from tradestudy.study.progress import Progress
-from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.situations.light_spot import spot_models
-from tradestudy.study.spot_images import SpotModels, image_difference, lit_pixels, spot_picture
+from tradestudy.study.spot_images import compared_models, image_difference, light_path, lit_pixels, spot_picture
 from tradestudy.study.timing import Seconds, timed
 
 LIT_ABOVE = 0.01
@@ -35,7 +35,7 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, sele
         The models that make the picture of the study, in ``chosen_image``; without methods it is the only one.
     """
     chosen = spot_models(selection)
-    compared = [SpotModels(method=method, tolerance=part.tolerance) for method in part.methods]
+    compared = [compared_models(part, method) for method in part.methods]
     asked = compared if chosen in compared else [*compared, chosen]
     pictures = {}
     for number, models in enumerate(asked):
@@ -54,6 +54,7 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, sele
     images = np.stack([one.pixels for one in found])
     pitch, count = part.detector.pixel_pitch, part.detector.pixels
     centres = pitch * (np.arange(count) - (count - 1) / 2)
+    lenses = light_path(part).microlenses
     values = {
         "image": images,
         "numerical_error": [one.numerical_error for one in found],
@@ -71,6 +72,10 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, sele
         "chosen": [float(method == chosen.method) for method in methods],
         "chosen_image": pictures[chosen].pixels,
         "chosen_error": pictures[chosen].numerical_error,
+        "spectral_share": [share for _, share in part.lines],
+        "microlens_x": lenses.centres[:, 0],
+        "microlens_y": lenses.centres[:, 1],
+        "microlens_focal_length": lenses.focal_lengths,
     }
     result = dataset(
         "images",
@@ -80,12 +85,16 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, sele
             "against": methods,
             "row": centres,
             "column": centres,
+            "wavelength": [wavelength for wavelength, _ in part.lines],
             **({"benchmark": list(benchmarks)} if benchmarks else {}),
         },
         attributes={
-            "wavelength": part.wavelength,
-            "microlenses_across": part.microlenses.across,
-            "microlens_pitch": part.microlenses.pitch,
+            "mean_wavelength": part.mean_wavelength,
+            "source": _source(part),
+            "microlens_layout": lenses.layout,
+            "microlens_pitch": lenses.pitch,
+            "microlens_aperture": lenses.aperture,
+            "microlens_aperture_width": lenses.aperture_width,
             "main_lens_phase": part.main_lens.lens_phase,
             "microlens_phase": part.microlenses.lens_phase,
             "chosen_method": chosen.method,
@@ -93,11 +102,19 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, sele
             "chosen_crosstalk": float(not chosen.separate),
             "chosen_pixel_integration": float(chosen.integrated),
             "chosen_source_extent": float(not chosen.point),
+            "chosen_spectrum": float(not chosen.monochromatic),
         },
     )
     for name in ("row", "column"):
         result[name].attrs = {"units": "m", "long_name": f"centre of the pixel's {name} on the detector"}
+    result["wavelength"].attrs = {"units": "m", "long_name": "wavelength of a part of the light", "symbol": "λ"}
     return result
+
+
+def _source(part: LightSpotPart) -> str:
+    if part.spot.is_point:
+        return "point"
+    return "coherent disc" if part.spot.coherent else "incoherent disc"
 
 
 def _against_geometric(methods: list[MethodName], images: FloatArray) -> Mapping[str, Any]:

@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
+from tradestudy.study.schema.light_spot import MethodName
 from tradestudy.study.schema.quantities import (
     PositiveFraction,
     PositiveLength,
@@ -18,7 +19,7 @@ from tradestudy.study.schema.quantities import (
     QuantityText,
     Share,
 )
-from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, MethodName, PositiveWaves, PsfMetric
+from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, PositiveWaves, PsfMetric
 
 
 def increasing(span: tuple[float, ...]) -> tuple[float, ...]:

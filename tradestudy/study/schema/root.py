@@ -14,6 +14,7 @@ from tradestudy.study.schema.calibration import CalibrationStudyPart, calibratio
 from tradestudy.study.schema.cameras import CameraPart, ConventionalPart, measures_depth
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
 from tradestudy.study.schema.hard_cases import HardCasesPart
+from tradestudy.study.schema.light_spot import LightSpotPart, ray_mistakes
 from tradestudy.study.schema.questions import (
     ClaimPart,
     DecisionPart,
@@ -27,7 +28,7 @@ from tradestudy.study.schema.questions import (
 )
 from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_claims import wave_claim_mistakes
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart, PointSpreadPart
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, PointSpreadPart
 
 FORMAT = 1
 NAME_PATTERN = r"^[\w][\w.+-]*$"
@@ -102,6 +103,8 @@ class StudyFile(Part):
                 for name, part in self.cameras.items()
                 if not isinstance(part, ConventionalPart) and part.thermal_expansion is not None
             ]
+        if self.light_spot is not None and not self.cameras:  # of which forced effects may speak instead
+            mistakes += ray_mistakes(self.light_spot, self.effects)
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
         if self.depth_of_field is not None and not self.cameras:
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))

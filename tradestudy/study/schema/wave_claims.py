@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from tradestudy.study.mistakes import MistakeAt, nearest_name
+from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.schema.questions import (
     ClaimPart,
     CriterionFNumberClaim,
@@ -13,7 +14,7 @@ from tradestudy.study.schema.questions import (
     LitPixelsClaim,
     PsfErrorClaim,
 )
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, LightSpotPart
+from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
 
 def wave_claim_mistakes(

@@ -1,4 +1,4 @@
-"""What a study asks of wave optics: where Fresnel may replace Kirchhoff, and how a spot looks on the detector."""
+"""What a study asks of wave optics: where Fresnel may replace Kirchhoff, and how far points spread."""
 
 from __future__ import annotations
 
@@ -12,10 +12,8 @@ from tradestudy import units
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.quantities import (
-    Length,
     NonNegativeAngle,
     PositiveAngle,
-    PositiveDuration,
     PositiveFraction,
     PositiveLength,
     PositiveNumber,
@@ -27,9 +25,7 @@ from tradestudy.study.schema.quantities import (
 ElementName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
 LensPhaseName = Literal["parabolic", "stigmatic", "perfect"]
 PsfMetric = Literal["peak", "l1", "largest"]
-MethodName = Literal["geometric", "fresnel", "kirchhoff-fresnel", "kirchhoff"]
-# What the propagators accept; double precision ends below, and beyond a picture is no result.
-ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=0.2)]
+# What the propagators accept; double precision ends below.
 IntensityTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-10, at_most=0.1)]
 PositiveWaves = Annotated[Waves, Field(gt=0)]
 
@@ -118,57 +114,6 @@ class FresnelValidityPart(Part):
         return self
 
 
-class MainLensPart(Part):
-    """The main lens of the light path."""
-
-    focal_length: PositiveLength
-    f_number: PositiveNumber
-    lens_phase: LensPhaseName
-
-
-class SpotMicrolensesPart(Part):
-    """A square array of equal microlenses about the axis."""
-
-    across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(description="Microlenses along a side.")
-    pitch: PositiveLength
-    focal_length: PositiveLength
-    f_number: PositiveNumber = Field(description="Focal length over aperture; at least pitch wide is refused.")
-    gap: PositiveLength = Field(description="Array to detector.")
-    gaps: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
-    lens_phase: LensPhaseName
-
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
-        if self.focal_length / self.f_number > self.pitch * (1 + 1e-9):
-            raise MistakeAt(("f_number",), "makes the microlenses wider than their pitch")
-        return self
-
-
-class SpotDetectorPart(Part):
-    """The pixels, centred on the axis."""
-
-    pixels: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(description="Pixels along a side.")
-    pixel_pitch: PositiveLength
-
-
-class SpotSourcePart(Part):
-    """A uniformly bright, incoherent disc."""
-
-    diameter: PositiveLength
-    distance: PositiveLength
-    x: Length = 0.0
-    y: Length = 0.0
-
-
-class PublishedTimePart(Part):
-    """What another computation of the same picture is said to have taken."""
-
-    method: MethodName
-    says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="In the words of its source.")
-    takes: PositiveDuration | None = Field(default=None, description="As a number, where one is stated.")
-    source: Annotated[str, Field(min_length=1, max_length=200)]
-
-
 class PointSpreadPart(Part):
     """How far points spread behind each lens: one thing varied at a time from the lens as it stands."""
 
@@ -185,39 +130,3 @@ class PointSpreadPart(Part):
         description="Distance of the object from focus, in waves of path at the rim of the pupil; > 0 is nearer."
     )
     tolerance: IntensityTolerance
-
-
-class LightSpotPart(Part):
-    """A spot of light through main lens and microlenses, by several methods."""
-
-    main_lens: MainLensPart
-    array_distance: PositiveLength = Field(description="Main lens to microlens array.")
-    microlenses: SpotMicrolensesPart
-    detector: SpotDetectorPart
-    spot: SpotSourcePart
-    wavelength: PositiveWavelength
-    methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
-        default=(), description="To compare, besides the picture by the models that the accuracy wanted calls for."
-    )
-    tolerance: ImageTolerance = Field(
-        default=0.01, description="Relative numerical error that is aimed at in the pictures by methods."
-    )
-    seed: Annotated[int, Field(ge=0, strict=True)] = 0
-    benchmarks: bool = Field(
-        default=False, description="Whether to time one aperture and one source point too, whatever the methods."
-    )
-    published: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = ()
-
-    @model_validator(mode="after")
-    def _distinct(self) -> Self:
-        if len(set(self.methods)) < len(self.methods):
-            raise MistakeAt(("methods",), "names one twice")
-        return self
-
-    @model_validator(mode="after")
-    def _compared_to_a_tolerance(self) -> Self:
-        if "tolerance" in self.model_fields_set and not self.methods:
-            raise MistakeAt(
-                ("tolerance",), "belongs to methods that are compared; accuracy.pixel_intensity is for the picture"
-            )
-        return self

@@ -4,27 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from functools import cache
+from dataclasses import replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import OFF, SlotName
+from tradestudy.effects.base import OFF, Model, Slot, SlotName
 from tradestudy.effects.crosstalk import crosstalk_in_picture
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.main_lens_diffraction import main_lens_diffraction_in_picture
 from tradestudy.effects.microlens_diffraction import microlens_diffraction_in_picture
+from tradestudy.effects.picture_change import complete
 from tradestudy.effects.pixel_integration import pixel_integration_in_picture
 from tradestudy.effects.sampling import sampling, tolerance_of
 from tradestudy.effects.selection import Chosen, Selection
 from tradestudy.effects.source_extent import source_extent_in_picture
 from tradestudy.effects.spectrum import spectrum_in_picture
-from tradestudy.study.schema.wave_optics import LightSpotPart, MethodName
+from tradestudy.optics.chain import DiscSource
+from tradestudy.optics.propagation import PointSource
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.situations.light_cost import LightWork, seconds_of_rays
 from tradestudy.study.situations.situation import Situation
-from tradestudy.study.spot_images import SpotModels, light_path, light_source
+from tradestudy.study.spot_images import SpotModels, light_path, light_source, without_comparison
 
 NAME: Final = "light-spot"
+_POINT: Final = Slot(name="source_extent", models=(Model(name=OFF, bounds=complete()),))
+_POINT_DIAMETER: Final = 1e-12  # far below every wavelength; no bound divides by it
 METHODS: Final[dict[tuple[str, str], MethodName]] = {
     (OFF, OFF): "geometric",
     ("fresnel", "fresnel"): "fresnel",
@@ -36,38 +42,64 @@ METHODS: Final[dict[tuple[str, str], MethodName]] = {
 def light_spot_situation(part: LightSpotPart) -> Situation:
     """The models that could make the picture of a declared spot; costs are those of the reference machine.
 
-    Rays on one leg and waves on the other cannot be combined, nor rays with samples at the middle of pixels; Fresnel
-    before Kirchhoff would spare nothing and is not offered.
+    Rays on one leg and waves on the other cannot be combined, nor rays with samples at the middle of pixels or with a
+    coherent disc; Fresnel before Kirchhoff would spare nothing and is not offered.
     """
-    scene = LightScene(path=light_path(part), source=light_source(part), wavelength=part.wavelength)
-    works = cache(lambda tolerance: LightWork(scene=scene, tolerance=tolerance))
+    scene = light_scene(part)
 
     def seconds(chosen: Chosen) -> float:
         models = _models(chosen)
-        if models is None:
+        if models is None or (models.method == "geometric" and not models.integrated):
             return math.inf
-        if models.method == "geometric":
-            return seconds_of_rays(scene.path, point=models.point) if models.integrated else math.inf
-        work, paraxial = works(models.tolerance), models.method == "fresnel"
-        if models.point:
-            return work.seconds_of_point(paraxial=paraxial)
-        return work.seconds_of_disc(paraxial=paraxial, separate=models.separate)
+        return picture_seconds(part, models)
 
+    diffraction = (main_lens_diffraction_in_picture(scene), microlens_diffraction_in_picture(scene))
     return Situation(
         name=NAME,
         title="Picture of the light spot",
         quantities=("pixel_intensity",),
         slots=(
-            main_lens_diffraction_in_picture(scene),
-            microlens_diffraction_in_picture(scene),
+            *(map(_without_rays, diffraction) if part.spot.coherent else diffraction),
             crosstalk_in_picture(scene),
             pixel_integration_in_picture(scene),
-            source_extent_in_picture(scene),
-            spectrum_in_picture(scene, wavelengths=np.array([part.wavelength]), weights=np.ones(1)),
+            _POINT if part.spot.is_point else source_extent_in_picture(scene),
+            spectrum_in_picture(
+                scene,
+                wavelengths=np.array([wavelength for wavelength, _ in part.lines]),
+                weights=np.array([share for _, share in part.lines]),
+            ),
             sampling("pixel_intensity"),
         ),
         seconds=seconds,
     )
+
+
+def light_scene(part: LightSpotPart) -> LightScene:
+    """What bounds and costs follow from, in light of the mean wavelength; a point is the limit of small discs."""
+    source = light_source(part)
+    if isinstance(source, PointSource):
+        source = DiscSource(diameter=_POINT_DIAMETER, distance=source.distance, x=source.x, y=source.y)
+    return LightScene(path=light_path(part), source=source, wavelength=part.mean_wavelength)
+
+
+def picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
+    """Seconds of a picture of the spot on the reference machine; the tolerance is nothing to rays."""
+    work = _work(without_comparison(part), models.tolerance)
+    if models.method == "geometric":
+        return seconds_of_rays(work.scene.path, point=models.point)
+    wavelengths, paraxial = 1 if models.monochromatic else len(part.lines), models.method == "fresnel"
+    if models.point or part.spot.coherent:  # one wave
+        return wavelengths * work.seconds_of_point(paraxial=paraxial)
+    return wavelengths * work.seconds_of_disc(paraxial=paraxial, separate=models.separate)
+
+
+@lru_cache(maxsize=64)
+def _work(part: LightSpotPart, tolerance: float) -> LightWork:
+    return LightWork(scene=light_scene(part), tolerance=tolerance)
+
+
+def _without_rays(slot: Slot) -> Slot:
+    return replace(slot, models=tuple(model for model in slot.models if model.name != OFF))
 
 
 def spot_models(selection: Selection) -> SpotModels:
@@ -94,5 +126,6 @@ def _models(chosen: Chosen) -> SpotModels | None:
         separate=chosen["crosstalk"].name == OFF,
         integrated=chosen["pixel_integration"].name != OFF,
         point=chosen["source_extent"].name == OFF,
+        monochromatic=chosen["spectrum"].name == OFF,
         tolerance=tolerance_of(chosen["sampling"]),
     )

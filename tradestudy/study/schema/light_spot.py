@@ -1,0 +1,268 @@
+"""A spot of light through main lens and microlenses onto the pixels, as a study declares it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tradestudy import units
+from tradestudy.study.mistakes import MistakeAt
+from tradestudy.study.schema.accuracy import EffectsPart
+from tradestudy.study.schema.base import Part
+from tradestudy.study.schema.quantities import (
+    Length,
+    NonNegativeLength,
+    PositiveDuration,
+    PositiveLength,
+    PositiveNumber,
+    PositiveWavelength,
+    quantity,
+)
+from tradestudy.study.schema.wave_optics import LensPhaseName
+from tradestudy.units import LENGTH, pretty
+
+MethodName = Literal["geometric", "fresnel", "kirchhoff-fresnel", "kirchhoff"]
+# What the propagators accept; double precision ends below, and beyond a picture is no result.
+ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=0.2)]
+Weight = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
+_ROUNDING: Final = 1e-9  # of widths that are quotients of what is written
+_NO_RAYS: Final = (
+    "rays have no phase, and light_spot.spot is coherent; take fresnel or kirchhoff, or leave coherent out"
+)
+_WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, sides along the rows
+
+
+class MainLensPart(Part):
+    """The main lens of the light path."""
+
+    focal_length: PositiveLength
+    f_number: PositiveNumber
+    lens_phase: LensPhaseName
+
+
+class SpotMicrolensesPart(Part):
+    """An array of microlenses about the axis, of one width; of one focal length or of several types."""
+
+    layout: Literal["square", "hexagonal"] = Field(default="square", description="A hexagonal array has rows along x.")
+    across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(
+        description="Microlenses along a side of a square; along the middle row of a hexagon, an odd number."
+    )
+    pitch: PositiveLength = Field(description="Distance of neighbouring microlens centres.")
+    focal_length: PositiveLength | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=4)] = Field(
+        description="One, or one for each type: along a row the types take turns, and from row to row they shift by "
+        "one; the first is on the axis."
+    )
+    aperture: Literal["circular", "square"] = "circular"
+    f_number: PositiveNumber | None = Field(
+        default=None, description="Focal length over width of the aperture, where there is one focal length."
+    )
+    aperture_width: PositiveLength | None = Field(
+        default=None, description="Diameter, or side along x and y, instead of the f-number."
+    )
+    gap: PositiveLength = Field(description="Array to detector.")
+    gaps: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
+    lens_phase: LensPhaseName
+
+    @model_validator(mode="after")
+    def _one_width(self) -> Self:
+        if (self.f_number is None) == (self.aperture_width is None):
+            raise MistakeAt((), "give exactly one of f_number and aperture_width")
+        if self.f_number is not None and len(self.focal_lengths) > 1:
+            raise MistakeAt(("f_number",), "belongs to one focal length; give aperture_width, which all types share")
+        return self
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        said = "f_number" if self.aperture_width is None else "aperture_width"
+        if self.width > self.pitch * (1.0 + _ROUNDING):
+            raise MistakeAt((said,), "makes the microlenses wider than their pitch")
+        widest = self.pitch * _WIDEST_SQUARE_IN_HEXAGON
+        if (self.layout, self.aperture) == ("hexagonal", "square") and self.width > widest * (1.0 + _ROUNDING):
+            raise MistakeAt(
+                (said,), f"square apertures overhang their hexagonal cells; a side of at most {pretty(widest, LENGTH)}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _arranged(self) -> Self:
+        if self.layout == "hexagonal" and self.across % 2 == 0:
+            raise MistakeAt(("across",), f"{self.across} across is no hexagon about a microlens; give an odd number")
+        kinds = len(self.focal_lengths)
+        if len(set(self.focal_lengths)) < kinds:
+            raise MistakeAt(("focal_length",), "names one twice")
+        if kinds > 2 * self.across - 1:  # the differences of row and column that the array has
+            raise MistakeAt(
+                ("focal_length",), f"not all of {kinds} types occur in an array of {self.across} across; make it larger"
+            )
+        return self
+
+    @property
+    def focal_lengths(self) -> tuple[float, ...]:
+        """Of every type [m]."""
+        return self.focal_length if isinstance(self.focal_length, tuple) else (self.focal_length,)
+
+    @property
+    def width(self) -> float:
+        """Diameter or side of the apertures [m]."""
+        if self.aperture_width is not None:
+            return self.aperture_width
+        assert self.f_number is not None  # one of the two, says the validator
+        return self.focal_lengths[0] / self.f_number
+
+
+class SpotDetectorPart(Part):
+    """The pixels, centred on the axis."""
+
+    pixels: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(description="Pixels along a side.")
+    pixel_pitch: PositiveLength
+
+
+class SpotSourcePart(Part):
+    """A uniformly bright disc, or a point."""
+
+    diameter: NonNegativeLength = Field(description="0 mm is a point.")
+    distance: PositiveLength
+    x: Length = 0.0
+    y: Length = 0.0
+    coherent: bool = Field(
+        default=False, description="Whether the disc is one wave of one phase; else its points radiate on their own."
+    )
+
+    @model_validator(mode="after")
+    def _has_an_extent(self) -> Self:
+        if self.coherent and self.is_point:
+            raise MistakeAt(("coherent",), "a point has nothing to be coherent with; give a diameter, or leave it out")
+        return self
+
+    @property
+    def is_point(self) -> bool:
+        """Whether there is no disc."""
+        return self.diameter == 0.0
+
+
+class SpectrumPart(Part):
+    """Light of several wavelengths, whose intensities add."""
+
+    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=2, max_length=20)]
+    weights: Annotated[tuple[Weight, ...], Field(min_length=2, max_length=20)] = Field(
+        description="Power in the pupil at each; only their ratios matter."
+    )
+
+    @model_validator(mode="after")
+    def _belong_together(self) -> Self:
+        if any(not a < b for a, b in itertools.pairwise(self.wavelengths)):
+            raise MistakeAt(("wavelengths",), "must increase")
+        if len(self.weights) != len(self.wavelengths):
+            what = f"{len(self.weights)} weights for {len(self.wavelengths)} wavelengths: give one for each"
+            raise MistakeAt(("weights",), what)
+        if sum(self.weights) == 0.0:
+            raise MistakeAt(("weights",), "all are zero: there is no light")
+        return self
+
+
+class PublishedTimePart(Part):
+    """What another computation of the same picture is said to have taken."""
+
+    method: MethodName
+    says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="In the words of its source.")
+    takes: PositiveDuration | None = Field(default=None, description="As a number, where one is stated.")
+    source: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class LightSpotPart(Part):
+    """A spot of light through main lens and microlenses, by several methods."""
+
+    main_lens: MainLensPart
+    array_distance: PositiveLength = Field(description="Main lens to microlens array.")
+    microlenses: SpotMicrolensesPart
+    detector: SpotDetectorPart
+    spot: SpotSourcePart
+    wavelength: PositiveWavelength | None = Field(default=None, description="Of light of one wavelength.")
+    spectrum: SpectrumPart | None = Field(default=None, description="Instead of one wavelength.")
+    methods: Annotated[tuple[MethodName, ...], Field(max_length=4)] = Field(
+        default=(), description="To compare, besides the picture by the models that the accuracy wanted calls for."
+    )
+    tolerance: ImageTolerance = Field(
+        default=0.01, description="Relative numerical error that is aimed at in the pictures by methods."
+    )
+    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    benchmarks: bool = Field(
+        default=False, description="Whether to time one aperture and one source point too, whatever the methods."
+    )
+    published: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = ()
+
+    @model_validator(mode="after")
+    def _distinct(self) -> Self:
+        if len(set(self.methods)) < len(self.methods):
+            raise MistakeAt(("methods",), "names one twice")
+        return self
+
+    @model_validator(mode="after")
+    def _compared_to_a_tolerance(self) -> Self:
+        if "tolerance" in self.model_fields_set and not self.methods:
+            raise MistakeAt(
+                ("tolerance",), "belongs to methods that are compared; accuracy.pixel_intensity is for the picture"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _lit_once(self) -> Self:
+        if (self.wavelength is None) == (self.spectrum is None):
+            raise MistakeAt((), "give exactly one of wavelength and spectrum")
+        return self
+
+    @model_validator(mode="after")
+    def _waves_for_coherent_light(self) -> Self:
+        if self.spot.coherent and "geometric" in self.methods:
+            raise MistakeAt(
+                ("methods", self.methods.index("geometric")),
+                _NO_RAYS,
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _has_a_main_image(self) -> Self:
+        lens, array = self.main_lens, self.microlenses
+        if self.spot.distance == lens.focal_length:
+            raise MistakeAt(
+                ("spot", "distance"), "is the focal length of the main lens, which images the spot to infinity"
+            )
+        if array.lens_phase != "parabolic" and self.main_image_distance == self.array_distance:
+            raise MistakeAt(
+                ("microlenses", "lens_phase"), "needs an image before or behind the array, not on it; take parabolic"
+            )
+        return self
+
+    @property
+    def main_image_distance(self) -> float:
+        """Image of the spot behind the main lens, b_M = a f/(a − f) [m]; negative where it is virtual."""
+        focal_length = self.main_lens.focal_length
+        return focal_length * self.spot.distance / (self.spot.distance - focal_length)
+
+    @property
+    def lines(self) -> tuple[tuple[float, float], ...]:
+        """Wavelengths that hold light [m], each with its share of it."""
+        if self.spectrum is None:
+            assert self.wavelength is not None  # one of the two, says the validator
+            return ((self.wavelength, 1.0),)
+        total = math.fsum(self.spectrum.weights)
+        pairs = zip(self.spectrum.wavelengths, self.spectrum.weights, strict=True)
+        return tuple((wavelength, weight / total) for wavelength, weight in pairs if weight > 0.0)
+
+    @property
+    def mean_wavelength(self) -> float:
+        """Mean over the light [m]."""
+        if len(self.lines) == 1:
+            return self.lines[0][0]
+        return math.fsum(share * wavelength for wavelength, share in self.lines)
+
+
+def ray_mistakes(spot: LightSpotPart, effects: EffectsPart) -> list[MistakeAt]:
+    """Effects that make rays of a spot which has none."""
+    if not spot.spot.coherent:
+        return []
+    slots = ("main_lens_diffraction", "microlens_diffraction")
+    return [MistakeAt(("effects", slot), _NO_RAYS) for slot in slots if getattr(effects, slot) == "off"]
