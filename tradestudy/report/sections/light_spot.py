@@ -64,7 +64,8 @@ def light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mappi
         tone="answer",
     )
     yield from _picture(drawings, "light_spot")
-    yield Paragraph(_NOT_STATED)
+    if any(data["published_words"].values):
+        yield Paragraph(_NOT_STATED)
 
 
 def light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterator
 from typing import Annotated, Final, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
+from pydantic_core import PydanticKnownError
 
 from tradestudy import units
 from tradestudy.study.mistakes import MistakeAt
@@ -28,11 +30,22 @@ MethodName = Literal["geometric", "fresnel", "kirchhoff-fresnel", "kirchhoff"]
 # What the propagators accept; double precision ends below, and beyond a picture is no result.
 ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=0.2)]
 Weight = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
-_ROUNDING: Final = 1e-9  # of widths that are quotients of what is written
+
+_ROUNDING: Final = 1e-12  # of widths that are quotients of what is written
 _NO_RAYS: Final = (
     "rays have no phase, and light_spot.spot is coherent; take fresnel or kirchhoff, or leave coherent out"
 )
 _WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, sides along the rows
+
+
+def _no_list(value: object) -> object:
+    """Let a list be judged as a list alone, not also as a length."""
+    if isinstance(value, list | tuple):
+        raise PydanticKnownError("float_type")
+    return value
+
+
+OneLength = Annotated[PositiveLength, BeforeValidator(_no_list)]
 
 
 class MainLensPart(Part):
@@ -51,7 +64,7 @@ class SpotMicrolensesPart(Part):
         description="Microlenses along a side of a square; along the middle row of a hexagon, an odd number."
     )
     pitch: PositiveLength = Field(description="Distance of neighbouring microlens centres.")
-    focal_length: PositiveLength | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=4)] = Field(
+    focal_length: OneLength | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=4)] = Field(
         description="One, or one for each type: along a row the types take turns, and from row to row they shift by "
         "one; the first is on the axis."
     )
@@ -67,37 +80,37 @@ class SpotMicrolensesPart(Part):
     lens_phase: LensPhaseName
 
     @model_validator(mode="after")
-    def _one_width(self) -> Self:
-        if (self.f_number is None) == (self.aperture_width is None):
-            raise MistakeAt((), "give exactly one of f_number and aperture_width")
-        if self.f_number is not None and len(self.focal_lengths) > 1:
-            raise MistakeAt(("f_number",), "belongs to one focal length; give aperture_width, which all types share")
+    def _possible(self) -> Self:
+        if mistakes := [*self._mistakes_of_width(), *self._mistakes_of_arrangement()]:
+            raise MistakeAt.several(mistakes)
         return self
 
-    @model_validator(mode="after")
-    def _fits(self) -> Self:
+    def _mistakes_of_width(self) -> Iterator[MistakeAt]:
+        if (self.f_number is None) == (self.aperture_width is None):
+            yield MistakeAt((), "give exactly one of f_number and aperture_width")
+            return
+        if self.f_number is not None and len(self.focal_lengths) > 1:
+            yield MistakeAt(("f_number",), "belongs to one focal length; give aperture_width, which all types share")
+            return
         said = "f_number" if self.aperture_width is None else "aperture_width"
-        if self.width > self.pitch * (1.0 + _ROUNDING):
-            raise MistakeAt((said,), "makes the microlenses wider than their pitch")
         widest = self.pitch * _WIDEST_SQUARE_IN_HEXAGON
-        if (self.layout, self.aperture) == ("hexagonal", "square") and self.width > widest * (1.0 + _ROUNDING):
-            raise MistakeAt(
+        if self.width > self.pitch * (1.0 + _ROUNDING):
+            yield MistakeAt((said,), "makes the microlenses wider than their pitch")
+        elif (self.layout, self.aperture) == ("hexagonal", "square") and self.width > widest * (1.0 + _ROUNDING):
+            yield MistakeAt(
                 (said,), f"square apertures overhang their hexagonal cells; a side of at most {pretty(widest, LENGTH)}"
             )
-        return self
 
-    @model_validator(mode="after")
-    def _arranged(self) -> Self:
-        if self.layout == "hexagonal" and self.across % 2 == 0:
-            raise MistakeAt(("across",), f"{self.across} across is no hexagon about a microlens; give an odd number")
+    def _mistakes_of_arrangement(self) -> Iterator[MistakeAt]:
         kinds = len(self.focal_lengths)
+        if self.layout == "hexagonal" and self.across % 2 == 0:
+            yield MistakeAt(("across",), f"{self.across} across is no hexagon about a microlens; give an odd number")
         if len(set(self.focal_lengths)) < kinds:
-            raise MistakeAt(("focal_length",), "names one twice")
+            yield MistakeAt(("focal_length",), "names one twice")
         if kinds > 2 * self.across - 1:  # the differences of row and column that the array has
-            raise MistakeAt(
+            yield MistakeAt(
                 ("focal_length",), f"not all of {kinds} types occur in an array of {self.across} across; make it larger"
             )
-        return self
 
     @property
     def focal_lengths(self) -> tuple[float, ...]:
@@ -153,13 +166,16 @@ class SpectrumPart(Part):
 
     @model_validator(mode="after")
     def _belong_together(self) -> Self:
+        mistakes = []
         if any(not a < b for a, b in itertools.pairwise(self.wavelengths)):
-            raise MistakeAt(("wavelengths",), "must increase")
+            mistakes.append(MistakeAt(("wavelengths",), "must increase"))
         if len(self.weights) != len(self.wavelengths):
             what = f"{len(self.weights)} weights for {len(self.wavelengths)} wavelengths: give one for each"
-            raise MistakeAt(("weights",), what)
-        if sum(self.weights) == 0.0:
-            raise MistakeAt(("weights",), "all are zero: there is no light")
+            mistakes.append(MistakeAt(("weights",), what))
+        if not any(self.weights):
+            mistakes.append(MistakeAt(("weights",), "all are zero: there is no light"))
+        if mistakes:
+            raise MistakeAt.several(mistakes)
         return self
 
 
@@ -195,46 +211,32 @@ class LightSpotPart(Part):
     published: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = ()
 
     @model_validator(mode="after")
-    def _distinct(self) -> Self:
-        if len(set(self.methods)) < len(self.methods):
-            raise MistakeAt(("methods",), "names one twice")
+    def _possible(self) -> Self:
+        if mistakes := [*self._mistakes_of_comparison(), *self._mistakes_of_light()]:
+            raise MistakeAt.several(mistakes)
         return self
 
-    @model_validator(mode="after")
-    def _compared_to_a_tolerance(self) -> Self:
+    def _mistakes_of_comparison(self) -> Iterator[MistakeAt]:
+        if len(set(self.methods)) < len(self.methods):
+            yield MistakeAt(("methods",), "names one twice")
         if "tolerance" in self.model_fields_set and not self.methods:
-            raise MistakeAt(
+            yield MistakeAt(
                 ("tolerance",), "belongs to methods that are compared; accuracy.pixel_intensity is for the picture"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _lit_once(self) -> Self:
-        if (self.wavelength is None) == (self.spectrum is None):
-            raise MistakeAt((), "give exactly one of wavelength and spectrum")
-        return self
-
-    @model_validator(mode="after")
-    def _waves_for_coherent_light(self) -> Self:
         if self.spot.coherent and "geometric" in self.methods:
-            raise MistakeAt(
-                ("methods", self.methods.index("geometric")),
-                _NO_RAYS,
-            )
-        return self
+            yield MistakeAt(("methods", self.methods.index("geometric")), _NO_RAYS)
 
-    @model_validator(mode="after")
-    def _has_a_main_image(self) -> Self:
-        lens, array = self.main_lens, self.microlenses
-        if self.spot.distance == lens.focal_length:
-            raise MistakeAt(
+    def _mistakes_of_light(self) -> Iterator[MistakeAt]:
+        if (self.wavelength is None) == (self.spectrum is None):
+            yield MistakeAt((), "give exactly one of wavelength and spectrum")
+        if self.spot.distance == self.main_lens.focal_length:
+            yield MistakeAt(
                 ("spot", "distance"), "is the focal length of the main lens, which images the spot to infinity"
             )
-        if array.lens_phase != "parabolic" and self.main_image_distance == self.array_distance:
-            raise MistakeAt(
+        elif self.microlenses.lens_phase != "parabolic" and self.main_image_distance == self.array_distance:
+            yield MistakeAt(
                 ("microlenses", "lens_phase"), "needs an image before or behind the array, not on it; take parabolic"
             )
-        return self
 
     @property
     def main_image_distance(self) -> float:
