@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
+from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 from tradestudy.study.progress import Progress
@@ -113,7 +114,11 @@ class Study:
         return plan_of(self.definition)
 
     def cost(
-        self, *, repeats: int = 3, budget: float = 300.0, progress: Progress = lambda _step, _share: None
+        self,
+        *,
+        repeats: int = FEWEST_REPEATS,
+        budget: float = DEFAULT_BUDGET,
+        progress: Progress = lambda _step, _share: None,
     ) -> xr.Dataset:
         """Measure error against seconds for every model and setting that can answer what the study asks.
 
@@ -128,7 +133,7 @@ class Study:
         """
         from tradestudy.cost.study_cost import study_cost
 
-        found = study_cost(self.plan().definition, repeats=repeats, budget=budget, progress=progress)
+        found = study_cost(self.definition, repeats=repeats, budget=budget, progress=progress)
         return found.assign_attrs(study=self.name, study_hash=self.hash)
 
     def run(
@@ -346,8 +351,8 @@ def cost(
     study: Study,
     directory: Path,
     *,
-    repeats: int = 3,
-    budget: float = 300.0,
+    repeats: int = FEWEST_REPEATS,
+    budget: float = DEFAULT_BUDGET,
     progress: Progress = lambda _s, _p: None,
 ) -> xr.Dataset:
     """Measure what accuracy costs and write it beside the results; a finished run there gets a report that shows it."""

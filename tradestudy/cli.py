@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
+from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.errors import RequirementsNotMetError, TradestudyError
 
 if TYPE_CHECKING:
@@ -122,10 +123,12 @@ def cost(
         Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
     ] = None,
     set_: SetOption = None,
-    repeats: Annotated[int, typer.Option("--repeats", metavar="N", help="Time each computation N times or more.")] = 3,
+    repeats: Annotated[
+        int, typer.Option("--repeats", metavar="N", help="Time each computation N times or more.")
+    ] = FEWEST_REPEATS,
     budget: Annotated[
         float, typer.Option("--budget", metavar="SECONDS", help="Time for all; what does not fit is left out.")
-    ] = 300.0,
+    ] = DEFAULT_BUDGET,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:

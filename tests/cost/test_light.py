@@ -9,11 +9,16 @@ import pytest
 
 import tradestudy
 from tradestudy.cameras.focus import SharpRange
+from tradestudy.cost import measuring, spot
 from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
 from tradestudy.optics.depth_of_field import DepthOfField
+from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.situations.depth_of_field import depth_of_field_situation
+from tradestudy.study.situations.light_spot import light_spot_situation, spot_models
+from tradestudy.study.spot_images import SpotModels
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -70,7 +75,58 @@ def test_counting_diffraction_costs_little_and_its_leaving_out_is_seen() -> None
     definition = tradestudy.load(STUDIES / "hand_lens.yaml").definition
     part = definition.file.depth_of_field
     assert part is not None
-    found = depth_of_field_cost(definition, part, Allowance(seconds=5.0), lambda _step, _share: None)
+    selection = depth_of_field_situation(definition, part).select(definition.file.accuracy.wanted(), {})
+    found = depth_of_field_cost(definition, part, selection, Allowance(seconds=5.0), lambda _step, _share: None)
     geometric, half, full = found.entries
     assert full.error == 0.0
     assert 0.0 < half.error <= geometric.error <= 1.0
+    assert full.chosen  # the widest blur of this study counts it
+
+
+def test_a_study_that_leaves_diffraction_out_of_sharpness_has_chosen_rays() -> None:
+    definition = tradestudy.load(STUDIES / "hand_lens.yaml", ["effects.main_lens_diffraction=off"]).definition
+    part = definition.file.depth_of_field
+    assert part is not None
+    forced = definition.file.effects.forced()
+    selection = depth_of_field_situation(definition, part).select(definition.file.accuracy.wanted(), forced)
+    found = depth_of_field_cost(definition, part, selection, Allowance(seconds=5.0), lambda _step, _share: None)
+    assert [entry.chosen for entry in found.entries] == [True, False, False]
+
+
+def small_spot(*changes: str) -> tuple[LightSpotPart, SpotModels]:
+    """Narrow lenses, one of them behind the main lens, and the picture that the study's plan makes of a small spot."""
+    small = [
+        "light_spot.main_lens.f_number=40",
+        "light_spot.microlenses.across=1",
+        "light_spot.microlenses.f_number=20",
+        "light_spot.detector.pixels=8",
+        "light_spot.detector.pixel_pitch=15.8125 um",
+        "light_spot.spot.diameter=0.2 mm",
+        "light_spot.tolerance=20 %",
+        "light_spot.benchmarks=false",
+        "light_spot.published=null",
+        "point_spread=null",
+        "readings=null",
+        "claims=null",
+    ]
+    definition = tradestudy.load(STUDIES / "light_spot.yaml", [*small, *changes]).definition
+    part = definition.file.light_spot
+    assert part is not None
+    situation = light_spot_situation(part)
+    return part, spot_models(situation.select(definition.file.accuracy.wanted(), definition.file.effects.forced()))
+
+
+def test_the_choice_is_the_picture_of_the_plan_and_not_what_it_is_compared_with(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(spot, "_SPOT_TOLERANCES", ())
+    monkeypatch.setattr(measuring, "_LONG", 0.0)  # once is enough
+    forced = {"main_lens_diffraction": "off", "microlens_diffraction": "off", "crosstalk": "off"}
+    part, models = small_spot(*(f"effects.{slot}={name}" for slot, name in forced.items()))
+    assert (models.method, models.separate) == ("geometric", True)
+    found = spot.spot_cost(part, models, Allowance(seconds=1e4), lambda _step, _share: None, speed=1.0)
+    (chosen,) = [entry for entry in found.entries if entry.chosen]
+    assert (chosen.model, chosen.setting) == ("rays", "no cross-talk")
+    whole = next(entry for entry in found.entries if entry.model == "rays" and not entry.chosen)
+    assert whole.setting == ""
+    assert {entry.model for entry in found.entries} == {"rays", "Fresnel", "Kirchhoff + Fresnel", "Kirchhoff"}

@@ -11,6 +11,8 @@ import numpy as np
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
 from tradestudy.cost.entries import Measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
+from tradestudy.effects.base import OFF
+from tradestudy.effects.selection import Selection
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure
 from tradestudy.study.definition import StudyDefinition
@@ -27,9 +29,17 @@ assert set(TITLES) == set(get_args(DiffractionMeasure))
 
 
 def depth_of_field_cost(
-    definition: StudyDefinition, part: DepthOfFieldPart, allowance: Allowance, progress: Progress
+    definition: StudyDefinition,
+    part: DepthOfFieldPart,
+    selection: Selection,
+    allowance: Allowance,
+    progress: Progress,
 ) -> Measured:
-    """Cost of the depth of field of every camera of the study under the widest blur that the study calls sharp."""
+    """Cost of the depth of field of every camera of the study under the widest blur that the study calls sharp.
+
+    Where the selection leaves diffraction out, a run computes all criteria without it.
+    """
+    without = selection.name_of("main_lens_diffraction") == OFF
     step = "cost: depth_of_field"
     progress(step, 0.0)
     widest = max(one.blur for one in part.sharp.values())  # diffraction alone exceeds narrower ones sooner
@@ -57,7 +67,10 @@ def depth_of_field_cost(
                 evaluations=math.nan,
                 error=max(errors),
                 typical_error=float(np.median(errors)),
-                chosen=any(one.diffraction == measure_ and one.blur == widest for one in part.sharp.values()),
+                chosen=any(
+                    one.blur == widest and measure_ == ("none" if without else one.diffraction)
+                    for one in part.sharp.values()
+                ),
             )
         )
     progress(step, 1.0)

@@ -10,12 +10,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final, Generic, TypeVar
 
+from tradestudy.cost.defaults import FEWEST_REPEATS
 from tradestudy.cost.entries import Entry
 
 Value = TypeVar("Value")
 
-FEWEST_REPEATS: Final = 3
-DEFAULT_BUDGET: Final = 300.0  # seconds
 MOST_PLACES: Final = 9  # of a study's distances that are measured at
 REFERENCE_SEED: Final = 0x5EED  # of references that are drawn; what is measured takes its seeds from 0 up
 _LONG_ENOUGH: Final = 0.2  # seconds that the repeats of a quick computation fill

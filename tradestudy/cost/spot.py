@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -14,12 +15,12 @@ from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain import ChainAccuracy, ChainImage
+from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.situations.light_spot import picture_seconds
-from tradestudy.study.spot_images import compared_models, light_source, picture_of
+from tradestudy.study.spot_images import SpotModels, compared_models, light_source, picture_of
 
 TITLES: Final[dict[MethodName, str]] = {
     "geometric": "rays",
@@ -50,20 +51,20 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
     reference = image("kirchhoff", _POINT_REFERENCE, _REFERENCE_SEED)
     reference_seconds = time.perf_counter() - begin
     checked = max(reference.direct_check.values(), default=math.nan)
-    runs: list[_Run] = [("geometric", math.nan, lambda: image("geometric", ChainAccuracy(tolerance=_COARSEST)))]
-    runs += [
-        (method, tolerance, _later(image, method, ChainAccuracy(tolerance=tolerance)))
-        for tolerance in _POINT_TOLERANCES
-        for method in _WAVES
-    ]
-    entries, left_out = _measured(
-        "spot_point",
-        runs,
-        reference.pixels,
-        allowance,
-        progress,
-        predicted=lambda method, tolerance: _predicted(part, method, tolerance, speed, point=True),
-    )
+    coarsest = ChainAccuracy(tolerance=_COARSEST)
+    runs = [_Run(method="geometric", setting="", predicted=0.0, compute=lambda: image("geometric", coarsest))]
+    for tolerance in _POINT_TOLERANCES:
+        for method in _WAVES:
+            models = replace(compared_models(part, method), tolerance=tolerance, point=True)
+            runs.append(
+                _Run(
+                    method=method,
+                    setting=_percent(tolerance),
+                    predicted=picture_seconds(part, models) / speed,
+                    compute=partial(image, method, ChainAccuracy(tolerance=tolerance)),
+                )
+            )
+    entries, left_out = _measured("spot_point", runs, reference.pixels, allowance, progress)
     return Measured(
         name="spot_point",
         title="Picture of one point of the spot",
@@ -78,13 +79,17 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
     )
 
 
-def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, speed: float) -> Measured:
+def spot_cost(
+    part: LightSpotPart, chosen: SpotModels, allowance: Allowance, progress: Progress, *, speed: float
+) -> Measured:
     """Cost of the picture of the whole spot, as far as the time allows.
 
     Parameters
     ----------
     part
         The light path.
+    chosen
+        The models that make the picture of the study: what a run computes, whatever it compares beside it.
     allowance
         Time and repeats.
     progress
@@ -93,25 +98,32 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
         Of this machine, for what is predicted.
     """
 
-    def image(method: MethodName, tolerance: float, seed: int = 0) -> ChainImage:
-        accuracy = ChainAccuracy(tolerance=tolerance)
-        return picture_of(part, light_source(part), compared_models(part, method), accuracy=accuracy, seed=seed)
+    def image(models: SpotModels, seed: int = 0) -> ChainImage:
+        accuracy = ChainAccuracy(tolerance=models.tolerance)
+        source = light_source(part)
+        source = source.centre if models.point and isinstance(source, DiscSource) else source
+        return picture_of(part, source, models, accuracy=accuracy, seed=seed)
 
-    title, name, standing = "Picture of the whole spot", "spot", part.tolerance
+    def predicted(models: SpotModels) -> float:
+        return picture_seconds(part, models) / speed
+
+    title, name = "Picture of the whole spot", "spot"
+    standing = part.tolerance if chosen.method == "geometric" else min(part.tolerance, chosen.tolerance)
     says = "All pixels of the picture of the spot: relative L2 error over the pixels."
+    best = compared_models(part, "kirchhoff")
     progress("cost: spot", 0.0)
     # The finest reference of which the time allows two, so that something is left to be held against it.
     finest = next(
         (
             tolerance
             for tolerance in (standing / 2, standing, 2 * standing, 5 * standing, 0.1)
-            if tolerance <= 0.1 and allowance.allows(2.0 * _predicted(part, "kirchhoff", tolerance, speed))
+            if tolerance <= 0.1 and allowance.allows(2.0 * predicted(replace(best, tolerance=tolerance)))
         ),
         None,
     )
     if finest is None:
-        needed = 2.0 * _predicted(part, "kirchhoff", 0.1, speed)
-        why = f"everything: a reference at 10 % alone takes about {needed / 2:.0f} s, {allowance.left:.0f} s are left"
+        needed = predicted(replace(best, tolerance=0.1))
+        why = f"everything: a reference at 10 % alone takes about {needed:.0f} s, {allowance.left:.0f} s are left"
         return Measured(
             name=name,
             title=title,
@@ -123,30 +135,25 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
             left_out=(why,),
         )
     begin = time.perf_counter()
-    reference = image("kirchhoff", finest, _REFERENCE_SEED)
+    reference = image(replace(best, tolerance=finest), _REFERENCE_SEED)
     reference_seconds = time.perf_counter() - begin
-    tolerances = list(dict.fromkeys((standing, *_SPOT_TOLERANCES)))  # the study's own first, in case the time ends
-    asked: list[tuple[MethodName, float]] = [
-        *(() if part.spot.coherent else (("geometric", math.nan),)),
-        *((m, t) for t in tolerances for m in _WAVES if t > finest),
-    ]
-    left_out = [
-        f"{TITLES[m]}, {_setting(t)}: the reference is no finer" for t in tolerances for m in _WAVES if t <= finest
-    ]
-    runs: list[_Run] = [
-        (method, tolerance, _later(image, method, _tolerance(tolerance))) for method, tolerance in asked
-    ]
-    entries, missing = _measured(
-        name,
-        runs,
-        reference.pixels,
-        allowance,
-        progress,
-        chosen=lambda method, tolerance: (
-            method in part.methods and (math.isnan(tolerance) or math.isclose(tolerance, standing))
-        ),
-        predicted=lambda method, tolerance: _predicted(part, method, tolerance, speed),
-    )
+    runs: list[_Run] = []
+    too_fine: list[str] = []
+    for models in _asked(part, chosen):
+        setting = _setting(part, models)
+        if models.method != "geometric" and models.tolerance <= finest:
+            too_fine.append(f"{TITLES[models.method]}, {setting}: the reference is no finer")
+            continue
+        runs.append(
+            _Run(
+                method=models.method,
+                setting=setting,
+                predicted=predicted(models),
+                compute=partial(image, models),
+                chosen=models == chosen,
+            )
+        )
+    entries, left_out = _measured(name, runs, reference.pixels, allowance, progress)
     return Measured(
         name=name,
         title=title,
@@ -155,73 +162,83 @@ def spot_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, 
         reference_error=reference.numerical_error,
         reference_seconds=reference_seconds,
         entries=entries,
-        left_out=(*left_out, *missing),
+        left_out=(*too_fine, *left_out),
     )
 
 
-_Run = tuple[MethodName, float, Callable[[], ChainImage]]
+def _asked(part: LightSpotPart, chosen: SpotModels) -> Iterator[SpotModels]:
+    """The study's own picture first, in case the time ends; then every law at every tolerance with nothing left out."""
+    yield chosen
+    if not part.spot.coherent:
+        rays = replace(compared_models(part, "geometric"), tolerance=chosen.tolerance)  # it is nothing to them
+        if rays != chosen:
+            yield rays
+    for tolerance in dict.fromkeys((part.tolerance, *_SPOT_TOLERANCES)):
+        for method in _WAVES:
+            models = replace(compared_models(part, method), tolerance=tolerance)
+            if models != chosen:
+                yield models
 
 
-def _later(image: Callable[..., ChainImage], method: MethodName, accuracy: object) -> Callable[[], ChainImage]:
-    return lambda: image(method, accuracy)
+@dataclass(frozen=True, kw_only=True)
+class _Run:
+    """One picture to be measured; ``predicted`` seconds on this machine."""
+
+    method: MethodName
+    setting: str
+    predicted: float
+    compute: Callable[[], ChainImage]
+    chosen: bool = False
 
 
-def _predicted(
-    part: LightSpotPart, method: MethodName, tolerance: float, speed: float, *, point: bool = False
-) -> float:
-    models = compared_models(part, method)
-    models = replace(models, tolerance=_tolerance(tolerance), point=point or models.point)
-    return picture_seconds(part, models) / speed
+def _percent(tolerance: float) -> str:
+    return f"tolerance {100 * tolerance:g} %"
 
 
-def _tolerance(of_entry: float) -> float:
-    """Rays have none, and take any."""
-    return _COARSEST if math.isnan(of_entry) else of_entry
-
-
-def _setting(tolerance: float) -> str:
-    return "" if math.isnan(tolerance) else f"tolerance {100 * tolerance:g} %"
+def _setting(part: LightSpotPart, models: SpotModels) -> str:
+    """The tolerance, and what is left out of the declared spot."""
+    left_out = {
+        "no cross-talk": models.separate,
+        "pixels not integrated": not models.integrated,
+        "a point for the spot": models.point and not part.spot.is_point,
+        "one wavelength": models.monochromatic and len(part.lines) > 1,
+    }
+    tolerance = () if models.method == "geometric" else (_percent(models.tolerance),)
+    return ", ".join((*tolerance, *(words for words, is_left_out in left_out.items() if is_left_out)))
 
 
 def _measured(
-    name: str,
-    runs: Sequence[_Run],
-    reference: FloatArray,
-    allowance: Allowance,
-    progress: Progress,
-    *,
-    chosen: Callable[[MethodName, float], bool] = lambda _method, _tolerance: False,
-    predicted: Callable[[MethodName, float], float] = lambda _method, _tolerance: 0.0,
+    name: str, runs: Sequence[_Run], reference: FloatArray, allowance: Allowance, progress: Progress
 ) -> tuple[tuple[Entry, ...], tuple[str, ...]]:
     """Entries of all runs that the time allows, and the words for those that it does not."""
     entries: list[Entry] = []
     left_out: list[str] = []
     slower = 1.0  # than predicted, so far
-    for number, (method, tolerance, compute) in enumerate(runs):
+    for number, run in enumerate(runs):
         progress(f"cost: {name}", number / len(runs))
-        words = ", ".join(part for part in (TITLES[method], _setting(tolerance)) if part)
-        needed = slower * predicted(method, tolerance)
+        words = ", ".join(part for part in (TITLES[run.method], run.setting) if part)
+        needed = slower * run.predicted
         if not allowance.allows(needed):
             left_out.append(f"{words}: about {needed:.0f} s, {max(allowance.left, 0.0):.0f} s are left")
             continue
         try:
-            timed = measure(lambda _run, compute=compute: compute(), allowance)  # type: ignore[misc]  # bound at once
+            timed = measure(lambda _run, compute=run.compute: compute(), allowance)  # type: ignore[misc]  # bound at once
         except (NotConvergedError, UnaffordableError) as error:
             left_out.append(f"{words}: {error}")
             continue
-        if predicted(method, tolerance) > 1.0:
-            slower = max(1.0, timed.seconds / predicted(method, tolerance))
+        if run.predicted > 1.0:
+            slower = max(1.0, timed.seconds / run.predicted)
         found = timed.values[0]
         relative = float(np.linalg.norm(found.pixels - reference) / np.linalg.norm(reference))
         entries.append(
             entry_of(
                 timed,
-                model=TITLES[method],
-                setting=_setting(tolerance),
+                model=TITLES[run.method],
+                setting=run.setting,
                 evaluations=float(found.effort.get("source points", math.nan)),
                 error=relative,
                 typical_error=relative,
-                chosen=chosen(method, tolerance),
+                chosen=run.chosen,
             )
         )
     progress(f"cost: {name}", 1.0)

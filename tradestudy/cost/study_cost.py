@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -14,19 +15,25 @@ import xarray as xr
 
 from tradestudy import machine, provenance
 from tradestudy.cost.calibration import calibration_cost
+from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.cost.depth import depth_cost
 from tradestudy.cost.depth_of_field import depth_of_field_cost
 from tradestudy.cost.entries import Measured, next_digit, on_frontier
-from tradestudy.cost.measuring import DEFAULT_BUDGET, FEWEST_REPEATS, Allowance
+from tradestudy.cost.measuring import Allowance
+from tradestudy.cost.picture import picture_cost
 from tradestudy.cost.point_spread import point_spread_cost
 from tradestudy.cost.posterior import posterior_cost
 from tradestudy.cost.spot import point_cost, spot_cost
 from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.results import dataset
 from tradestudy.study.calibration.cameras import uncertain_cameras
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.execution import Steps
+from tradestudy.study.plan import Plan, plan_of
 from tradestudy.study.progress import Progress
+from tradestudy.study.situations import depth_of_field, light_spot
+from tradestudy.study.situations.light_spot import spot_models
 
 _ENTRY_FIELDS: Final = {
     "model": "model",
@@ -54,7 +61,7 @@ def study_cost(
     Parameters
     ----------
     definition
-        The study.
+        The study as declared.
     repeats
         How often each computation is timed, 3 or more; quick ones oftener, those of 5 s and more once, in the run that
         traces their memory, and others only as often as the time allows.
@@ -73,12 +80,15 @@ def study_cost(
     ------
     OutOfRangeError
         For fewer than three repeats, a budget that is no time, or a study without anything to measure.
+    UnaffordableError, StudyError
+        Where a run of the study would be refused; see `plan_of`.
     """
     if repeats < FEWEST_REPEATS:
         raise OutOfRangeError("repeats of a measurement", value=str(repeats), limit=f">= {FEWEST_REPEATS}")
     if not 0.0 < budget < math.inf:
         raise OutOfRangeError("time for measuring", value=f"{budget:g} s", limit="> 0 s, finite")
-    questions = list(_questions(definition, progress))
+    progress("cost: models of the study", 0.0)
+    questions = list(_questions(definition, plan_of(definition), progress))
     allowance = Allowance(seconds=budget, repeats=repeats)
     found = []
     for number, question in enumerate(questions):
@@ -95,15 +105,19 @@ def study_cost(
     return _dataset(found, budget=budget)
 
 
-def _questions(definition: StudyDefinition, progress: Progress) -> Iterator[Callable[[Allowance], Measured | None]]:
+def _questions(
+    declared: StudyDefinition, plan: Plan, progress: Progress
+) -> Iterator[Callable[[Allowance], Measured | None]]:
     """What the study asks for, the quickest first, so that the dear ones get what is left."""
-    file = definition.file
+    definition, file = plan.definition, declared.file
     if (asked := file.depth_of_field) is not None:
-        yield lambda allowance: depth_of_field_cost(definition, asked, allowance, progress)
+        sharpness = plan.selections[depth_of_field.NAME]
+        yield lambda allowance: depth_of_field_cost(definition, asked, sharpness, allowance, progress)
     if (spread := file.point_spread) is not None:
         yield lambda allowance: point_spread_cost(spread, allowance, progress)
     if definition.case.cameras:
         yield lambda allowance: depth_cost(definition, allowance, progress)
+        yield from _pictures(declared, plan, progress)
     if (calibration := file.calibration) is not None:
         uncertain = uncertain_cameras(definition, calibration, Steps(progress=progress))
         shown = [name for name, camera in calibration.cameras.items() if camera.target is not None]
@@ -116,7 +130,20 @@ def _questions(definition: StudyDefinition, progress: Progress) -> Iterator[Call
         if not spot.spot.coherent:  # one wave has no points of its own
             yield lambda allowance: point_cost(spot, allowance, progress, speed=speed)
         if not spot.spot.is_point:
-            yield lambda allowance: spot_cost(spot, allowance, progress, speed=speed)
+            chosen = spot_models(plan.selections[light_spot.NAME])
+            yield lambda allowance: spot_cost(spot, chosen, allowance, progress, speed=speed)
+
+
+def _pictures(
+    declared: StudyDefinition, plan: Plan, progress: Progress
+) -> Iterator[Callable[[Allowance], Measured | None]]:
+    """One question for every camera whose disparity error is derived."""
+    cameras = declared.case.cameras
+    laws = {name: camera.disparity_error_px for name, camera in cameras.items()}
+    derived = [one for one in plan.situations if isinstance(laws.get(one.name), PictureDisparityError)]
+    for number, situation in enumerate(derived, start=1):
+        selection, name = plan.selections[situation.name], f"picture_{number}"
+        yield partial(picture_cost, declared, situation, selection, progress=progress, name=name)
 
 
 def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:

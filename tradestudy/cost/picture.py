@@ -1,0 +1,269 @@
+"""Depth uncertainty whose disparity error is derived: what every model of the picture behind it costs and changes."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from tradestudy.accuracy import Accuracy
+from tradestudy.cost.entries import Measured
+from tradestudy.cost.measuring import MOST_PLACES, Allowance, entry_of, measure
+from tradestudy.cost.picture_reference import reference_error_px
+from tradestudy.effects.base import OFF, SlotName
+from tradestudy.effects.selection import Selection
+from tradestudy.errors import TradestudyError, UnaffordableError
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.geometry import picture_geometry
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.acting import AnyDepthCamera, acting
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.depth import depth_uncertainty
+from tradestudy.study.progress import Progress
+from tradestudy.study.situations.situation import Situation
+from tradestudy.study.usable import all_met, evaluate_limits
+
+TITLES: Final[Mapping[str, str]] = {
+    OFF: "no diffraction",
+    "airy": "Airy",
+    "fresnel": "Fresnel",
+    "kirchhoff": "Kirchhoff",
+}
+_LENSES: Final[tuple[SlotName, ...]] = ("main_lens_diffraction", "microlens_diffraction")
+# What a selection would take if the study wanted other accuracies.
+_WANTED: Final = (0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 5e-3, 2e-3, 1e-3)
+# A lattice of Kirchhoff's part has up to four points for every distance, the reference one.
+_LATTICE_POINTS: Final = 4.0
+
+Names = dict[SlotName, str]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Reference:
+    """Depth uncertainty [m] at the places [m], the largest relative error of it, and the seconds it took."""
+
+    places: FloatArray
+    uncertainty: FloatArray
+    error: float
+    seconds: float
+
+
+def picture_cost(
+    definition: StudyDefinition,
+    situation: Situation,
+    selection: Selection,
+    allowance: Allowance,
+    *,
+    progress: Progress,
+    name: str,
+) -> Measured | None:
+    """Measure the sets of picture models that a selection could take for one camera, against all at their best.
+
+    Parameters
+    ----------
+    definition
+        The study as declared, no models acting in it.
+    situation, selection
+        Of a camera whose disparity error is derived: its models, and those that a run of the study takes.
+    allowance
+        Time and repeats.
+    progress
+        Called with the step and the share done.
+    name
+        Of the quantity in the results.
+
+    Returns
+    -------
+    Measured or None
+        None where the camera is usable at no distance of the study.
+    """
+    camera = definition.case.cameras[situation.name]
+    assert isinstance(camera, AnyDepthCamera)  # a situation of depth has no other
+    chosen = acting(camera, _names(selection))
+    places = _places(definition, chosen)
+    if places.size == 0:
+        return None
+    step = f"cost: {name}"
+    progress(step, 0.0)
+    title = f"Picture models: {situation.title}"
+    says = (
+        f"Depth uncertainty of {situation.name} at {places.size} distances where it is usable, its disparity error "
+        "derived anew: seconds for all of them, relative error at the worst. Settings name what is simpler than the "
+        "most complete models."
+    )
+    try:
+        reference = _reference(camera, places, allowance)
+    except UnaffordableError as error:
+        return _nothing(name, title, says, f"everything: {error}")
+    entries, left_out = [], []
+    sets = list(_sets(camera, situation, selection))
+    for number, (names, model_camera) in enumerate(sets):
+        progress(step, number / len(sets))
+        model, setting = _words(names, situation)
+        waves = "kirchhoff" in names.values()
+        if not allowance.allows(_LATTICE_POINTS * reference.seconds if waves else 0.0):
+            left_out.append(f"{', '.join(filter(None, (model, setting)))}: no time left")
+            continue
+        timed = measure(
+            lambda _run, one=model_camera: depth_uncertainty(one, reference.places),  # type: ignore[misc]  # bound at once
+            allowance,
+        )
+        with np.errstate(invalid="ignore"):  # no bar at all is no answer: infinite
+            relative = np.abs(timed.values[0] / reference.uncertainty - 1.0)
+        relative = np.where(np.isnan(relative), np.inf, relative)
+        entries.append(
+            entry_of(
+                timed,
+                model=model,
+                setting=setting,
+                evaluations=math.nan,
+                error=float(np.max(relative)),
+                typical_error=float(np.median(relative)),
+                chosen=model_camera == chosen,
+            )
+        )
+    progress(step, 1.0)
+    order = list(TITLES.values())
+    return Measured(
+        name=name,
+        title=title,
+        says=says,
+        reference="every effect at once by a code of its own: Kirchhoff's transfer at each distance, no interpolation, "
+        "every replica up to the cut-off, more nodes in the band",
+        reference_error=reference.error,
+        reference_seconds=reference.seconds,
+        entries=tuple(sorted(entries, key=lambda entry: order.index(entry.model.partition(" at ")[0]))),
+        left_out=tuple(left_out),
+    )
+
+
+def _nothing(name: str, title: str, says: str, why: str) -> Measured:
+    return Measured(
+        name=name,
+        title=title,
+        says=says,
+        reference="none",
+        reference_error=math.nan,
+        reference_seconds=math.nan,
+        entries=(),
+        left_out=(why,),
+    )
+
+
+def _names(selection: Selection) -> Names:
+    return {slot: model.name for slot, model in selection.chosen.items()}
+
+
+def _places(definition: StudyDefinition, camera: AnyDepthCamera) -> FloatArray:
+    """Some of the study's distances where the camera is usable and its uncertainty finite."""
+    case = definition.case
+    usable = all_met(evaluate_limits(camera, case.criteria, case.distance), case.distance.shape)
+    places = case.distance[usable & np.isfinite(depth_uncertainty(camera, case.distance))]
+    if places.size == 0:
+        return places
+    wanted = np.geomspace(places[0], places[-1], MOST_PLACES)
+    return np.asarray(places[np.unique(np.abs(places[:, None] - wanted).argmin(axis=0))])
+
+
+def _reference(camera: AnyDepthCamera, places: FloatArray, allowance: Allowance) -> _Reference:
+    """Raise `UnaffordableError` where the time, or what a picture asks for, does not allow one."""
+    law = camera.disparity_error_px
+    assert isinstance(law, PictureDisparityError)  # its situation has a picture
+    begin = time.perf_counter()
+    geometry = picture_geometry(camera, places)
+    found: list[tuple[FloatArray, FloatArray]] = []
+    for k in range(places.size):
+        found.append(reference_error_px(geometry.at(np.array([k])), law.settings))
+        needed = (time.perf_counter() - begin) / (k + 1) * (places.size - k - 1)
+        if not allowance.allows(needed):
+            raise UnaffordableError(
+                "time for a reference", value=f"{needed:.1f} s more", limit=f"{max(allowance.left, 0.0):.1f} s are left"
+            )
+    value, error = (np.concatenate(column) for column in zip(*found, strict=True))
+    uncertainty, moved = _uncertainty(camera, places, value), _uncertainty(camera, places, value + error)
+    finite = np.isfinite(uncertainty) & np.isfinite(moved)
+    if not finite.any():
+        raise UnaffordableError("no finite uncertainty with every effect in it", remedy="look at fewer distances")
+    return _Reference(
+        places=places[finite],
+        uncertainty=uncertainty[finite],
+        error=float(np.max(moved[finite] / uncertainty[finite] - 1.0)),
+        seconds=time.perf_counter() - begin,
+    )
+
+
+def _uncertainty(camera: AnyDepthCamera, places: FloatArray, error_px: FloatArray) -> FloatArray:
+    """Of a camera that has these disparity errors [px] at these places [m]; NaN where they are no numbers."""
+    found = [
+        depth_uncertainty(replace(camera, disparity_error_px=float(error)), places[k : k + 1])[0]
+        if math.isfinite(error) and error > 0.0
+        else math.nan
+        for k, error in enumerate(error_px)
+    ]
+    return np.array(found)
+
+
+def _sets(camera: AnyDepthCamera, situation: Situation, selection: Selection) -> Iterator[tuple[Names, AnyDepthCamera]]:
+    """Sets of models, each with the camera in which they act; sets that make the same camera stand once."""
+    seen: set[AnyDepthCamera] = set()
+    for names in (*_ladder(situation), *_omissions(situation), _names(selection), *_preferred(situation)):
+        one = acting(camera, names)
+        if one not in seen:
+            seen.add(one)
+            yield names, one
+
+
+def _complete(situation: Situation) -> Names:
+    """The most complete model of every slot."""
+    return {slot.name: slot.models[-1].name for slot in situation.slots}
+
+
+def _with_law(situation: Situation, law: str) -> Names:
+    """Everything, with one law at both lenses as far as they have it."""
+    lenses: Names = {slot.name: law for slot in situation.slots if slot.name in _LENSES and law in slot.model_names}
+    return _complete(situation) | lenses
+
+
+def _ladder(situation: Situation) -> Iterator[Names]:
+    """Diffraction by every law, everything else at its best."""
+    for law in TITLES:
+        yield _with_law(situation, law)
+
+
+def _omissions(situation: Situation) -> Iterator[Names]:
+    """One effect after the other by its simpler models, beside Fresnel's law; none that could never be selected."""
+    standing = _with_law(situation, "fresnel")
+    for slot in situation.slots:
+        if slot.name in _LENSES:
+            continue
+        for model in slot.models[:-1]:
+            if all(math.isfinite(bound.relative_change) for bound in model.bounds.values()):
+                yield {**standing, slot.name: model.name}
+
+
+def _preferred(situation: Situation) -> Iterator[Names]:
+    """What would be selected for other accuracies, where anything would be."""
+    for relative in _WANTED:
+        try:
+            yield _names(situation.select(Accuracy.of_all(relative), {}))
+        except TradestudyError:
+            continue  # so accurate is no set
+
+
+def _words(names: Names, situation: Situation) -> tuple[str, str]:
+    """The law of diffraction, and what else is simpler than the most complete models."""
+    complete = _complete(situation)
+    at_main, at_micro = (names[slot] for slot in _LENSES)
+    model = TITLES[at_main]
+    if complete[_LENSES[1]] != OFF and at_micro != at_main:
+        model += f" at the main lens, {TITLES[at_micro]} at microlenses"
+    simpler = [
+        f"{slot.replace('_', ' ')} {name}"
+        for slot, name in names.items()
+        if slot not in _LENSES and name != complete[slot]
+    ]
+    return model, ", ".join(simpler)
