@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from tradestudy import load
 from tradestudy.machine import machine_speed
 from tradestudy.optics.chain import FRESNEL, GEOMETRIC, KIRCHHOFF, ChainAccuracy, Legs, chain_image
 from tradestudy.study.point_spreads import SpreadMethod, every_case, point_spread_of
+from tradestudy.study.situations.coherent_cost import pupil_nodes
 from tradestudy.study.situations.light_cost import LightWork
 from tradestudy.study.situations.light_spot import light_scene
 
@@ -53,6 +55,17 @@ def main() -> None:
 
         return speed * least(task, repeats)
 
+    def coherent_node(legs: Legs) -> float:
+        """What a coherent disc adds to its middle point."""
+        disc = replace(source, coherent=True)
+        whole = least(
+            lambda: chain_image(
+                path, disc, wavelength=scene.wavelength, legs=legs, accuracy=ChainAccuracy(tolerance=FINE),
+                rng=np.random.default_rng(0),
+            ), 1,
+        )  # fmt: skip
+        return (speed * whole - point[legs]) / pupil_nodes(replace(scene, source=disc))
+
     def samples(tolerance: float) -> float:
         work = LightWork(scene=scene, tolerance=tolerance)
         return work.source_points * work.lit_microlenses * work.patch_side**2
@@ -67,6 +80,8 @@ def main() -> None:
         "sample of a patch": patch,
         "sample of a patch in double precision": picture(KIRCHHOFF, DOUBLE, repeats=1) / samples(DOUBLE),
         "sample of the detector": point[FRESNEL] / LightWork(scene=scene, tolerance=FINE).detector_side ** 2,
+        "node of a coherent disc, Fresnel": coherent_node(FRESNEL),
+        "node of a coherent disc, Kirchhoff": coherent_node(KIRCHHOFF),
         "microlens field, Kirchhoff minus Fresnel": (disc[KIRCHHOFF] - disc[FRESNEL]) / 4.0,
         "disc at 10 % beside its samples": disc[KIRCHHOFF] - patch * samples(COARSE),
     }

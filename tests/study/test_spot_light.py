@@ -27,7 +27,7 @@ from tradestudy.optics.chain import (
 )
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart
-from tradestudy.study.situations.light_spot import light_spot_situation
+from tradestudy.study.situations.light_spot import light_spot_situation, picture_seconds
 from tradestudy.study.spot_images import SpotModels, light_path, spot_image, spot_picture
 
 STUDY = """
@@ -279,3 +279,16 @@ def test_two_types_on_a_square_array_are_a_checkerboard(tmp_path: Path) -> None:
     assert (lenses.aperture, lenses.aperture_width, lenses.layout) == ("square", 54e-6, "square")
     first = np.array([[1, 0, 1], [0, 1, 0], [1, 0, 1]], dtype=bool)
     assert np.array_equal(lenses.focal_lengths.reshape(3, 3) == 0.40e-3, first)
+
+
+def test_a_wider_coherent_disc_takes_longer(tmp_path: Path) -> None:
+    """Its wave, and Kirchhoff's more than Fresnel's, stands on more nodes of the pupil."""
+    seconds = {}
+    for size in ("0.1 mm", "3 mm"):
+        wide = ("diameter: 0.1 mm, distance: 150 mm", f"diameter: {size}, distance: 150 mm, coherent: true")
+        part = spot(tmp_path, MEAN_ALONE, wide)
+        for method in ("fresnel", "kirchhoff"):
+            models = SpotModels(method=method, tolerance=0.1)
+            seconds[method, size] = picture_seconds(part, models) - picture_seconds(part, replace(models, point=True))
+    assert seconds["kirchhoff", "3 mm"] > 3.0 * seconds["kirchhoff", "0.1 mm"] > 0.0
+    assert seconds["kirchhoff", "3 mm"] > 5.0 * seconds["fresnel", "3 mm"] > 0.0

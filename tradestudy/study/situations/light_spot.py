@@ -24,6 +24,7 @@ from tradestudy.effects.spectrum import spectrum_in_picture
 from tradestudy.optics.chain import DiscSource
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.study.situations.coherent_cost import seconds_of_coherent_wave
 from tradestudy.study.situations.light_cost import LightWork, seconds_of_rays
 from tradestudy.study.situations.situation import Situation
 from tradestudy.study.spot_images import SpotModels, light_path, light_source, without_comparison
@@ -88,9 +89,15 @@ def picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
     if models.method == "geometric":
         return seconds_of_rays(work.scene.path, point=models.point)
     wavelengths, paraxial = 1 if models.monochromatic else len(part.lines), models.method == "fresnel"
-    if models.point or part.spot.coherent:  # one wave
-        return wavelengths * work.seconds_of_point(paraxial=paraxial)
-    return wavelengths * work.seconds_of_disc(paraxial=paraxial, separate=models.separate)
+    if models.point:
+        one = work.seconds_of_point(paraxial=paraxial)
+    elif part.spot.coherent:
+        repeats = work.scene.path.microlenses.count if models.separate else 1  # on the pupil, for each microlens anew
+        wave = seconds_of_coherent_wave(work.scene, paraxial=paraxial)
+        one = work.seconds_of_point(paraxial=paraxial) + repeats * wave
+    else:
+        one = work.seconds_of_disc(paraxial=paraxial, separate=models.separate)
+    return wavelengths * one
 
 
 @lru_cache(maxsize=64)
