@@ -37,7 +37,7 @@ def uncertainty(definition: StudyDefinition, camera: str, distance: np.ndarray) 
 def test_stopping_down_at_fixed_light_raises_depth_uncertainty_in_focus(study: StudyDefinition) -> None:
     f96, f22 = (uncertainty(study, name, FOCUS)[:, 0] for name in ("pair-f9.8", "pair-f22"))
     assert f22[NOISE] > 3 * f96[NOISE]
-    assert f22[BOTH] > 1.5 * f96[BOTH]
+    assert f22[BOTH] > 1.4 * f96[BOTH]  # calibration is the larger part of the wider one
     # Light alone costs less: the rest is diffraction.
     lossless = []
     for name in ("pair-f9.8", "pair-f22"):
