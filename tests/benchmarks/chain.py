@@ -101,7 +101,7 @@ def point() -> Iterator[Row]:
         source = PointSource(x=x, y=y, distance=0.15)
         finest = ChainAccuracy(tolerance=1e-6, field_sampling=1.3, diffraction_reach=1.5)
         reference = timed(source, KIRCHHOFF, finest)[0]
-        wave = PupilWave(path=scene(), source=source, wavelength=WAVELENGTH, paraxial=False)
+        wave = PupilWave(path=scene(), source=source, wavelength=WAVELENGTH, method="kirchhoff")
         for tolerance in (1e-3, 1e-4, 1e-5):
             accuracy = ChainAccuracy(tolerance=tolerance)
             seconds, cpu = [], []

@@ -143,8 +143,8 @@ def finest(case: ChainCase) -> np.ndarray:
 def nested_pixels(case: ChainCase, pixels: list[tuple[int, int]]) -> np.ndarray:
     """Pixels by plain nested summation, without tables, transforms or interpolation, on ample nodes."""
     path, k = case.path, case.wavelength
-    first, second = case.legs.to_array == "fresnel", case.legs.to_detector == "fresnel"
-    wave = PupilWave(path=path, source=case.source, wavelength=k, paraxial=first)
+    second = case.legs.to_detector == "fresnel"
+    wave = PupilWave(path=path, source=case.source, wavelength=k, method=case.legs.to_array)
     t, g = gauss_legendre(14)
     h = path.pixels.pitch
     at = np.array(

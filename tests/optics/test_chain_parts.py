@@ -15,7 +15,7 @@ from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_ph
 from tradestudy.optics.chain.detector_transfer import choose_transfer, propagate, response
 from tradestudy.optics.chain.microlens_nodes import cell_nodes
 from tradestudy.optics.chain.pixels import integrate_pixels
-from tradestudy.optics.chain.point_image import table_reader
+from tradestudy.optics.chain.arriving_light import table_reader
 from tradestudy.optics.chain.rays import ray_reach
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
@@ -106,7 +106,7 @@ def test_main_lens_field_in_focus_is_the_airy_pattern() -> None:
     """Fresnel in the image plane: |U|² = P A/(λ z)² (2 J1(v)/v)², v = π D r/(λ z)."""
     source = PointSource(x=0.1e-3, y=-0.05e-3, distance=24e-3)
     image = 24e-3 * 2e-3 / 22e-3
-    wave = PupilWave(path=small_path(array_distance=image), source=source, wavelength=WAVELENGTH, paraxial=True)
+    wave = PupilWave(path=small_path(array_distance=image), source=source, wavelength=WAVELENGTH, method="fresnel")
     table = field_table(
         wave,
         low=(-15e-6, -10e-6),
@@ -127,7 +127,10 @@ def test_main_lens_field_in_focus_is_the_airy_pattern() -> None:
 
 def test_main_lens_field_agrees_with_direct_quadrature_and_converges() -> None:
     wave = PupilWave(
-        path=small_path(), source=PointSource(x=0.3e-3, y=0.1e-3, distance=24e-3), wavelength=WAVELENGTH, paraxial=False
+        path=small_path(),
+        source=PointSource(x=0.3e-3, y=0.1e-3, distance=24e-3),
+        wavelength=WAVELENGTH,
+        method="kirchhoff",
     )
     chief = np.array(wave.path.chief_point(wave.source))
     rng = np.random.default_rng(2)
@@ -153,7 +156,7 @@ def test_main_lens_field_agrees_with_direct_quadrature_and_converges() -> None:
 
 def test_fast_phase_leaves_a_slow_field() -> None:
     wave = PupilWave(
-        path=small_path(), source=PointSource(x=0.3e-3, distance=24e-3), wavelength=WAVELENGTH, paraxial=False
+        path=small_path(), source=PointSource(x=0.3e-3, distance=24e-3), wavelength=WAVELENGTH, method="kirchhoff"
     )
     chief = wave.path.chief_point(wave.source)
     x = chief[0] + np.linspace(-15e-6, 15e-6, 61)
@@ -164,7 +167,7 @@ def test_fast_phase_leaves_a_slow_field() -> None:
 
 
 def test_memory_is_refused_with_the_knob_to_turn() -> None:
-    wave = PupilWave(path=small_path(), source=PointSource(distance=24e-3), wavelength=WAVELENGTH, paraxial=True)
+    wave = PupilWave(path=small_path(), source=PointSource(distance=24e-3), wavelength=WAVELENGTH, method="fresnel")
     with pytest.raises(UnaffordableError, match="field sampling"):
         field_table(
             wave,

@@ -117,6 +117,8 @@ class ChainImage:
         Share of the pupil's power that passes the microlens plane; NaN where it is not asked for.
     effort
         Counts that tell what the computation took (nodes, samples, source points).
+    handed_over
+        Share of the points that a boundary wave left to Kirchhoff's integral; 0 for the other methods.
     """
 
     pixels: FloatArray
@@ -125,3 +127,4 @@ class ChainImage:
     direct_check: dict[str, float]
     microlens_share: float
     effort: dict[str, int]
+    handed_over: float = 0.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,15 +12,17 @@ from scipy import ndimage
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, tapered_disc_nodes
-from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.chain.scene import LightPath, WaveMethod
 from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum, unit_phasor
 from tradestudy.optics.propagation.fast_sum import fast_sum
 from tradestudy.optics.propagation.fresnel import FresnelKernel
+from tradestudy.optics.propagation.hybrid import hybrid_field
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave, PointSource
 from tradestudy.optics.propagation.paths import Array, SphericalPath
-from tradestudy.optics.propagation.sampling import net_phase, outline
+from tradestudy.optics.propagation.sampling import Limits, net_phase, outline
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.wave_optics import Accuracy
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 _SPLINE_ORDER: Literal[5] = 5
@@ -40,8 +42,8 @@ class PupilWave:
         Point source before the main lens.
     wavelength
         [m].
-    paraxial
-        Fresnel on this leg; else Kirchhoff.
+    method
+        Law of this leg; the boundary wave computes Kirchhoff's field in another way.
     coherent_radius
         > 0: the source is a coherent disc of this radius about `source`, of one phase in its plane [m].
     """
@@ -49,8 +51,18 @@ class PupilWave:
     path: LightPath
     source: PointSource
     wavelength: float
-    paraxial: bool
+    method: WaveMethod
     coherent_radius: float = 0.0
+
+    @property
+    def paraxial(self) -> bool:
+        """Whether paths are taken to second order."""
+        return self.method == "fresnel"
+
+    @property
+    def whole_pupil(self) -> bool:
+        """Whether light from every pupil point may reach every array point."""
+        return self.coherent_radius > 0
 
     @property
     def kernel(self) -> Kernel:
@@ -148,11 +160,17 @@ class FieldTable:
         [m].
     coefficients
         Spline coefficients of real and imaginary part, shape (2, rows, columns).
+    method_error
+        Relative L2 error of the intensity that the boundary wave states against Kirchhoff's integral; 0 for the others.
+    handed_over
+        Share of the grid that it left to Kirchhoff's integral.
     """
 
     start: tuple[float, float]
     spacing: float
     coefficients: FloatArray
+    method_error: float = 0.0
+    handed_over: float = 0.0
 
     def slow_part(self, x: FloatArray, y: FloatArray) -> ComplexArray:
         """Field without its fast phase at points relative to the origin; zero outside the grid."""
@@ -203,6 +221,7 @@ def field_table(
     node_density: float,
     tolerance: float,
     memory_limit: float,
+    method_tolerance: float = 0.1,
 ) -> FieldTable:
     """Compute the field on a grid over a rectangle.
 
@@ -220,11 +239,15 @@ def field_table(
         Of the low-rank factor and the nonuniform FFT.
     memory_limit
         [bytes].
+    method_tolerance
+        Relative L2 error of the intensity that the boundary wave may have against Kirchhoff's integral.
 
     Raises
     ------
     UnaffordableError
         If grid and pupil nodes need more memory than allowed.
+    NotConvergedError
+        If the boundary wave does not reach its tolerance.
     """
     chief = wave.path.chief_point(wave.source)
     start = tuple(c - _END * spacing for c in low)
@@ -238,6 +261,22 @@ def field_table(
         y_count=counts[1],
         distance=wave.path.array_distance,
     )
+    x, y = grid.x_axis[None, :], grid.y_axis[:, None]
+    if wave.method == "boundary_wave":
+        hybrid = hybrid_field(
+            wave=wave.wave,
+            kernel=KirchhoffKernel(wavelength=wave.wavelength, obliquity="paper"),
+            targets=grid,
+            accuracy=Accuracy(tolerance=min(method_tolerance, 0.1)),
+            limits=Limits(memory_bytes=memory_limit),
+        )
+        return FieldTable(
+            start=(start[0], start[1]),
+            spacing=spacing,
+            coefficients=_spline(hybrid.field * unit_phasor(-fast_phase(wave, x, y))),
+            method_error=hybrid.error.intensity,
+            handed_over=hybrid.handed_over,
+        )
     edge_x, edge_y = grid.x_axis[[0, -1, 0, -1]], grid.y_axis[[0, -1, -1, 0]]
     nodes = wave.nodes((edge_x, edge_y), density=node_density)
     points = counts[0] * counts[1]
@@ -250,7 +289,6 @@ def field_table(
             remedy="take fewer microlenses or a coarser field sampling, or raise the memory limit",
         )
     result = fast_sum(wave.samples(nodes), wave.kernel, grid, low_rank_tolerance=tolerance, nufft_tolerance=tolerance)
-    x, y = grid.x_axis[None, :], grid.y_axis[:, None]
     slow = result.field.reshape(grid.shape) * unit_phasor(-fast_phase(wave, x, y))
     return FieldTable(start=(start[0], start[1]), spacing=spacing, coefficients=_spline(slow))
 
@@ -259,7 +297,12 @@ def blended(tables: list[FieldTable], weights: FloatArray) -> FieldTable:
     """Weighted sum of tables on one grid: interpolation over the source position."""
     first = tables[0]
     coefficients = sum(w * table.coefficients for w, table in zip(weights, tables, strict=True))
-    return FieldTable(start=first.start, spacing=first.spacing, coefficients=np.asarray(coefficients))
+    return replace(
+        first,
+        coefficients=np.asarray(coefficients),
+        method_error=max(table.method_error for table in tables),
+        handed_over=max(table.handed_over for table in tables),
+    )
 
 
 def direct_field(wave: PupilWave, x: FloatArray, y: FloatArray) -> ComplexArray:

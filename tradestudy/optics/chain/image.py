@@ -10,9 +10,12 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.geometric_image import geometric_image
+from tradestudy.optics.chain.landing import landing_point_image
+from tradestudy.optics.chain.landing_spot import landing_spot_image
 from tradestudy.optics.chain.point_image import wave_point_image
-from tradestudy.optics.chain.scene import Legs, LightPath
+from tradestudy.optics.chain.scene import GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
@@ -71,28 +74,29 @@ def chain_image(
     if not (wavelength > 0 and math.isfinite(wavelength)):
         raise OutOfRangeError("wavelength", value=f"{wavelength:g} m", limit="> 0, finite")
     coherent = isinstance(source, DiscSource) and source.coherent
-    if legs.to_array == "geometric":
-        if coherent:
-            raise OutOfRangeError(
-                "rays of a coherent disc",
-                value="coherent, geometric",
-                limit="waves",
-                remedy="choose fresnel or kirchhoff, or an incoherent source",
-            )
-        return geometric_image(path, source, density=accuracy.source_sampling)
-    first, second = legs.to_array == "fresnel", legs.to_detector == "fresnel"
-    if isinstance(source, DiscSource) and not coherent:
-        return wave_spot_image(
-            path, source, wavelength=wavelength, paraxial=(first, second), accuracy=accuracy, rng=rng
+    if coherent and not {legs.to_array, legs.to_detector} <= {"fresnel", "kirchhoff"}:
+        raise OutOfRangeError(
+            "rays or boundary waves of a coherent disc",
+            value=f"coherent, {legs.to_array} to the array, {legs.to_detector} to the detector",
+            limit="fresnel or kirchhoff on both legs",
+            remedy="choose fresnel or kirchhoff, or an incoherent source",
         )
-    wave = PupilWave(
-        path=path,
-        source=source.centre if isinstance(source, DiscSource) else source,
+    if legs == GEOMETRIC:
+        return geometric_image(path, source, density=accuracy.source_sampling)
+    if isinstance(source, DiscSource) and not coherent:
+        if legs.to_detector == "geometric":
+            return landing_spot_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
+        return wave_spot_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
+    wave = point_wave(
+        path,
+        source.centre if isinstance(source, DiscSource) else source,
         wavelength=wavelength,
-        paraxial=first,
+        legs=legs,
         coherent_radius=source.diameter / 2 if isinstance(source, DiscSource) else 0.0,
     )
-    return wave_point_image(wave, paraxial_detector_leg=second, accuracy=accuracy, rng=rng)
+    if isinstance(wave, PupilWave) and legs.to_detector == "geometric":
+        return landing_point_image(wave, accuracy=accuracy, rng=rng)
+    return wave_point_image(wave, paraxial_detector_leg=legs.to_detector == "fresnel", accuracy=accuracy, rng=rng)
 
 
 def spectral_image(
@@ -141,4 +145,5 @@ def spectral_image(
         direct_check={name: max(part.direct_check[name] for part in parts) for name in parts[0].direct_check},
         microlens_share=float(share @ [part.microlens_share for part in parts]),
         effort={name: sum(part.effort[name] for part in parts) for name in parts[0].effort},
+        handed_over=max(part.handed_over for part in parts),
     )

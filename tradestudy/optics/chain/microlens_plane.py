@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
 from tradestudy.optics.chain.rays import RayReach
-from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.chain.regions import Disc
+from tradestudy.optics.chain.scene import LightPath, Microlenses
+from tradestudy.optics.chain.shadow_nodes import lit_nodes, lit_share, padded
 from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource, lens_paths
 from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
 from tradestudy.optics.quadrature import QuadratureNodes
+
+_ANY_POINT = PointSource(distance=1.0)  # parabolic and stigmatic lenses do not know their source
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +34,7 @@ class MicrolensPlane:
     paraxial
         Whether the leg behind the array is Fresnel's.
     cell
-        Nodes relative to each centre.
+        Nodes relative to each centre, shape (nodes,); or (lenses, nodes) where a shadow leaves every lens its own.
     """
 
     path: LightPath
@@ -44,16 +48,22 @@ class MicrolensPlane:
         centres = self.path.microlenses.centres
         return centres[:, 0, None] + self.cell.x, centres[:, 1, None] + self.cell.y
 
+    @property
+    def weights(self) -> FloatArray:
+        """Area weights [m²], shape (lenses, nodes)."""
+        return np.broadcast_to(self.cell.weights, self.positions[0].shape)
+
     def transmission(self, source: PointSource) -> ComplexArray:
         """Area weight times the phasor of each lens, shape (lenses, nodes)."""
         lenses = self.path.microlenses
         if lenses.lens_phase == "perfect":
             phases = [self._lens_path(i, self._object(source, i)) for i in range(lenses.count)]
+        elif self.cell.x.ndim > 1:
+            phases = [self._lens_path(i, _ANY_POINT) for i in range(lenses.count)]
         else:
-            distant = PointSource(distance=1.0)  # any point: these lenses do not know their source
             kinds, which = np.unique(lenses.focal_lengths, return_inverse=True)
             first = [int(np.flatnonzero(which == j)[0]) for j in range(kinds.size)]
-            each = [self._lens_path(i, distant) for i in first]
+            each = [self._lens_path(i, _ANY_POINT) for i in first]
             phases = [each[j] for j in which]
         phase = np.where(self.cell.in_lens, 2 * math.pi / self.wavelength * np.array(phases), 0.0)
         return np.asarray(unit_phasor(phase) * self.cell.weights)
@@ -70,7 +80,7 @@ class MicrolensPlane:
         kind = ParabolicPath if self.paraxial else SphericalPath
         before = kind(x=arriving.x, y=arriving.y, distance=arriving.distance)
         total = lens_paths(arriving, lens, paraxial=self.paraxial)
-        x, y = self.cell.x, self.cell.y
+        x, y = (c[index] if c.ndim > 1 else c for c in (self.cell.x, self.cell.y))
         return np.asarray(total.value(x, y) - before.value(x, y))
 
 
@@ -82,18 +92,37 @@ def microlens_plane(
     paraxial: bool,
     target_reach: float,
     density: float,
+    lit: Disc | None = None,
 ) -> MicrolensPlane:
     """Choose the nodes so that every target up to `target_reach` from a lens's ray image is resolved.
 
     There the path to the target and that of the ray differ in slope by their distance over that to the detector,
-    which across the lens makes the phase that the nodes resolve.
+    which across the lens makes the phase that the nodes resolve. Where light has a sharp shadow, only what is `lit`
+    gets nodes.
     """
+    cycles = resolved_cycles(path, reach, wavelength=wavelength, target_reach=target_reach, density=density)
+    cell = cell_nodes(path.microlenses, cycles=cycles)
+    if lit is not None:
+        cell = padded([shadowed(path.microlenses, cell, lit, index, cycles) for index in range(path.microlenses.count)])
+    return MicrolensPlane(path=path, wavelength=wavelength, paraxial=paraxial, cell=cell)
+
+
+def resolved_cycles(
+    path: LightPath, reach: RayReach, *, wavelength: float, target_reach: float, density: float
+) -> float:
+    """Cycles over a half aperture of the phase that nodes must resolve; parameters as for `microlens_plane`."""
     offset = target_reach + float(reach.spread.max())
     sine = offset / math.hypot(offset, path.detector_distance)
-    cycles = density * path.microlenses.aperture_width / 2 * sine / wavelength
-    return MicrolensPlane(
-        path=path, wavelength=wavelength, paraxial=paraxial, cell=cell_nodes(path.microlenses, cycles=cycles)
-    )
+    return density * path.microlenses.aperture_width / 2 * sine / wavelength
+
+
+def shadowed(lenses: Microlenses, whole: CellNodes, lit: Disc, index: int, cycles: float) -> CellNodes:
+    """Nodes of one microlens in a shadow: all, those of the lit part, or none."""
+    one = replace(lenses, centres=lenses.centres[[index]], focal_lengths=lenses.focal_lengths[[index]])
+    if lit_share(one, lit)[0] == 1.0:
+        return whole
+    x, y = lenses.centres[index]
+    return lit_nodes(lenses, Disc(x=lit.x - x, y=lit.y - y, radius=lit.radius), cycles=cycles)
 
 
 def direct_detector_field(

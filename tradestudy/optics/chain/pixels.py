@@ -52,7 +52,8 @@ def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -
     best, lower = (
         _summed(_averaged(_averaged(intensity, terms, 0), terms, 1), per_pixel) * spacing**2 for terms in _CELL_AVERAGE
     )
-    return best, float(np.linalg.norm(best - lower) / np.linalg.norm(best))
+    change = float(np.linalg.norm(best - lower))
+    return best, change / float(np.linalg.norm(best)) if change > 0 else 0.0  # no light is no error
 
 
 def _averaged(samples: FloatArray, terms: tuple[float, ...], axis: int) -> FloatArray:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -12,14 +11,8 @@ import numpy as np
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
-from tradestudy.optics.chain.array_field import (
-    FieldTable,
-    PupilWave,
-    direct_field,
-    fast_phase,
-    field_table,
-    leg_kernel,
-)
+from tradestudy.optics.chain.array_field import PupilWave, direct_field, leg_kernel
+from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light
 from tradestudy.optics.chain.detector_transfer import (
     Transfer,
     choose_transfer,
@@ -30,9 +23,10 @@ from tradestudy.optics.chain.detector_transfer import (
 )
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field, microlens_plane
 from tradestudy.optics.chain.pixels import light_on_pixels, samples_per_pixel
-from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
+from tradestudy.optics.chain.ray_wave import RayWave
+from tradestudy.optics.chain.rays import RayReach, ray_reach
 from tradestudy.optics.chain.scene import LightPath
-from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.direct import ComplexArray
 
 _SAFETY = 1.5  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
 _CHECK_POINTS = 16
@@ -40,8 +34,6 @@ _GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses …
 _GROSS_RATIO = 300.0  # … or that is out of all proportion to the error stated
 _MARGIN = 3  # detector samples beyond the window on each side
 _UPSAMPLING = 4.0  # memory of a nonuniform FFT over that of its modes
-
-ArrayField = Callable[[FloatArray, FloatArray], ComplexArray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,14 +48,14 @@ class WavePlan:
 
 
 def wave_point_image(
-    wave: PupilWave, *, paraxial_detector_leg: bool, accuracy: ChainAccuracy, rng: np.random.Generator
+    wave: PupilWave | RayWave, *, paraxial_detector_leg: bool, accuracy: ChainAccuracy, rng: np.random.Generator
 ) -> ChainImage:
-    """Image by wave optics on both legs.
+    """Image by wave optics behind the array.
 
     Parameters
     ----------
     wave
-        Camera, source, wavelength and law of the first leg.
+        Camera, source, wavelength, and what the first leg makes of its light: waves or rays.
     paraxial_detector_leg
         Fresnel behind the array; else Kirchhoff.
     accuracy
@@ -75,13 +67,13 @@ def wave_point_image(
     ------
     UnaffordableError
         If nodes or samples need more memory than allowed.
+    NotConvergedError
+        If the fast path disagrees grossly with direct quadrature, or the boundary wave misses the tolerance.
     """
     fine, terms = stated_point(wave, paraxial_detector_leg, accuracy)
     error = math.hypot(*terms.values())
-    check = {
-        "field on the array": _field_check(wave, fine, rng),
-        "intensity on the detector": _intensity_check(wave, fine, paraxial_detector_leg, accuracy, rng),
-    }
+    check = {} if isinstance(wave, RayWave) else {"field on the array": _field_check(wave, fine, rng)}
+    check["intensity on the detector"] = _intensity_check(wave, fine, paraxial_detector_leg, accuracy, rng)
     if max(check.values()) > max(_GROSS, _GROSS_RATIO * error):
         raise NotConvergedError(
             "the chain disagrees with direct quadrature",
@@ -90,7 +82,7 @@ def wave_point_image(
             remedy="refine pupil_nodes, microlens_nodes, field_sampling or diffraction_reach",
         )
     power = wave.power()
-    behind = float(np.sum(np.abs(fine.field) ** 2 * fine.plane.cell.weights))
+    behind = float(np.sum(np.abs(fine.field) ** 2 * fine.plane.weights))
     return ChainImage(
         pixels=fine.pixels / power,
         numerical_error=error,
@@ -98,10 +90,11 @@ def wave_point_image(
         direct_check=check,
         microlens_share=behind / power,
         effort={
-            "microlens nodes": fine.field.size,
+            "microlens nodes": int(np.count_nonzero(fine.plane.weights)),
             "detector samples": fine.samples.size,
-            "array samples": fine.table.coefficients[0].size,
+            "array samples": fine.light.samples,
         },
+        handed_over=fine.light.handed_over,
     )
 
 
@@ -111,34 +104,42 @@ class PointComputation:
 
     plan: WavePlan
     plane: MicrolensPlane
-    table: FieldTable
+    light: ArrivingLight
     field: ComplexArray
     samples: ComplexArray
     pixels: FloatArray
     pixel_error: float
 
 
-def stated_point(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> tuple[PointComputation, dict[str, float]]:
+def stated_point(
+    wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccuracy
+) -> tuple[PointComputation, dict[str, float]]:
     """Computation and the terms of its stated error: a second one on other samples, side by side."""
     with ThreadPoolExecutor(2) as pool:
         fine, other = pool.map(lambda each: compute_point(wave, paraxial, each), (accuracy, accuracy.compared()))
     size = min(float(np.linalg.norm(one.pixels)) for one in (fine, other))  # starved nodes invent light
-    change = _SAFETY * float(np.linalg.norm(fine.pixels - other.pixels)) / size
-    return fine, {"other sampling": change, "pixel integration": fine.pixel_error}
+    change = float(np.linalg.norm(fine.pixels - other.pixels))
+    terms = {
+        "other sampling": _SAFETY * change / size if change > 0 else 0.0,  # no light, no change: all is shadow
+        "pixel integration": fine.pixel_error,
+    }
+    if isinstance(wave, PupilWave) and wave.method == "boundary_wave":
+        terms["boundary wave"] = fine.light.method_error
+    return fine, terms
 
 
-def compute_point(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> PointComputation:
+def compute_point(wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccuracy) -> PointComputation:
     """Table of the main-lens field, microlenses, detector samples, pixels."""
     plan = plan_waves(wave, paraxial, accuracy)
     plane = _plane(wave, plan, paraxial, accuracy.microlens_nodes, accuracy)
-    table = _table(wave, accuracy)
-    field = table_reader(wave, table)(*plane.positions)
+    light = arriving_light(wave, accuracy)
+    field = light.read(*plane.positions)
     samples = _detector_samples(plane, plan, field * plane.transmission(wave.source), accuracy)
     pixels, pixel_error = light_on_pixels(np.abs(samples) ** 2, wave.path.pixels, per_pixel=plan.per_pixel)
     return PointComputation(
         plan=plan,
         plane=plane,
-        table=table,
+        light=light,
         field=field,
         samples=samples,
         pixels=pixels,
@@ -146,20 +147,10 @@ def compute_point(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> P
     )
 
 
-def table_reader(wave: PupilWave, table: FieldTable) -> ArrayField:
-    """Read the field from its table, with its fast phase put back."""
-    chief_x, chief_y = wave.path.chief_point(wave.source)
-
-    def read(x: FloatArray, y: FloatArray) -> ComplexArray:
-        return table.slow_part(x - chief_x, y - chief_y) * unit_phasor(fast_phase(wave, x, y))
-
-    return read
-
-
-def plan_waves(wave: PupilWave, paraxial: bool, accuracy: ChainAccuracy) -> WavePlan:
+def plan_waves(wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccuracy) -> WavePlan:
     """Follow light from where rays land to a margin of Fresnel lengths that grows as the tolerance shrinks."""
     path = wave.path
-    reach = ray_reach(path, wave.source, whole_pupil=wave.coherent_radius > 0)
+    reach = ray_reach(path, wave.source, whole_pupil=wave.whole_pupil)
     fresnel_length = math.sqrt(wave.wavelength * path.detector_distance)
     margin = accuracy.fresnel_lengths * fresnel_length
     kept = float(reach.travel.max()) + margin
@@ -193,7 +184,9 @@ def _half_side(path: LightPath) -> tuple[float, float]:
     return nodes, max(path.pixels.shape) * path.pixels.pitch / 2
 
 
-def _plane(wave: PupilWave, plan: WavePlan, paraxial: bool, density: float, accuracy: ChainAccuracy) -> MicrolensPlane:
+def _plane(
+    wave: PupilWave | RayWave, plan: WavePlan, paraxial: bool, density: float, accuracy: ChainAccuracy
+) -> MicrolensPlane:
     """Nodes for all pixels that light reaches, if they can be afforded."""
     path = wave.path
     corners = np.array([[x, y] for x in path.pixels.edges_x[[0, -1]] for y in path.pixels.edges_y[[0, -1]]])
@@ -208,50 +201,18 @@ def _plane(wave: PupilWave, plan: WavePlan, paraxial: bool, density: float, accu
         paraxial=paraxial,
         target_reach=min(farthest, plan.kept + fading + float(plan.reach.travel.max())),
         density=density,
+        lit=wave.lit if isinstance(wave, RayWave) else None,
     )
     count = plan.transfer.count
-    needed = 16.0 * (12 * plane.cell.x.size * path.microlenses.count + (_UPSAMPLING + 4) * count**2)
+    needed = 16.0 * (12 * plane.weights.size + (_UPSAMPLING + 4) * count**2)
     if needed > accuracy.memory_limit:
         raise UnaffordableError(
             "microlens nodes and detector samples",
-            value=f"{plane.cell.x.size} nodes × {path.microlenses.count} lenses, {count}² samples, "
-            f"{needed / 1e9:.1f} GB",
+            value=f"{plane.weights.size} nodes, {count}² samples, {needed / 1e9:.1f} GB",
             limit=f"{accuracy.memory_limit / 1e9:.1f} GB",
             remedy="take fewer microlenses or pixels, a larger tolerance, or raise the memory limit",
         )
     return plane
-
-
-def field_spacing(wave: PupilWave, accuracy: ChainAccuracy) -> float:
-    """Spacing that samples the field of the whole pupil 2.5 times as finely as needed at a tolerance of 1e-4.
-
-    Beside the sphere that is taken out, the wave from the opposite rim oscillates twice as fast; it matters where the
-    blur has few Fresnel zones.
-    """
-    path = wave.path
-    far = float(np.max(np.linalg.norm(path.microlenses.centres - path.chief_point(wave.source), axis=1)))
-    sine = (path.main_lens.radius + far) / math.hypot(path.main_lens.radius + far, path.array_distance)
-    depth = abs(path.image_at_array(wave.source)[2])
-    zones = blur_radius(path, wave.source) ** 2 / (wave.wavelength * depth) if depth > 0 else 0.0
-    rim = 1 + (min(1.0, 2 / zones) if zones > 1 else 0.0)
-    finer = 2.5 * rim * math.pow(1e-4 / accuracy.tolerance, 1 / 6)
-    return wave.wavelength / (2 * sine * max(finer, 1.2) * accuracy.field_sampling)
-
-
-def _table(wave: PupilWave, accuracy: ChainAccuracy) -> FieldTable:
-    """Field over all microlenses."""
-    lenses = wave.path.microlenses
-    relative = lenses.centres - wave.path.chief_point(wave.source)
-    low, high = relative.min(axis=0) - lenses.cell_reach, relative.max(axis=0) + lenses.cell_reach
-    return field_table(
-        wave,
-        low=(float(low[0]), float(low[1])),
-        high=(float(high[0]), float(high[1])),
-        spacing=field_spacing(wave, accuracy),
-        node_density=accuracy.pupil_nodes,
-        tolerance=accuracy.tolerance / 4,
-        memory_limit=accuracy.memory_limit,
-    )
 
 
 def _detector_samples(
@@ -259,14 +220,15 @@ def _detector_samples(
 ) -> ComplexArray:
     """Field on the fine grid of the detector, three samples more on every side."""
     pixels = plane.path.pixels
+    held = plane.weights > 0  # a shadow leaves some lenses fewer nodes than others
     x, y = plane.positions
     rows, columns = (n * plan.per_pixel + 2 * _MARGIN for n in pixels.shape)
     first = np.asarray(pixels.corner) - pixels.centre + (0.5 - _MARGIN) * plan.spacing
     fields = propagate(
         plan.transfer,
-        x=x.ravel() - pixels.centre[0],
-        y=y.ravel() - pixels.centre[1],
-        strengths=strengths.reshape(1, -1),
+        x=x[held] - pixels.centre[0],
+        y=y[held] - pixels.centre[1],
+        strengths=strengths[held][None],
         response=response(plan.transfer),
         carriers=np.zeros((1, 2), dtype=int),
         start=first[None],
@@ -280,7 +242,7 @@ def _field_check(wave: PupilWave, done: PointComputation, rng: np.random.Generat
     """Relative discrepancy of the field at random microlens nodes from direct quadrature."""
     x, y = (c.ravel() for c in done.plane.positions)
     field = done.field.ravel()
-    weights = np.tile(done.plane.cell.weights, done.plane.path.microlenses.count)
+    weights = done.plane.weights.ravel()
     power = np.abs(field) ** 2 * weights
     chance = _mixture(power, weights)
     pick = rng.choice(x.size, size=_CHECK_POINTS, p=chance)
@@ -290,12 +252,14 @@ def _field_check(wave: PupilWave, done: PointComputation, rng: np.random.Generat
 
 
 def _intensity_check(
-    wave: PupilWave, done: PointComputation, paraxial: bool, accuracy: ChainAccuracy, rng: np.random.Generator
+    wave: PupilWave | RayWave, done: PointComputation, paraxial: bool, accuracy: ChainAccuracy, rng: np.random.Generator
 ) -> float:
     """Relative discrepancy of the intensity at random detector samples from direct quadrature on finer nodes."""
     plane, plan = done.plane, done.plan
-    finer = _plane(wave, plan, paraxial, 1.2 * max(1.0, accuracy.microlens_nodes), accuracy)
     inside = np.abs(done.samples[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]) ** 2
+    if not inside.any():
+        return 0.0
+    finer = _plane(wave, plan, paraxial, 1.2 * max(1.0, accuracy.microlens_nodes), accuracy)
     chance = _mixture(inside.ravel() ** 2, np.ones(inside.size))
     pick = rng.choice(inside.size, size=_CHECK_POINTS, p=chance)
     row, column = np.unravel_index(pick, inside.shape)
@@ -303,7 +267,7 @@ def _intensity_check(
     truth = direct_detector_field(
         finer,
         leg_kernel(wave.wavelength, paraxial),
-        table_reader(wave, done.table)(*finer.positions),
+        done.light.read(*finer.positions),
         finer.transmission(wave.source),
         at,
     )

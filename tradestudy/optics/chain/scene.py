@@ -12,7 +12,9 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.lens import CircularLens, LensPhase, PointSource
 
-LegMethod = Literal["geometric", "fresnel", "kirchhoff"]
+LegMethod = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
+WaveMethod = Literal["boundary_wave", "fresnel", "kirchhoff"]
+LEG_METHODS: tuple[LegMethod, ...] = ("geometric", "boundary_wave", "fresnel", "kirchhoff")
 Layout = Literal["square", "hexagonal"]
 ApertureShape = Literal["circular", "square"]
 Gaps = Literal["opaque", "clear"]
@@ -21,6 +23,9 @@ Gaps = Literal["opaque", "clear"]
 @dataclass(frozen=True, kw_only=True)
 class Legs:
     """The law of propagation on each leg.
+
+    ``geometric``: paraxial rays. ``fresnel``, ``kirchhoff``: the integrals. ``boundary_wave``: rays and the wave from
+    the edge of the aperture in place of Kirchhoff's integral, which fills in where they are singular.
 
     Attributes
     ----------
@@ -32,8 +37,7 @@ class Legs:
     Raises
     ------
     OutOfRangeError
-        If only one leg is geometric: a wave field has no rays where it interferes, and the sharp shadow that rays
-        leave on the array is no field that a microlens could diffract.
+        If a method is none of these, or the boundary wave of microlenses follows waves: it needs rays to arrive.
     """
 
     to_array: LegMethod
@@ -41,14 +45,14 @@ class Legs:
 
     def __post_init__(self) -> None:
         for method in (self.to_array, self.to_detector):
-            if method not in ("geometric", "fresnel", "kirchhoff"):
-                raise OutOfRangeError("method of a leg", value=repr(method), limit="geometric | fresnel | kirchhoff")
-        if (self.to_array == "geometric") != (self.to_detector == "geometric"):
+            if method not in LEG_METHODS:
+                raise OutOfRangeError("method of a leg", value=repr(method), limit=" | ".join(LEG_METHODS))
+        if self.to_detector == "boundary_wave" and self.to_array != "geometric":
             raise OutOfRangeError(
-                "rays on one leg and waves on the other",
-                value=f"{self.to_array} to the array, {self.to_detector} to the detector",
-                limit="geometric on both legs or on none",
-                remedy="use fresnel or kirchhoff on both legs, or geometric on both",
+                "boundary wave of a microlens that a diffracted wave lights",
+                value=f"{self.to_array} to the array, boundary_wave to the detector",
+                limit="geometric to the array, whose light is one sphere at every microlens",
+                remedy="take geometric to the array, or geometric, fresnel or kirchhoff to the detector",
             )
 
 

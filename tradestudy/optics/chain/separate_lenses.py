@@ -30,7 +30,7 @@ def separate_image(
     neighbour is lost, and nothing interferes across microlenses.
     """
     owner = nearest_microlens(path)
-    pixels, errors, checks, effort, passed = np.zeros(owner.shape), [], [], [], 0.0
+    pixels, errors, checks, effort, handed, passed = np.zeros(owner.shape), [], [], [], [], 0.0
     for index in np.unique(owner):
         mine = owner == index
         rows, columns = (np.flatnonzero(mine.any(axis=axis)) for axis in (1, 0))
@@ -43,6 +43,7 @@ def separate_image(
         checks.append(alone.direct_check)
         effort.append(alone.effort)
         passed += alone.microlens_share
+        handed.append(alone.handed_over)
     size = float(np.linalg.norm(pixels))
     error = math.hypot(*errors) / size if size > 0.0 else 0.0
     return ChainImage(
@@ -52,6 +53,7 @@ def separate_image(
         direct_check={name: max(check[name] for check in checks) for name in checks[0]},
         microlens_share=passed,
         effort={name: sum(one[name] for one in effort) for name in effort[0]},
+        handed_over=max(handed),
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.microlens_nodes import plane_wave_degree
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.propagation.lens import PointSource
@@ -98,6 +99,11 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
         radial_weights=weights,
         rings=tuple(_ring(source, math.sqrt(p), phase) for p in points),
     )
+
+
+def tolerated_density(accuracy: ChainAccuracy) -> float:
+    """Share of the nodes that a tolerance needs of those that resolve everything."""
+    return min(1.0, 0.63 * math.pow(1e-2 / accuracy.tolerance, 1 / 6))
 
 
 def _ring(source: DiscSource, relative_radius: float, phase: float) -> FloatArray:

@@ -12,8 +12,16 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.pixels import light_on_pixels
 from tradestudy.optics.chain.point_image import compute_point
-from tradestudy.optics.chain.scene import LightPath
-from tradestudy.optics.chain.sources import DiscSource, SourceNodes, moved_image, orbits, source_nodes, symmetries
+from tradestudy.optics.chain.scene import Legs, LightPath
+from tradestudy.optics.chain.sources import (
+    DiscSource,
+    SourceNodes,
+    moved_image,
+    orbits,
+    source_nodes,
+    symmetries,
+    tolerated_density,
+)
 from tradestudy.optics.chain.spot_points import Spot, point_intensity, prepare_spot, tables_at
 
 _THREADS = 2
@@ -25,7 +33,7 @@ def wave_spot_image(
     source: DiscSource,
     *,
     wavelength: float,
-    paraxial: tuple[bool, bool],
+    legs: Legs,
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
 ) -> ChainImage:
@@ -37,8 +45,8 @@ def wave_spot_image(
         Camera and disc.
     wavelength
         [m].
-    paraxial
-        Whether each leg is Fresnel's; else Kirchhoff's.
+    legs
+        Law of each leg; waves behind the array.
     accuracy
         What to aim at.
     rng
@@ -53,7 +61,7 @@ def wave_spot_image(
     """
     density = source_density(accuracy)
     nodes = source_nodes(path, source, wavelength=wavelength, density=density)
-    spot = prepare_spot(path, source, nodes, wavelength, paraxial, accuracy)
+    spot = prepare_spot(path, source, nodes, wavelength, legs, accuracy)
     group = symmetries(path, source)
     rings, pixel_error, points = _ring_images(spot, nodes, group)
     rings = np.mean([moved_image_stack(rings, one) for one in group], axis=0)
@@ -66,6 +74,8 @@ def wave_spot_image(
         "single points": per_point,
         "pixel integration": pixel_error,
     }
+    if legs.to_array == "boundary_wave" and spot.tables:
+        terms["boundary wave"] = spot.tables.method_error
     return ChainImage(
         pixels=pixels,
         numerical_error=math.hypot(*terms.values()),
@@ -78,6 +88,7 @@ def wave_spot_image(
             "nodes per microlens": spot.plane.cell.x.size,
             "samples per patch": spot.response.transfer.count**2,
         },
+        handed_over=spot.tables.handed_over if spot.tables else 0.0,
     )
 
 
@@ -89,7 +100,7 @@ def moved_image_stack(rings: FloatArray, symmetry: tuple[int, int, bool]) -> Flo
 
 def source_density(accuracy: ChainAccuracy) -> float:
     """Share of the cutoff to resolve: the light near it is weak, and the pixel averages it away."""
-    return accuracy.source_sampling * min(1.0, 0.63 * math.pow(1e-2 / accuracy.tolerance, 1 / 6))
+    return accuracy.source_sampling * tolerated_density(accuracy)
 
 
 def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]]) -> tuple[FloatArray, float, int]:
@@ -146,7 +157,7 @@ def _points_check(spot: Spot, nodes: SourceNodes, rng: np.random.Generator) -> f
             per_pixel=spot.per_pixel,
         )[0]
         wave = spot.wave(*at)
-        truth = compute_point(wave, spot.paraxial[1], finer).pixels / wave.power()
+        truth = compute_point(wave, spot.legs.to_detector == "fresnel", finer).pixels / wave.power()
         squares.append(float(np.sum((fast - truth) ** 2)))
         sizes.append(float(np.sum(truth**2)))
     error = math.sqrt(sum(squares) / sum(sizes))

@@ -8,14 +8,15 @@ the light is followed on a patch about its ray image only; patches of one source
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
-from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
+from tradestudy.optics.chain.array_field import FieldTable, PupilWave
+from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.detector_transfer import (
     Response,
     Transfer,
@@ -24,11 +25,14 @@ from tradestudy.optics.chain.detector_transfer import (
     propagate,
     response,
 )
-from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane
+from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane, resolved_cycles, shadowed
 from tradestudy.optics.chain.pixels import samples_per_pixel
-from tradestudy.optics.chain.point_image import field_spacing
+from tradestudy.optics.chain.ray_wave import RayWave
 from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
-from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.chain.regions import IntArray
+from tradestudy.optics.chain.scene import Legs, LightPath
+from tradestudy.optics.chain.shadow_nodes import lit_share
+from tradestudy.optics.chain.source_tables import Place, SourceTables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
@@ -39,16 +43,16 @@ SINGLE_PRECISION_FROM = 1e-3  # tolerance above which 32-bit floats add nothing 
 
 @dataclass(frozen=True, kw_only=True)
 class Spot:
-    """What all source points share."""
+    """What all source points share; rays to the array need no tables."""
 
     path: LightPath
     source: DiscSource
     wavelength: float
-    paraxial: tuple[bool, bool]
+    legs: Legs
     accuracy: ChainAccuracy
-    radii: FloatArray
-    tables: list[FieldTable]
+    tables: SourceTables | None
     plane: MicrolensPlane
+    cycles: float
     transmission: ComplexArray
     response: Response
     half_patch: float
@@ -60,14 +64,10 @@ class Spot:
         """Distance of detector samples [m]."""
         return self.path.pixels.pitch / self.per_pixel
 
-    def wave(self, x: float, y: float) -> PupilWave:
+    def wave(self, x: float, y: float) -> PupilWave | RayWave:
         """Wave of one source point."""
-        return PupilWave(
-            path=self.path,
-            source=PointSource(x=x, y=y, distance=self.source.distance),
-            wavelength=self.wavelength,
-            paraxial=self.paraxial[0],
-        )
+        source = PointSource(x=x, y=y, distance=self.source.distance)
+        return point_wave(self.path, source, wavelength=self.wavelength, legs=self.legs)
 
 
 def prepare_spot(
@@ -75,36 +75,51 @@ def prepare_spot(
     source: DiscSource,
     nodes: SourceNodes,
     wavelength: float,
-    paraxial: tuple[bool, bool],
+    legs: Legs,
     accuracy: ChainAccuracy,
 ) -> Spot:
     """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
-    lenses = path.microlenses
     distance = np.linalg.norm(nodes.all, axis=1)
     outer = outermost(source, nodes)
     reaches = [ray_reach(path, point) for point in (source.centre, outer)]
-    patch = detector_patch(path, reaches, wavelength, paraxial[1], accuracy)
+    paraxial = legs.to_detector == "fresnel"
+    patch = detector_patch(path, reaches, wavelength, paraxial, accuracy)
     plane = microlens_plane(
         path,
         reaches[1],
         wavelength=wavelength,
-        paraxial=paraxial[1],
+        paraxial=paraxial,
         target_reach=patch.half_side,
         density=accuracy.microlens_nodes,
     )
     lit_within = max(lit_radius(path, point, wavelength, accuracy) for point in (source.centre, outer))
-    radii, tables = _tables(path, source, distance, wavelength, paraxial[0], accuracy, lit_within + lenses.cell_reach)
-    transmission = plane.transmission(source.centre)
+    tables = None
+    if legs.to_array != "geometric":
+        tables = source_tables(
+            path,
+            source,
+            (float(distance.min()), float(distance.max())),
+            wavelength=wavelength,
+            method=legs.to_array,
+            accuracy=accuracy,
+            half_width=lit_within + path.microlenses.cell_reach,
+        )
     return Spot(
         path=path,
         source=source,
         wavelength=wavelength,
-        paraxial=paraxial,
+        legs=legs,
         accuracy=accuracy,
-        radii=radii,
         tables=tables,
         plane=plane,
-        transmission=transmission,
+        cycles=resolved_cycles(
+            path,
+            reaches[1],
+            wavelength=wavelength,
+            target_reach=patch.half_side,
+            density=accuracy.microlens_nodes,
+        ),
+        transmission=plane.transmission(source.centre),
         response=response(
             patch.transfer,
             largest_carrier=patch.tilt / wavelength + patch.transfer.frequency_step,
@@ -165,11 +180,6 @@ def lit_radius(path: LightPath, point: PointSource, wavelength: float, accuracy:
     return blur_radius(path, point) + beyond + path.microlenses.cell_reach
 
 
-def table_count(accuracy: ChainAccuracy) -> int:
-    """Distances from the axis at which the main-lens field is computed, to be interpolated in between."""
-    return max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
-
-
 def _steepest(centre: RayReach, rim: RayReach) -> float:
     """Largest slope at the middle of any microlens: the disc's centre's, and as much more as any point of its rim's.
 
@@ -179,86 +189,75 @@ def _steepest(centre: RayReach, rim: RayReach) -> float:
     return float(np.linalg.norm(centre.slope, axis=1).max() + added)
 
 
-def _tables(
-    path: LightPath,
-    source: DiscSource,
-    distance: FloatArray,
-    wavelength: float,
-    paraxial: bool,
-    accuracy: ChainAccuracy,
-    half_width: float,
-) -> tuple[FloatArray, list[FieldTable]]:
-    """Main-lens field for sources on the x axis at Chebyshev points of the distances that occur."""
-    low, high = float(distance.min()), float(distance.max())
-    count = table_count(accuracy)
-    radii = (low + high) / 2 - (high - low) / 2 * np.cos(math.pi * (np.arange(count) + 0.5) / count)
-    lenses = path.microlenses
-    half = min(half_width, float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
-               + high * path.array_distance / source.distance)  # fmt: skip
-    tables: list[FieldTable] = []
-    for radius in radii:
-        wave = PupilWave(
-            path=path,
-            source=PointSource(x=float(radius), distance=source.distance),
-            wavelength=wavelength,
-            paraxial=paraxial,
-        )
-        spacing = field_spacing(wave, accuracy) if not tables else tables[0].spacing
-        needed = 16.0 * count * (2 * half / spacing) ** 2
-        if needed > accuracy.memory_limit:
-            raise UnaffordableError(
-                "tables of the main-lens field",
-                value=f"{count} of {2 * half / spacing:.0f}² points, {needed / 1e9:.1f} GB",
-                limit=f"{accuracy.memory_limit / 1e9:.1f} GB",
-                remedy="lower field_sampling, or raise the memory limit",
-            )
-        tables.append(
-            field_table(
-                wave,
-                low=(-half, -half),
-                high=(half, half),
-                spacing=spacing,
-                node_density=accuracy.pupil_nodes,
-                tolerance=min(accuracy.tolerance / 4, 1e-3),
-                memory_limit=accuracy.memory_limit,
-            )
-        )
-    return radii, tables
+def tables_at(spot: Spot, at: list[Place]) -> dict[Place, FieldTable | None]:
+    """Main-lens field of each place; none for rays."""
+    return dict.fromkeys(at) if spot.tables is None else dict(spot.tables.at(at))
 
 
-def tables_at(spot: Spot, at: list[tuple[float, float]]) -> dict[tuple[float, float], FieldTable]:
-    """Table at the distance of each point; one blend where points share their distance."""
-    blends: dict[int, FieldTable] = {}
-    result = {}
-    for point in at:
-        radius = math.hypot(*point)
-        key = round(radius * 1e12)
-        if key not in blends:
-            blends[key] = blended(spot.tables, _lagrange(spot.radii, radius))
-        result[point] = blends[key]
-    return result
-
-
-def point_intensity(spot: Spot, at: tuple[float, float], table: FieldTable) -> FloatArray:
+def point_intensity(spot: Spot, at: Place, table: FieldTable | None) -> FloatArray:
     """Intensity of one source point on the fine grid of the detector, as a share of its power through the pupil."""
     wave = spot.wave(*at)
     reach = ray_reach(spot.path, wave.source)
-    lit = _lit(spot, wave)
-    strengths = _arriving(spot, wave, table, lit) * _transmission(spot, wave)[lit]
-    lenses, cell, transfer = spot.path.microlenses, spot.plane.cell, spot.response.transfer
-    slope = reach.slope[lit]
-    sine = slope if spot.paraxial[1] else slope / np.sqrt(1 + np.sum(slope**2, axis=1, keepdims=True))
+    kind = np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
+    rows, columns = (n * spot.per_pixel + 2 * _MARGIN for n in spot.path.pixels.shape)
+    canvas = np.zeros((rows, columns), dtype=kind)
+    for group in _lit_groups(spot, wave, at, table):
+        _add_light(spot, canvas, reach, group)
+    return np.asarray(np.abs(canvas) ** 2 / wave.power())
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Lit:
+    """Microlenses that share their nodes (relative to their centres), and the wave behind them, times area weights."""
+
+    which: IntArray
+    x: FloatArray
+    y: FloatArray
+    strengths: ComplexArray
+
+
+def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None) -> Iterator[_Lit]:
+    """Microlenses that light of a source point reaches; each that the edge of a shadow cuts comes alone."""
+    lenses, plane = spot.path.microlenses, spot.plane
+    if isinstance(wave, RayWave):
+        share = lit_share(lenses, wave.lit)
+        whole = np.flatnonzero(share == 1.0)
+        for index in np.flatnonzero(share == 0.5):
+            one = slice(index, index + 1)
+            alone = replace(lenses, centres=lenses.centres[one], focal_lengths=lenses.focal_lengths[one])
+            cell = shadowed(lenses, plane.cell, wave.lit, int(index), spot.cycles)
+            cut = replace(plane, path=replace(spot.path, microlenses=alone), cell=cell)
+            strengths = wave.field(*cut.positions) * cut.transmission(wave.source)
+            yield _Lit(which=np.array([index]), x=cell.x, y=cell.y, strengths=strengths)
+    else:
+        distance = np.linalg.norm(lenses.centres - wave.path.chief_point(wave.source), axis=1)
+        whole = np.flatnonzero(distance <= max(spot.lit_within, float(distance.min())))
+    x, y = (c[whole] for c in plane.positions)
+    if spot.tables is None or table is None:
+        field = wave.field(x, y) if isinstance(wave, RayWave) else None
+    else:
+        field = spot.tables.field(at, table, x, y)
+    if whole.size and field is not None:
+        strengths = field * _transmission(spot, wave)[whole]
+        yield _Lit(which=whole, x=plane.cell.x, y=plane.cell.y, strengths=strengths)
+
+
+def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> None:
+    """Follow the light of some microlenses to their patches of the detector, and add it there."""
+    transfer, slope = spot.response.transfer, reach.slope[lit.which]
+    sine = slope
+    if spot.legs.to_detector != "fresnel":
+        sine = slope / np.sqrt(1 + np.sum(slope**2, axis=1, keepdims=True))
     steps = np.rint(sine / (spot.wavelength * transfer.frequency_step)).astype(int)
     frequency = transfer.frequency_step * steps
-    carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * cell.x + frequency[:, 1:] * cell.y))
-    kind = np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
-    first, start = _patch_starts(spot, reach, lit)
+    carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * lit.x + frequency[:, 1:] * lit.y))
+    first, start = _patch_starts(spot, reach, lit.which)
     side = 2 * math.ceil(spot.half_patch / spot.spacing) + 1
     patches = propagate(
         transfer,
-        x=cell.x,
-        y=cell.y,
-        strengths=(strengths * carrier).astype(kind),
+        x=lit.x,
+        y=lit.y,
+        strengths=(lit.strengths * carrier).astype(canvas.dtype),
         response=spot.response,
         carriers=steps,
         start=start,
@@ -266,39 +265,17 @@ def point_intensity(spot: Spot, at: tuple[float, float], table: FieldTable) -> F
         tolerance=spot.accuracy.tolerance / 20,
         threads=1,
     )
-    canvas = _added(spot, patches, first, frequency, lenses.centres[lit])
-    return np.asarray(np.abs(canvas) ** 2 / wave.power())
+    _add_patches(spot, canvas, patches, first, frequency, spot.path.microlenses.centres[lit.which])
 
 
-def _lit(spot: Spot, wave: PupilWave) -> np.ndarray[tuple[int, ...], np.dtype[np.int_]]:
-    """Microlenses that noticeable light can reach; at least the nearest."""
-    distance = np.linalg.norm(spot.path.microlenses.centres - wave.path.chief_point(wave.source), axis=1)
-    return np.flatnonzero(distance <= max(spot.lit_within, float(distance.min())))
-
-
-def _arriving(
-    spot: Spot, wave: PupilWave, table: FieldTable, lit: np.ndarray[tuple[int, ...], np.dtype[np.int_]]
-) -> ComplexArray:
-    """Main-lens field on the nodes of the lit microlenses: the table's, turned to the azimuth of the source."""
-    x, y = (c[lit] for c in spot.plane.positions)
-    radius = math.hypot(wave.source.x, wave.source.y)
-    cosine, sine = (wave.source.x / radius, wave.source.y / radius) if radius > 0 else (1.0, 0.0)
-    turned = spot.wave(radius, 0.0)
-    along, across = cosine * x + sine * y, cosine * y - sine * x
-    chief = turned.path.chief_point(turned.source)
-    return table.slow_part(along - chief[0], across) * unit_phasor(fast_phase(turned, along, across))
-
-
-def _transmission(spot: Spot, wave: PupilWave) -> ComplexArray:
+def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
     """Phasors of the lenses; perfect ones follow the source."""
     if spot.path.microlenses.lens_phase == "perfect":
         return spot.plane.transmission(wave.source)
     return spot.transmission
 
 
-def _patch_starts(
-    spot: Spot, reach: RayReach, lit: np.ndarray[tuple[int, ...], np.dtype[np.int_]]
-) -> tuple[np.ndarray[tuple[int, ...], np.dtype[np.int_]], FloatArray]:
+def _patch_starts(spot: Spot, reach: RayReach, lit: IntArray) -> tuple[IntArray, FloatArray]:
     """Canvas index (x, y) of each patch's first sample, and its position relative to its microlens."""
     origin = np.asarray(spot.path.pixels.corner) + (0.5 - _MARGIN) * spot.spacing
     half = math.ceil(spot.half_patch / spot.spacing)
@@ -306,17 +283,17 @@ def _patch_starts(
     return first, origin + first * spot.spacing - spot.path.microlenses.centres[lit]
 
 
-def _added(
+def _add_patches(
     spot: Spot,
+    canvas: ComplexArray,
     patches: ComplexArray,
-    first: np.ndarray[tuple[int, ...], np.dtype[np.int_]],
+    first: IntArray,
     carrier: FloatArray,
     centres: FloatArray,
-) -> ComplexArray:
-    """Fields of all patches, each over its carrier, added on the canvas of the detector."""
-    rows, columns = (n * spot.per_pixel + 2 * _MARGIN for n in spot.path.pixels.shape)
+) -> None:
+    """Add the fields of patches, each over its carrier, to the canvas of the detector."""
+    rows, columns = canvas.shape
     origin = np.asarray(spot.path.pixels.corner) + (0.5 - _MARGIN) * spot.spacing
-    canvas = np.zeros((rows, columns), dtype=patches.dtype)
     side = patches.shape[1]
     for patch, (j, i), (fx, fy), (cx, cy) in zip(patches, first, carrier, centres, strict=True):
         y0, y1, x0, x1 = max(i, 0), min(i + side, rows), max(j, 0), min(j + side, columns)
@@ -327,11 +304,3 @@ def _added(
         wave_x = unit_phasor(2 * np.pi * fx * x).astype(patches.dtype)
         wave_y = unit_phasor(2 * np.pi * fy * y).astype(patches.dtype)
         canvas[y0:y1, x0:x1] += patch[y0 - i : y1 - i, x0 - j : x1 - j] * wave_y[:, None] * wave_x
-    return canvas
-
-
-def _lagrange(points: FloatArray, at: float) -> FloatArray:
-    """Weights that interpolate a polynomial through the points."""
-    difference = points[:, None] - points + np.eye(points.size)
-    factors = np.where(np.eye(points.size, dtype=bool), 1.0, (at - points) / difference)
-    return np.asarray(factors.prod(axis=1))

@@ -15,6 +15,7 @@ from tradestudy.optics.chain import ChainAccuracy, LightPath
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.point_image import plan_waves
 from tradestudy.optics.chain.rays import ray_reach
+from tradestudy.optics.chain.source_tables import table_count
 from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
 from tradestudy.optics.chain.spot_points import (
@@ -22,7 +23,6 @@ from tradestudy.optics.chain.spot_points import (
     detector_patch,
     lit_radius,
     outermost,
-    table_count,
 )
 
 # Processor seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
@@ -64,7 +64,7 @@ class LightWork:
     def detector_side(self) -> int:
         """The same for all microlenses and pixels at once, as a single point is computed."""
         scene = self.scene
-        wave = PupilWave(path=scene.path, source=scene.source.centre, wavelength=scene.wavelength, paraxial=False)
+        wave = PupilWave(path=scene.path, source=scene.source.centre, wavelength=scene.wavelength, method="kirchhoff")
         return plan_waves(wave, False, self._accuracy).transfer.count
 
     @property

@@ -1,0 +1,248 @@
+"""Waves to the array and rays behind it: every array point sends its irradiance to one place on the detector.
+
+Behind the microlens at c, light at the array point x travels on along the line from the main lens's image x', bent by
+the lens as a paraxial ray: it lands at m x + t, m = 1 + b_L/a_L − b_L/f_L, t = b_L c/f_L − b_L x'/a_L. A pixel's share
+is the irradiance integrated over the part of each aperture whose light lands on it. Nothing diffracts or interferes
+behind the array.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.array_field import PupilWave, direct_field
+from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light
+from tradestudy.optics.chain.ray_wave import refuse_focus_on_array
+from tradestudy.optics.chain.regions import (
+    IntArray,
+    Region,
+    aperture_region,
+    cell_region,
+    on_segments,
+    pieces,
+    resolving,
+)
+from tradestudy.optics.chain.scene import LightPath, PixelGrid
+from tradestudy.optics.propagation.lens import PointSource
+
+_SAFETY = 1.5  # the two computations share some of their error
+_CHECK_POINTS = 16
+_GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses
+_FOR_BENDING = 3  # nodes more where an outline ends upright
+_SMALLEST = 1e-12  # scale below which a plane is in focus on the next
+
+
+@dataclass(frozen=True, kw_only=True)
+class PixelNodes:
+    """Area rule on a region, each node with the pixel that its light lands on.
+
+    Attributes
+    ----------
+    x, y, weights
+        Positions [m] and area weights [m²], shape (n,).
+    pixel
+        Flat index of the pixel, −1 beside the detector.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    weights: FloatArray
+    pixel: IntArray
+
+
+def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.random.Generator) -> ChainImage:
+    """Image of one point by waves to the array and rays behind it.
+
+    Parameters
+    ----------
+    wave
+        Camera, source, wavelength and law of the leg to the array.
+    accuracy
+        What to aim at; `microlens_nodes` refines the nodes of the irradiance.
+    rng
+        Draws the points that are checked against direct quadrature.
+
+    Returns
+    -------
+    ChainImage
+        The shares add up to `microlens_share` where the detector holds every landing: rays lose nothing.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the array lies in the focus of the main lens, or pixels are not to integrate.
+    UnaffordableError
+        If the field needs more memory than allowed.
+    NotConvergedError
+        If the field disagrees grossly with direct quadrature, or the boundary wave misses the tolerance.
+    """
+    refuse_points_of_pixels(wave.path.pixels)
+    refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
+    with ThreadPoolExecutor(2) as pool:
+        fine, other = pool.map(lambda each: _landed(wave, each), (accuracy, accuracy.compared()))
+    size = float(np.linalg.norm(fine.pixels))
+    change = float(np.linalg.norm(fine.pixels - other.pixels))
+    terms = {"other sampling": _SAFETY * change / size if change > 0 else 0.0}
+    if wave.method == "boundary_wave":
+        terms["boundary wave"] = fine.light.method_error
+    check = _irradiance_check(wave, fine, rng)
+    if check > _GROSS:
+        raise NotConvergedError(
+            "the main lens's field disagrees with direct quadrature",
+            value=f"{check:.2g}",
+            limit=f"{_GROSS:g}",
+            remedy="refine pupil_nodes or field_sampling",
+        )
+    power = wave.power()
+    return ChainImage(
+        pixels=fine.pixels / power,
+        numerical_error=math.hypot(*terms.values()),
+        error_terms=terms,
+        direct_check={"irradiance on the array": check},
+        microlens_share=float(fine.power.sum()) / power,
+        effort={"microlens nodes": fine.power.size, "array samples": fine.light.samples},
+        handed_over=fine.light.handed_over,
+    )
+
+
+def refuse_points_of_pixels(pixels: PixelGrid) -> None:
+    """Refuse rays at the centres of pixels.
+
+    Raises
+    ------
+    OutOfRangeError
+        If pixels are not to integrate.
+    """
+    if not pixels.integrated:
+        raise OutOfRangeError(
+            "rays at the centre of a pixel",
+            value="not integrated, geometric to the detector",
+            limit="rays come as areas over whole pixels",
+            remedy="integrate over pixels, or use waves",
+        )
+
+
+def irradiance_frequency(path: LightPath, wavelength: float) -> float:
+    """Highest spatial frequency of the irradiance on the array: between rays from opposite rims of the pupil [1/m]."""
+    radius, z = path.main_lens.radius, path.array_distance
+    return 2 * radius / math.hypot(radius, z) / wavelength
+
+
+def landing_parts(path: LightPath, index: int) -> Iterator[tuple[Region, float, float]]:
+    """What of a cell acts: region, power of the lens there [1/m] and sign; a clear gap is a cell less its aperture."""
+    lenses = path.microlenses
+    x, y = (float(c) for c in lenses.centres[index])
+    aperture = aperture_region(lenses, x, y)
+    yield aperture, 1 / float(lenses.focal_lengths[index]), 1.0
+    if lenses.gaps == "clear":
+        yield cell_region(lenses, x, y), 0.0, 1.0
+        yield aperture, 0.0, -1.0
+
+
+def pixel_nodes(
+    region: Region, pixels: PixelGrid, *, scale: float, offset: tuple[float, float], frequency: float, tolerance: float
+) -> PixelNodes:
+    """Nodes on a region, cut along the edges of the pixels that its points land on at `scale` times them + `offset`.
+
+    Between the cuts the integrand is as smooth as the irradiance, and the rule converges as fast as that allows.
+    """
+    rows, columns = pixels.shape
+    scale = math.copysign(max(abs(scale), _SMALLEST), scale)
+    edges_x, edges_y = ((e - t) / scale for e, t in zip((pixels.edges_x, pixels.edges_y), offset, strict=True))
+    low, high = (float(f(region.breaks)) for f in (np.min, np.max))
+    cuts = np.concatenate([region.breaks, edges_x, region.on_line(edges_y) if corners else []])
+    start, stop = pieces(cuts, low, high)
+    upright = (start == low) | (stop == high)
+    across = on_segments(
+        start,
+        stop,
+        resolving(np.where(upright, math.pi / 2, 1.0) * (stop - start), frequency, tolerance=tolerance, spare=0)
+        + _FOR_BENDING * upright,
+        bend=upright,
+    )
+    bottom, top = region.span(across.points)
+    ends = np.sort(edges_y)
+    lower = np.clip(np.concatenate([[-np.inf], ends]), bottom[:, None], top[:, None])
+    upper = np.clip(np.concatenate([ends, [np.inf]]), bottom[:, None], top[:, None])
+    along = on_segments(
+        lower.ravel(), upper.ravel(), resolving((upper - lower).ravel(), frequency, tolerance=tolerance, spare=0)
+    )
+    which, strip = np.divmod(along.owner, rows + 2)
+    x = across.points[which]
+    column = np.searchsorted(np.sort(edges_x), x) - 1
+    row = strip - 1
+    if scale < 0:
+        row, column = rows - 1 - row, columns - 1 - column
+    inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+    return PixelNodes(
+        x=x,
+        y=along.points,
+        weights=across.weights[which] * along.weights,
+        pixel=np.where(inside, row * columns + column, -1),
+    )
+
+
+def on_pixels(power: FloatArray, pixel: IntArray, grid: PixelGrid) -> FloatArray:
+    """Sum of what lands on each pixel, shape (rows, columns)."""
+    held = pixel >= 0
+    total = np.bincount(pixel[held], weights=power[held], minlength=math.prod(grid.shape))
+    return np.asarray(total.reshape(grid.shape), dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Landed:
+    """Nodes with the power that each stands for, and the pixels that hold it."""
+
+    light: ArrivingLight
+    nodes: PixelNodes
+    power: FloatArray
+    pixels: FloatArray
+
+
+def landing_nodes(path: LightPath, source: PointSource, *, frequency: float, tolerance: float) -> PixelNodes:
+    """Nodes on every cell with the pixel that light of a source point lands on from there; gaps count negatively."""
+    b = path.detector_distance
+    image_x, image_y, depth = path.image_at_array(source)
+    parts = []
+    for index, centre in enumerate(path.microlenses.centres):
+        for region, power, sign in landing_parts(path, index):
+            offset = b * power * centre - b / depth * np.array([image_x, image_y])
+            nodes = pixel_nodes(
+                region,
+                path.pixels,
+                scale=1 + b / depth - b * power,
+                offset=(float(offset[0]), float(offset[1])),
+                frequency=frequency,
+                tolerance=tolerance,
+            )
+            parts.append(replace(nodes, weights=sign * nodes.weights))
+    x, y, weights = (np.concatenate([getattr(part, name) for part in parts]) for name in ("x", "y", "weights"))
+    return PixelNodes(x=x, y=y, weights=weights, pixel=np.concatenate([part.pixel for part in parts]))
+
+
+def _landed(wave: PupilWave, accuracy: ChainAccuracy) -> _Landed:
+    """Irradiance on nodes of every microlens, and the pixels where it lands."""
+    frequency = accuracy.microlens_nodes * irradiance_frequency(wave.path, wave.wavelength)
+    nodes = landing_nodes(wave.path, wave.source, frequency=frequency, tolerance=accuracy.tolerance)
+    light = arriving_light(wave, accuracy)
+    power = nodes.weights * np.abs(light.read(nodes.x, nodes.y)) ** 2
+    return _Landed(light=light, nodes=nodes, power=power, pixels=on_pixels(power, nodes.pixel, wave.path.pixels))
+
+
+def _irradiance_check(wave: PupilWave, done: _Landed, rng: np.random.Generator) -> float:
+    """Relative discrepancy of the irradiance at random nodes from direct quadrature."""
+    lit = np.abs(done.power)
+    if not lit.any():
+        return 0.0
+    pick = rng.choice(lit.size, size=_CHECK_POINTS, p=lit / lit.sum())
+    truth = np.abs(direct_field(wave, done.nodes.x[pick], done.nodes.y[pick])) ** 2
+    here = done.power[pick] / done.nodes.weights[pick]
+    return float(np.linalg.norm(here - truth) / np.linalg.norm(truth))

@@ -1,0 +1,250 @@
+"""An incoherent disc by waves to the array and rays behind it.
+
+A pixel's share is an integral over source points s and array points x, of the irradiance where it lands on the pixel.
+The landing is linear in both: the inner integral is cut exactly along the edges of the pixels, over the plane that
+moves the landing farther (source points where the microlenses are near focus, array points of a small source), and
+the outer one is smooth enough for a rule fitted to a disc or a cell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
+from tradestudy.optics.chain.array_field import direct_field
+from tradestudy.optics.chain.landing import (
+    irradiance_frequency,
+    landing_nodes,
+    on_pixels,
+    pixel_nodes,
+    refuse_points_of_pixels,
+)
+from tradestudy.optics.chain.microlens_nodes import cell_nodes, tapered_disc_nodes
+from tradestudy.optics.chain.ray_wave import refuse_focus_on_array
+from tradestudy.optics.chain.regions import Disc
+from tradestudy.optics.chain.scene import Legs, LightPath
+from tradestudy.optics.chain.source_tables import SourceTables, source_tables
+from tradestudy.optics.chain.sources import (
+    DiscSource,
+    Symmetry,
+    moved,
+    moved_image,
+    symmetries,
+    tolerated_density,
+)
+from tradestudy.optics.chain.spot_points import lit_radius
+from tradestudy.optics.propagation.lens import PointSource
+
+_SAFETY = 1.5  # the two computations share some of their error
+_FEWER = 0.7  # source nodes and tables of the computation that is compared
+_CHECK_POINTS = 16
+_CORNERS_BELOW = 3e-3  # tolerance from which on the pixels at the rim of the disc count in full
+_SHARE_OF_FRINGES = 0.1  # resolved on a pixel's share of the disc; the nodes of the array average the rest
+
+
+def landing_spot_image(
+    path: LightPath,
+    source: DiscSource,
+    *,
+    wavelength: float,
+    legs: Legs,
+    accuracy: ChainAccuracy,
+    rng: np.random.Generator,
+) -> ChainImage:
+    """Image of an incoherent disc, averaged over its area, by waves to the array and rays behind it.
+
+    Parameters
+    ----------
+    path, source
+        Camera and disc.
+    wavelength
+        [m].
+    legs
+        Law of the leg to the array; `to_detector` is geometric.
+    accuracy
+        What to aim at; `microlens_nodes` refines the nodes on the array, `source_sampling` those on the disc.
+    rng
+        Draws the points where the interpolated irradiance is checked against direct quadrature.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the array lies in the focus of the main lens, or pixels are not to integrate.
+    UnaffordableError
+        If tables need more memory than allowed.
+    NotConvergedError
+        If the boundary wave misses the tolerance.
+    """
+    refuse_points_of_pixels(path.pixels)
+    refuse_focus_on_array(path, source.centre, wavelength)
+    with ThreadPoolExecutor(2) as pool:
+        fine, other = pool.map(
+            lambda each: _landed(path, source, wavelength, legs, each), (accuracy, _coarser(accuracy))
+        )
+    size = float(np.linalg.norm(fine.pixels))
+    change = float(np.linalg.norm(fine.pixels - other.pixels))
+    terms = {"other sampling": _SAFETY * change / size if change > 0 else 0.0}
+    if legs.to_array == "boundary_wave":
+        terms["boundary wave"] = fine.tables.method_error
+    return ChainImage(
+        pixels=fine.pixels,
+        numerical_error=math.hypot(*terms.values()),
+        error_terms=terms,
+        direct_check={"irradiance on the array": _irradiance_check(fine.tables, source, rng)},
+        microlens_share=fine.share,
+        effort={"irradiances": fine.reads, "array samples": fine.tables.samples},
+        handed_over=fine.tables.handed_over,
+    )
+
+
+def _coarser(accuracy: ChainAccuracy) -> ChainAccuracy:
+    """What the image is compared with; a starved knob is compared with 1, as `ChainAccuracy.compared` has it."""
+    sampling = accuracy.source_sampling
+    return replace(accuracy.compared(), source_sampling=_FEWER * sampling if sampling >= 1 else 1.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Landed:
+    """Shares on the pixels and before them, and what they were read from."""
+
+    tables: SourceTables
+    pixels: FloatArray
+    share: float
+    reads: int
+
+
+def _landed(path: LightPath, source: DiscSource, wavelength: float, legs: Legs, accuracy: ChainAccuracy) -> _Landed:
+    """Integrate over both planes, the one that moves the landing farther inside."""
+    assert legs.to_array != "geometric"  # whose discs `geometric_image` has
+    off, radius = math.hypot(source.x, source.y), source.diameter / 2
+    rim = PointSource(x=source.x + radius, y=source.y, distance=source.distance)
+    tables = source_tables(
+        path,
+        source,
+        (max(off - radius, 0.0), off + radius),
+        wavelength=wavelength,
+        method=legs.to_array,
+        accuracy=accuracy,
+        half_width=max(lit_radius(path, point, wavelength, accuracy) for point in (source.centre, rim))
+        + path.microlenses.cell_reach,
+    )
+    image = _image_moves(path, source)
+    lens = max(abs(scale) for scale in _lens_moves(path, source))
+    over = _over_array if image * source.diameter > lens * path.microlenses.aperture_width else _over_source
+    pixels, share, reads = np.zeros(path.pixels.shape), 0.0, 0
+    for part, power, count in over(tables, source, accuracy):
+        pixels += part
+        share += power
+        reads += count
+    return _Landed(tables=tables, pixels=pixels, share=share, reads=reads)
+
+
+def _image_moves(path: LightPath, source: DiscSource) -> float:
+    """How far the landing moves as the source point does, from a fixed point of the array."""
+    depth = path.image_at_array(source.centre)[2]
+    return abs(path.detector_distance * (path.array_distance - depth) / (depth * source.distance))
+
+
+def _lens_moves(path: LightPath, source: DiscSource) -> list[float]:
+    """How far the landing moves with the point of the array, from a fixed source point: behind each lens, and a gap."""
+    b, depth = path.detector_distance, path.image_at_array(source.centre)[2]
+    powers = [1 / float(f) for f in np.unique(path.microlenses.focal_lengths)]
+    return [1 + b / depth - b * power for power in (*powers, *([0.0] if path.microlenses.gaps == "clear" else []))]
+
+
+def _over_array(
+    tables: SourceTables, source: DiscSource, accuracy: ChainAccuracy
+) -> Iterator[tuple[FloatArray, float, int]]:
+    """Nodes on the array outside; the disc, cut by the pixels as each node sees them, inside."""
+    path = tables.path
+    lenses, pixels, b = path.microlenses, path.pixels, path.detector_distance
+    depth = path.image_at_array(source.centre)[2]
+    pull = b * (path.array_distance - depth) / (depth * source.distance)
+    fringes = irradiance_frequency(path, tables.wavelength)
+    # Behind a pixel's share of the disc fringes blur; what is left moves as the pixels do.
+    moves = max(abs(scale) for scale in _lens_moves(path, source))
+    blurred = min(fringes, abs(pull) * source.distance / path.array_distance / pixels.pitch)
+    density = accuracy.microlens_nodes * tolerated_density(accuracy)
+    cycles = density * lenses.aperture_width / 2 * (moves / pixels.pitch + blurred)
+    cell = cell_nodes(lenses, cycles=cycles)
+    disc = Disc(x=source.x, y=source.y, radius=source.diameter / 2)
+    on_disc = accuracy.source_sampling * _SHARE_OF_FRINGES * fringes * path.array_distance / source.distance
+    group = symmetries(path, source)
+    for index, mates in _orbits(lenses.centres, group):
+        image, share, reads = np.zeros(pixels.shape), 0.0, 0
+        powers = np.where(cell.in_lens, 1 / lenses.focal_lengths[index], 0.0)
+        for dx, dy, weight, power in zip(cell.x, cell.y, cell.weights, powers, strict=True):
+            offset = np.array([dx, dy])
+            at = lenses.centres[index] + offset
+            landing = at * (1 + b / depth) - b * power * offset
+            nodes = pixel_nodes(
+                disc,
+                pixels,
+                scale=pull,
+                offset=(float(landing[0]), float(landing[1])),
+                frequency=on_disc,
+                tolerance=accuracy.tolerance,
+                corners=accuracy.tolerance < _CORNERS_BELOW,
+            )
+            light = nodes.weights * tables.irradiance(nodes.x, nodes.y, at[0], at[1])
+            image += weight * on_pixels(light, nodes.pixel, pixels)
+            share += weight * float(light.sum())
+            reads += light.size
+        area = math.pi * source.diameter**2 / 4
+        yield mates / area * np.mean([moved_image(image, one) for one in group], axis=0), mates / area * share, reads
+
+
+def _over_source(
+    tables: SourceTables, source: DiscSource, accuracy: ChainAccuracy
+) -> Iterator[tuple[FloatArray, float, int]]:
+    """Nodes on the disc outside; the cells, cut by the pixels as each node sees them, inside."""
+    path = tables.path
+    fringes = irradiance_frequency(path, tables.wavelength)
+    moves = _image_moves(path, source) / path.pixels.pitch
+    phase = accuracy.source_sampling * tolerated_density(accuracy) * math.pi * source.diameter * moves
+    disc = tapered_disc_nodes(
+        radius=source.diameter / 2, radial_phase=phase, angular_phase=phase, centre=(source.x, source.y)
+    )
+    weights = disc.weights / disc.weights.sum()
+    for x, y, weight in zip(disc.x, disc.y, weights, strict=True):
+        place = float(x), float(y)
+        wave = tables.wave(*place)
+        nodes = landing_nodes(
+            path, wave.source, frequency=accuracy.microlens_nodes * fringes, tolerance=accuracy.tolerance
+        )
+        field = tables.field(place, tables.at([place])[place], nodes.x, nodes.y)
+        light = weight / wave.power() * nodes.weights * np.abs(field) ** 2
+        yield on_pixels(light, nodes.pixel, path.pixels), float(light.sum()), light.size
+
+
+def _orbits(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[int, int]]:
+    """One microlens of each set that the symmetries carry into one another, and the size of the set."""
+    seen: set[int] = set()
+    for index, centre in enumerate(centres):
+        if index not in seen:
+            mates = {int(np.argmin(np.linalg.norm(centres - moved(centre, one), axis=1))) for one in group}
+            seen |= mates
+            yield index, len(mates)
+
+
+def _irradiance_check(tables: SourceTables, source: DiscSource, rng: np.random.Generator) -> float:
+    """Relative discrepancy of the irradiance from direct quadrature, at random source points and array points."""
+    lenses = tables.path.microlenses
+    radius = source.diameter / 2 * np.sqrt(rng.random(_CHECK_POINTS))
+    angle = 2 * math.pi * rng.random(_CHECK_POINTS)
+    at = lenses.centres[rng.integers(lenses.count, size=_CHECK_POINTS)]
+    at = at + lenses.aperture_width / math.sqrt(8) * rng.uniform(-1, 1, at.shape)
+    s, t = source.x + radius * np.cos(angle), source.y + radius * np.sin(angle)
+    here = tables.irradiance(s, t, at[:, 0], at[:, 1])
+    truth = []
+    for (x, y), (p, q) in zip(np.column_stack([s, t]), at, strict=True):
+        wave = tables.wave(float(x), float(y))
+        truth.append(abs(direct_field(wave, np.array([p]), np.array([q]))[0]) ** 2 / wave.power())
+    size = float(np.linalg.norm(truth))
+    return float(np.linalg.norm(here - truth)) / size if size > 0 else 0.0

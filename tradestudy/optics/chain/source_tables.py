@@ -1,0 +1,195 @@
+"""The main-lens field of every point of a disc: tables at a few distances from the axis, turned and interpolated."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tradestudy.errors import UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.chain.array_field import FieldTable, PupilWave, blended, fast_phase, field_table
+from tradestudy.optics.chain.arriving_light import field_spacing
+from tradestudy.optics.chain.scene import LightPath, WaveMethod
+from tradestudy.optics.chain.sources import DiscSource
+from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.lens import PointSource
+
+Place = tuple[float, float]  # of a source point [m]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SourceTables:
+    """Main-lens field for sources on the x axis; it turns with the source about the axis of the lens.
+
+    Attributes
+    ----------
+    path, distance, wavelength, method
+        Camera, distance of the disc, wavelength, law of the leg to the array.
+    radii
+        Distances from the axis, Chebyshev points of those that occur, shape (n,) [m].
+    tables
+        One field for each, all on one grid.
+    """
+
+    path: LightPath
+    distance: float
+    wavelength: float
+    method: WaveMethod
+    radii: FloatArray
+    tables: list[FieldTable]
+
+    def wave(self, x: float, y: float) -> PupilWave:
+        """Wave of one source point."""
+        return PupilWave(
+            path=self.path,
+            source=PointSource(x=x, y=y, distance=self.distance),
+            wavelength=self.wavelength,
+            method=self.method,
+        )
+
+    def at(self, places: list[Place]) -> dict[Place, FieldTable]:
+        """Table at the distance of each place; one blend where places share their distance."""
+        blends: dict[int, FieldTable] = {}
+        result = {}
+        for place in places:
+            radius = math.hypot(*place)
+            key = round(radius * 1e12)
+            if key not in blends:
+                blends[key] = blended(self.tables, _lagrange(self.radii, np.array(radius)))
+            result[place] = blends[key]
+        return result
+
+    def field(self, place: Place, table: FieldTable, x: FloatArray, y: FloatArray) -> ComplexArray:
+        """Field of a source point on points of the array, from its blend: turned to the azimuth of the source."""
+        radius = math.hypot(*place)
+        cosine, sine = (place[0] / radius, place[1] / radius) if radius > 0 else (1.0, 0.0)
+        turned = self.wave(radius, 0.0)
+        along, across = cosine * x + sine * y, cosine * y - sine * x
+        chief = self.path.chief_point(turned.source)
+        return table.slow_part(along - chief[0], across) * unit_phasor(fast_phase(turned, along, across))
+
+    def irradiance(self, source_x: FloatArray, source_y: FloatArray, x: FloatArray, y: FloatArray) -> FloatArray:
+        """|U|² over the power through the pupil [1/m²], of source points at points of the array, pair by pair."""
+        radius = np.hypot(source_x, source_y)
+        off_axis = radius > 0
+        cosine, sine = (
+            np.divide(c, radius, out=np.full_like(radius, on_axis), where=off_axis)
+            for c, on_axis in ((source_x, 1.0), (source_y, 0.0))
+        )
+        weights = _lagrange(self.radii, radius)
+        along = cosine * x + sine * y + self.path.array_distance / self.distance * radius
+        across = cosine * y - sine * x
+        slow = np.zeros(radius.shape, dtype=np.complex128)
+        for weight, table in zip(weights.T, self.tables, strict=True):
+            slow += weight * table.slow_part(along, across)
+        return np.asarray(np.abs(slow) ** 2 / (weights @ self._powers))
+
+    @cached_property
+    def _powers(self) -> FloatArray:
+        """Power through the pupil from each radius."""
+        return np.array([self.wave(float(radius), 0.0).power() for radius in self.radii])
+
+    @property
+    def samples(self) -> int:
+        """Grid points of all tables."""
+        return sum(table.coefficients[0].size for table in self.tables)
+
+    @property
+    def method_error(self) -> float:
+        """Largest of what the tables state."""
+        return max(table.method_error for table in self.tables)
+
+    @property
+    def handed_over(self) -> float:
+        """Largest share that a table left to Kirchhoff."""
+        return max(table.handed_over for table in self.tables)
+
+
+def table_count(accuracy: ChainAccuracy) -> int:
+    """Distances from the axis at which the main-lens field is computed, to be interpolated in between."""
+    return max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
+
+
+def source_tables(
+    path: LightPath,
+    source: DiscSource,
+    distances: tuple[float, float],
+    *,
+    wavelength: float,
+    method: WaveMethod,
+    accuracy: ChainAccuracy,
+    half_width: float,
+) -> SourceTables:
+    """Compute the tables.
+
+    Parameters
+    ----------
+    path, source
+        Camera and disc.
+    distances
+        Least and largest distance from the axis that occurs [m].
+    wavelength, method
+        Of the leg to the array.
+    accuracy
+        What to aim at.
+    half_width
+        Farthest point from the chief ray that is read [m].
+
+    Raises
+    ------
+    UnaffordableError
+        If the tables need more memory than allowed.
+    NotConvergedError
+        If the boundary wave does not reach its tolerance.
+    """
+    low, high = distances
+    count = table_count(accuracy)
+    radii = (low + high) / 2 - (high - low) / 2 * np.cos(math.pi * (np.arange(count) + 0.5) / count)
+    lenses = path.microlenses
+    farthest = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
+    half = min(half_width, farthest + high * path.array_distance / source.distance)
+    waves = [
+        PupilWave(
+            path=path,
+            source=PointSource(x=float(radius), distance=source.distance),
+            wavelength=wavelength,
+            method=method,
+        )
+        for radius in radii
+    ]
+    spacing = field_spacing(waves[0], accuracy)
+    needed = 16.0 * count * (2 * half / spacing) ** 2
+    if needed > accuracy.memory_limit:
+        raise UnaffordableError(
+            "tables of the main-lens field",
+            value=f"{count} of {2 * half / spacing:.0f}² points, {needed / 1e9:.1f} GB",
+            limit=f"{accuracy.memory_limit / 1e9:.1f} GB",
+            remedy="lower field_sampling, or raise the memory limit",
+        )
+    tables = [
+        field_table(
+            wave,
+            low=(-half, -half),
+            high=(half, half),
+            spacing=spacing,
+            node_density=accuracy.pupil_nodes,
+            tolerance=min(accuracy.tolerance / 4, 1e-3),
+            memory_limit=accuracy.memory_limit,
+            method_tolerance=accuracy.tolerance,
+        )
+        for wave in waves
+    ]
+    return SourceTables(
+        path=path, distance=source.distance, wavelength=wavelength, method=method, radii=radii, tables=tables
+    )
+
+
+def _lagrange(points: FloatArray, at: FloatArray) -> FloatArray:
+    """Weights that interpolate a polynomial through the points, shape (…, points)."""
+    difference = points[:, None] - points + np.eye(points.size)
+    factors = np.where(np.eye(points.size, dtype=bool), 1.0, (at[..., None, None] - points) / difference)
+    return np.asarray(factors.prod(axis=-1))
