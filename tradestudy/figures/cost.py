@@ -26,6 +26,8 @@ _MARKER: Final = 3.6
 _MOST_TICKS: Final = 7
 _FOOT: Final = 0.1
 _ROOM: Final = 2.0  # beyond the outermost marks
+# Settings of these are what is left out, one thing or another: none follows on the one before.
+_UNORDERED: Final = "picture_"
 
 
 def cost_drawing(tree: xr.DataTree) -> Drawing:
@@ -34,7 +36,7 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="cost",
         caption="What accuracy costs on this machine: relative error against the reference (up) and seconds (across), "
-        "one line per model through its settings. Grey band: the frontier, on which nothing is as accurate in less "
+        "one line per model through its settings; for models of a picture one mark for each thing left out. Grey band: the frontier, on which nothing is as accurate in less "
         "time. Ring: what a run of the study computes. Star: a tenth of its error, along the frontier. Dotted: the "
         "error of the reference; marks on it are as good as can be told. An entry that is the reference stands on "
         "it. Errors above ten times the value are not drawn.",
@@ -113,8 +115,8 @@ def _panel(axes: Axes, data: xr.Dataset, name: str, models: list[str]) -> None:
         own = shown & (one["model"].values == model)
         style = line_style(models.index(model))
         axes.plot(
-            seconds[own], error[own], color=style.color, linestyle=style.dash, linewidth=1.1, marker=style.marker,
-            markersize=_MARKER, zorder=3,
+            seconds[own], error[own], color=style.color, linestyle="" if name.startswith(_UNORDERED) else style.dash,
+            linewidth=1.1, marker=style.marker, markersize=_MARKER, zorder=3,
         )  # fmt: skip
     chosen = shown & one["chosen"].values.astype(bool)
     axes.plot(
