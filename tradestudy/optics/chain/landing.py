@@ -148,11 +148,20 @@ def landing_parts(path: LightPath, index: int) -> Iterator[tuple[Region, float, 
 
 
 def pixel_nodes(
-    region: Region, pixels: PixelGrid, *, scale: float, offset: tuple[float, float], frequency: float, tolerance: float
+    region: Region,
+    pixels: PixelGrid,
+    *,
+    scale: float,
+    offset: tuple[float, float],
+    frequency: float,
+    tolerance: float,
+    corners: bool = True,
 ) -> PixelNodes:
     """Nodes on a region, cut along the edges of the pixels that its points land on at `scale` times them + `offset`.
 
     Between the cuts the integrand is as smooth as the irradiance, and the rule converges as fast as that allows.
+    Without `corners` columns are not cut where the outline crosses the edge of a row, which costs the pixels of the
+    outline about a hundredth of their light and spares half the nodes.
     """
     rows, columns = pixels.shape
     scale = math.copysign(max(abs(scale), _SMALLEST), scale)
