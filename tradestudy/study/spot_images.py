@@ -196,6 +196,7 @@ def _mean(lines: Sequence[tuple[float, float]], images: Sequence[ChainImage]) ->
         direct_check={name: max(image.direct_check[name] for image in images) for name in images[0].direct_check},
         microlens_share=float(np.dot(shares, [image.microlens_share for image in images])),
         effort={name: sum(image.effort[name] for image in images) for name in images[0].effort},
+        handed_over=max(image.handed_over for image in images),
     )
 
 
