@@ -36,7 +36,8 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
     return Drawing(
         name="cost",
         caption="What accuracy costs on this machine: relative error against the reference (up) and seconds (across), "
-        "one line per model through its settings; for models of a picture one mark for each thing left out. Grey band: the frontier, on which nothing is as accurate in less "
+        "one line per model through its settings; for models of a picture a mark for each thing left out. "
+        "Grey band: the frontier, on which nothing is as accurate in less "
         "time. Ring: what a run of the study computes. Star: a tenth of its error, along the frontier. Dotted: the "
         "error of the reference; marks on it are as good as can be told. An entry that is the reference stands on "
         "it. Errors above ten times the value are not drawn.",
