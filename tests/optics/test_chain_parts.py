@@ -12,10 +12,10 @@ from scipy.special import j1
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table
+from tradestudy.optics.chain.arriving_light import table_reader
 from tradestudy.optics.chain.detector_transfer import choose_transfer, propagate, response
 from tradestudy.optics.chain.microlens_nodes import cell_nodes
 from tradestudy.optics.chain.pixels import integrate_pixels
-from tradestudy.optics.chain.arriving_light import table_reader
 from tradestudy.optics.chain.rays import ray_reach
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 

@@ -223,6 +223,8 @@ def _detector_samples(
     held = plane.weights > 0  # a shadow leaves some lenses fewer nodes than others
     x, y = plane.positions
     rows, columns = (n * plan.per_pixel + 2 * _MARGIN for n in pixels.shape)
+    if not held.any():
+        return np.zeros((rows, columns), dtype=np.complex128)
     first = np.asarray(pixels.corner) - pixels.centre + (0.5 - _MARGIN) * plan.spacing
     fields = propagate(
         plan.transfer,

@@ -37,7 +37,8 @@ class Legs:
     Raises
     ------
     OutOfRangeError
-        If a method is none of these, or the boundary wave of microlenses follows waves: it needs rays to arrive.
+        If a method is none of these, or the boundary wave is asked for behind the array: microlenses that waves light,
+        or the edge of a shadow cuts, have no rays that arrive from one point with one edge about them.
     """
 
     to_array: LegMethod
@@ -47,12 +48,12 @@ class Legs:
         for method in (self.to_array, self.to_detector):
             if method not in LEG_METHODS:
                 raise OutOfRangeError("method of a leg", value=repr(method), limit=" | ".join(LEG_METHODS))
-        if self.to_detector == "boundary_wave" and self.to_array != "geometric":
+        if self.to_detector == "boundary_wave":
             raise OutOfRangeError(
-                "boundary wave of a microlens that a diffracted wave lights",
+                "boundary wave behind the microlenses",
                 value=f"{self.to_array} to the array, boundary_wave to the detector",
-                limit="geometric to the array, whose light is one sphere at every microlens",
-                remedy="take geometric to the array, or geometric, fresnel or kirchhoff to the detector",
+                limit="geometric, fresnel or kirchhoff to the detector, after any method to the array",
+                remedy="take kirchhoff to the detector, which is the same integral",
             )
 
 

@@ -226,6 +226,8 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
             one = slice(index, index + 1)
             alone = replace(lenses, centres=lenses.centres[one], focal_lengths=lenses.focal_lengths[one])
             cell = shadowed(lenses, plane.cell, wave.lit, int(index), spot.cycles)
+            if cell.x.size == 0:  # the edge passes between a corner of the aperture and the circle about it
+                continue
             cut = replace(plane, path=replace(spot.path, microlenses=alone), cell=cell)
             strengths = wave.field(*cut.positions) * cut.transmission(wave.source)
             yield _Lit(which=np.array([index]), x=cell.x, y=cell.y, strengths=strengths)
