@@ -15,6 +15,7 @@ from tradestudy.cost import measuring, stored
 from tradestudy.cost.measuring import Allowance, forget, measure
 from tradestudy.cost.study_cost import study_cost
 from tradestudy.errors import OutOfRangeError
+from tradestudy.figures.cost import cost_drawing, measured_quantities
 from tradestudy.optics.quadrature import gauss_legendre
 from tradestudy.provenance import code_hash
 from tradestudy.report.document import Table
@@ -126,6 +127,18 @@ def test_what_cannot_be_measured_is_refused(study: Study, repeats: int, budget: 
 def test_what_does_not_fit_is_left_out_and_named(study: Study) -> None:
     found = study.cost(budget=1e-3)
     assert "no time left" in str(found["left_out"].values[0])
+
+
+def test_a_quantity_that_nothing_answers_has_no_panel(study: Study, folder: Path) -> None:
+    cost = stored.read_cost(folder, study.hash)
+    assert cost is not None
+    assert measured_quantities(cost) == ["depth_uncertainty"]
+    answerless = cost.assign(relative_error=cost["relative_error"] * np.inf)
+    assert measured_quantities(answerless) == []
+    assert cost_drawing(xr.DataTree.from_dict({"/cost": cost})).draw().svg()
+    tree = xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": answerless})
+    (table,) = [block for block in cost_section(tree, {}) if isinstance(block, Table) and block.name.endswith("-table")]
+    assert {row[1] for row in table.rows} == {"no answer"}
 
 
 def test_every_run_starts_afresh() -> None:

@@ -31,16 +31,16 @@ BASELINE_TIMES_FOCAL_LENGTH = 0.1 * 8e-3
 SPREAD = 1.5e-5  # of disparity, at 5 m a tenth of it
 
 
-def stereo() -> Case:
+def stereo(distance: FloatArray = DISTANCE) -> Case:
     """Depth f B/(d + e), e normal."""
 
     def model(values: dict[str, FloatArray]) -> Outcome:
-        disparity = BASELINE_TIMES_FOCAL_LENGTH / DISTANCE + values["e"]
+        disparity = BASELINE_TIMES_FOCAL_LENGTH / distance + values["e"]
         return Outcome(values=disparity / BASELINE_TIMES_FOCAL_LENGTH)
 
     normal = Normal(mean=0.0, standard_deviation=SPREAD)
     sources = Sources(groups=(Source(name="e", distribution=normal, error_class=ErrorClass.RIG),))
-    return Case(name="s", model=model, sources=sources, distance=DISTANCE, closed_form=None)  # type: ignore[arg-type]
+    return Case(name="s", model=model, sources=sources, distance=distance, closed_form=None)  # type: ignore[arg-type]
 
 
 def exact_half_width() -> FloatArray:
@@ -93,6 +93,25 @@ def test_plain_draws_err_by_the_standard_error_of_their_quantiles(table: Measure
         expected = math.sqrt(p * (1.0 - p) - p * p) / (density * math.sqrt(2.0 * entry.evaluations))
         # Three correlated places and a handful of repeats: a factor of three either way is beyond doubt.
         assert expected / 3.0 < entry.error < 3.0 * expected
+
+
+@pytest.mark.parametrize(("distance", "endless"), [((2.0, 100.0), 1), ((100.0, 200.0), 2)])
+def test_places_without_a_far_end_are_left_out_and_counted(distance: tuple[float, ...], endless: int) -> None:
+    """At 53 m and beyond one standard deviation of disparity is all of it, and the interval ends at infinity."""
+    found = propagation_cost(
+        [stereo(np.array(distance))],
+        Allowance(seconds=1e4),
+        lambda _step, _share: None,
+        name="q",
+        title="Q",
+        says="",
+        chosen=INVERSE,
+        most_draws=2**12,
+    )
+    assert found.left_out[0].startswith(f"{endless} of 2 places")
+    assert math.isnan(found.reference_error) == (endless == 2)
+    assert bool(found.entries) == (endless == 1)
+    assert all(math.isfinite(entry.error) for entry in found.entries)
 
 
 def test_sobol_draws_need_at_least_eight_times_fewer_evaluations(table: Measured) -> None:

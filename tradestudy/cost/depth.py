@@ -125,6 +125,19 @@ def propagation_cost(
     progress(f"cost: {name}", _REFERENCE_SHARE)
     entries: list[Entry] = []
     left_out: list[str] = []
+    if endless := int(np.count_nonzero(np.isnan(reference))):
+        left_out.append(f"{endless} of {reference.size} places: the interval there has no far end by the reference")
+    if endless == reference.size:
+        return Measured(
+            name=name,
+            title=title,
+            says=says,
+            reference=words,
+            reference_error=reference_error,
+            reference_seconds=reference_seconds,
+            entries=(),
+            left_out=tuple(left_out),
+        )
     for model, compute in _analytic(cases):
         try:
             timed = measure(compute, allowance)
@@ -264,9 +277,10 @@ def _entry(
     *,
     chosen: bool = False,
 ) -> Entry:
-    """Root mean square over the runs, which draw anew, then the worst and the median over places."""
+    """Root mean square over the runs, which draw anew, then the worst and the median over places with a reference."""
+    bounded = ~np.isnan(reference)
     with np.errstate(invalid="ignore"):  # an unbounded interval is no error bar, and said so by an infinite error
-        relative = np.abs(np.stack(timed.values) - reference) / reference
+        relative = np.abs(np.stack(timed.values)[:, bounded] / reference[bounded] - 1.0)
     error = np.sqrt(np.mean(np.where(np.isnan(relative), np.inf, relative) ** 2, axis=0))
     return entry_of(
         timed,
@@ -282,6 +296,8 @@ def _entry(
 def _reference(cases: Sequence[Case], allowance: Allowance, most_draws: int) -> tuple[FloatArray, float, float, str]:
     """Half-widths from many draws, their relative standard error, what they took, and the words for all.
 
+    NaN where the interval of some scramble has no far end.
+
     Written apart from what is measured: the draws come from scipy's own scrambled Sobol sequence, unaligned, and the
     quantiles from numpy over all draws of a scramble.
     """
@@ -290,9 +306,10 @@ def _reference(cases: Sequence[Case], allowance: Allowance, most_draws: int) -> 
     while draws < min(_MOST_REFERENCE_DRAWS, 8 * most_draws) and allowance.allows(2.5 * found[1]):
         draws *= 2
         found = _scrambles(cases, draws)
-    widths = found[0]
+    widths = np.where(np.isfinite(found[0]).all(axis=0), found[0], np.nan)
     mean = widths.mean(axis=0)
-    error = float(np.max(widths.std(axis=0, ddof=1) / math.sqrt(_SCRAMBLES) / mean))
+    errors = widths.std(axis=0, ddof=1) / math.sqrt(_SCRAMBLES) / mean
+    error = math.nan if np.isnan(errors).all() else float(np.nanmax(errors))
     power = str(draws.bit_length() - 1).translate(_SUPERSCRIPTS)
     words = (
         f"2{power} scrambled Sobol draws in {_SCRAMBLES} scrambles of a seed of their own through the exact models, "
@@ -317,7 +334,8 @@ def _scrambles(cases: Sequence[Case], draws: int) -> tuple[FloatArray, float]:
                 uniform = engine.random(min(_BATCH, draws // _SCRAMBLES)).T + 2.0**-53
                 found = case.model(case.sources.draw(ndtri(uniform)))
                 depths.append(ranked(found, inverse_depth=True, draws=uniform.shape[1])[0])
-            low, high = np.quantile(np.concatenate(depths, axis=1), ONE_SIGMA, axis=1, method="hazen")
+            with np.errstate(invalid="ignore"):  # between two infinite depths: NaN, no far end
+                low, high = np.quantile(np.concatenate(depths, axis=1), ONE_SIGMA, axis=1, method="hazen")
             parts.append((high - low) / 2.0)
         rows.append(np.concatenate(parts))
     return np.stack(rows), time.perf_counter() - begin

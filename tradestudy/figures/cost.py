@@ -47,9 +47,13 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
 
 
 def measured_quantities(data: xr.Dataset) -> list[str]:
-    """Quantities that have entries."""
-    kept = {str(name) for name in data["quantity"].values}
+    """Quantities that have entries whose errors can be drawn."""
+    kept = {str(name) for name in data["quantity"].values[_drawable(data["relative_error"].values)]}
     return [str(name) for name in data["cost_quantity"].values if str(name) in kept]
+
+
+def _drawable(error: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    return np.asarray(np.isfinite(error) & (error <= _LARGEST))
 
 
 def _in_words(data: xr.Dataset) -> str:
@@ -71,7 +75,8 @@ def cost_figure(tree: xr.DataTree) -> StudyFigure:
     with styled():
         data = tree["cost"].to_dataset()
         names = measured_quantities(data)
-        models = list(dict.fromkeys(str(model) for model in data["model"].values))
+        drawn = np.isin(data["quantity"].values, names)
+        models = list(dict.fromkeys(str(model) for model in data["model"].values[drawn]))
         columns = min(_COLUMNS, len(names))
         rows = -(-len(names) // columns)
         figure = new_figure(_PANEL_HEIGHT * rows + 0.25 + 0.14 * -(-(len(models) + 3) // 4))
@@ -108,7 +113,7 @@ def _panel(axes: Axes, data: xr.Dataset, name: str, models: list[str]) -> None:
         floor = float(positive.min()) * _FOOT if positive.size else _FOOT
     error = np.maximum(np.asarray(one["relative_error"].values, dtype=float), floor)
     seconds = np.asarray(one["seconds"].values, dtype=float)
-    shown = np.isfinite(error) & (error <= _LARGEST)
+    shown = _drawable(error)
     on = shown & one["frontier"].values.astype(bool)
     order = np.argsort(seconds[on])
     axes.plot(seconds[on][order], error[on][order], color=FAINT, linewidth=7.0, solid_capstyle="round", zorder=1)
