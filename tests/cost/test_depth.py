@@ -8,16 +8,8 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from tradestudy.cost.depth import (
-    INVERSE,
-    LINEAR,
-    PLAIN,
-    SOBOL,
-    Case,
-    DrawsSaved,
-    draws_saved,
-    propagation_cost,
-)
+from tradestudy.cost.depth import INVERSE, LINEAR, Case, propagation_cost
+from tradestudy.cost.draws_saved import PLAIN, SOBOL, DrawsSaved, draws_saved
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance
 from tradestudy.optics.arrays import FloatArray
@@ -105,13 +97,16 @@ def test_places_without_a_far_end_are_left_out_and_counted(distance: tuple[float
         name="q",
         title="Q",
         says="",
-        chosen=INVERSE,
+        chosen=LINEAR,
         most_draws=2**12,
     )
     assert found.left_out[0].startswith(f"{endless} of 2 places")
     assert math.isnan(found.reference_error) == (endless == 2)
     assert bool(found.entries) == (endless == 1)
     assert all(math.isfinite(entry.error) for entry in found.entries)
+    # At 2 m s Z/f B = 3.75 % of the distance.
+    said = [f"What a run takes, {LINEAR}, errs most for s at 2 m, where the uncertainty is 3.75 % of the distance."]
+    assert [note for note in found.notes if "errs most" in note] == said * bool(found.entries)
 
 
 def test_sobol_draws_need_at_least_eight_times_fewer_evaluations(table: Measured) -> None:

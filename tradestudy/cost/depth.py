@@ -13,6 +13,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cost.draws_saved import PLAIN, SOBOL, gain
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, Timed, entry_of, measure
 from tradestudy.errors import OutOfRangeError
@@ -27,8 +28,8 @@ from tradestudy.uncertainty.linear import linear
 from tradestudy.uncertainty.monte_carlo import FEWEST_REPLICATES, Sampling, propagate
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 from tradestudy.uncertainty.streams import Sampler, plain_random, scrambled_sobol
+from tradestudy.units import FRACTION, LENGTH, pretty
 
-SOBOL, PLAIN = "scrambled Sobol", "plain Monte Carlo"
 _SAMPLERS: Final[Mapping[str, Sampler]] = {SOBOL: scrambled_sobol, PLAIN: plain_random}
 _POWERS: Final = range(9, 20, 2)
 _MOST_POWER: Final = {SOBOL: 17, PLAIN: 19}
@@ -125,6 +126,7 @@ def propagation_cost(
     progress(f"cost: {name}", _REFERENCE_SHARE)
     entries: list[Entry] = []
     left_out: list[str] = []
+    notes: list[str] = []
     if endless := int(np.count_nonzero(np.isnan(reference))):
         left_out.append(f"{endless} of {reference.size} places: the interval there has no far end by the reference")
     if endless == reference.size:
@@ -146,6 +148,8 @@ def propagation_cost(
             continue
         evaluations = sum(2 * case.sources.dimensions + 1 for case in cases) if model != CLOSED_FORM else math.nan
         entries.append(_entry(model, "", evaluations, timed, reference, chosen=model == chosen))
+        if model == chosen:
+            notes.append(_where_worst(cases, model, timed, reference))
     took = dict.fromkeys(_SAMPLERS, 0.0)
     for power in _POWERS:
         for model, sampler in _SAMPLERS.items():
@@ -163,6 +167,8 @@ def propagation_cost(
     for model, setting, sampling in more:
         timed = measure(partial(_sampled, cases, sampling), allowance)
         entries.append(_entry(model, setting, math.nan, timed, reference, chosen=model == chosen))
+        if model == chosen:
+            notes.append(_where_worst(cases, f"{model} {setting}", timed, reference))
     progress(f"cost: {name}", 1.0)
     return Measured(
         name=name,
@@ -173,7 +179,7 @@ def propagation_cost(
         reference_seconds=reference_seconds,
         entries=tuple(sorted(entries, key=lambda entry: _ORDER.index(entry.model))),
         left_out=tuple(left_out),
-        notes=tuple(_gain(entries, reference_error)),
+        notes=(*notes, *gain(entries, reference_error)),
     )
 
 
@@ -277,11 +283,8 @@ def _entry(
     *,
     chosen: bool = False,
 ) -> Entry:
-    """Root mean square over the runs, which draw anew, then the worst and the median over places with a reference."""
-    bounded = ~np.isnan(reference)
-    with np.errstate(invalid="ignore"):  # an unbounded interval is no error bar, and said so by an infinite error
-        relative = np.abs(np.stack(timed.values)[:, bounded] / reference[bounded] - 1.0)
-    error = np.sqrt(np.mean(np.where(np.isnan(relative), np.inf, relative) ** 2, axis=0))
+    """The worst and the median error over places with a reference."""
+    error = _errors(timed, reference)[~np.isnan(reference)]
     return entry_of(
         timed,
         model=model,
@@ -290,6 +293,25 @@ def _entry(
         error=float(np.max(error)),
         typical_error=float(np.median(error)),
         chosen=chosen,
+    )
+
+
+def _errors(timed: Timed[FloatArray], reference: FloatArray) -> FloatArray:
+    """Relative error at every place: root mean square over the runs, which draw anew; NaN without a reference."""
+    with np.errstate(invalid="ignore"):  # an unbounded interval is no error bar, and said so by an infinite error
+        relative = np.abs(np.stack(timed.values) / reference - 1.0)
+    relative = np.where(np.isnan(relative) & ~np.isnan(reference), np.inf, relative)
+    return np.asarray(np.sqrt(np.mean(relative**2, axis=0)))
+
+
+def _where_worst(cases: Sequence[Case], words: str, timed: Timed[FloatArray], reference: FloatArray) -> str:
+    """Where what is chosen errs most, and how uncertain depth is there."""
+    places = [(case.name, float(distance)) for case in cases for distance in case.distance]
+    worst = int(np.nanargmax(_errors(timed, reference)))
+    name, distance = places[worst]
+    return (
+        f"What a run takes, {words}, errs most for {name} at {pretty(distance, LENGTH)}, where the uncertainty is "
+        f"{pretty(float(reference[worst]) / distance, FRACTION)} of the distance."
     )
 
 
@@ -339,50 +361,3 @@ def _scrambles(cases: Sequence[Case], draws: int) -> tuple[FloatArray, float]:
             parts.append((high - low) / 2.0)
         rows.append(np.concatenate(parts))
     return np.stack(rows), time.perf_counter() - begin
-
-
-def _gain(entries: Sequence[Entry], floor: float) -> Iterator[str]:
-    """How many times fewer draws Sobol points need, by the median error over places."""
-    saved = draws_saved(entries, floor)
-    if saved is not None:
-        least = "at least " if saved.at_least else ""
-        yield (
-            f"For a typical error of {100.0 * saved.error:.2g} % scrambled Sobol draws need {least}{saved.factor:.3g} "
-            "times fewer evaluations than plain Monte Carlo draws."
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class DrawsSaved:
-    """How many times fewer draws Sobol points need for a typical error; ``at_least`` where the fewest are enough."""
-
-    error: float
-    factor: float
-    at_least: bool
-
-
-def draws_saved(entries: Sequence[Entry], floor: float) -> DrawsSaved | None:
-    """Compare the draws for the smallest typical error that both ways reach and that the reference can tell.
-
-    Between measured numbers of draws the error is read log–log. None where either way was measured less than twice.
-    """
-    curves = {}
-    for model in (SOBOL, PLAIN):
-        rows = sorted(
-            (
-                (entry.evaluations, entry.typical_error)
-                for entry in entries
-                if entry.model == model and entry.evaluations > 0.0 and entry.typical_error > 2.0 * floor
-            ),
-        )
-        if len(rows) < 2:
-            return None
-        draws, errors = (np.array(column) for column in zip(*rows, strict=True))
-        # One that happens to be smaller than its successor does not make fewer draws enough.
-        curves[model] = (draws, np.maximum.accumulate(errors[::-1])[::-1])
-    error = max(float(errors[-1]) for _, errors in curves.values())
-    needed = {
-        model: math.exp(float(np.interp(-math.log(error), -np.log(errors), np.log(draws))))
-        for model, (draws, errors) in curves.items()
-    }
-    return DrawsSaved(error=error, factor=needed[PLAIN] / needed[SOBOL], at_least=bool(error > curves[SOBOL][1][0]))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
@@ -13,7 +14,18 @@ from matplotlib.ticker import LogLocator
 
 from tradestudy.figures.depth_data import FloatArray
 from tradestudy.figures.drawing import Drawing
-from tradestudy.figures.style import FAINT, INK, SOFT, StudyFigure, legend, line_style, log_axis, new_figure, styled
+from tradestudy.figures.style import (
+    FAINT,
+    INK,
+    SOFT,
+    StudyFigure,
+    legend,
+    line_style,
+    log_axis,
+    new_figure,
+    printable,
+    styled,
+)
 from tradestudy.units import DURATION, FRACTION, pretty
 
 if TYPE_CHECKING:
@@ -26,6 +38,7 @@ _MARKER: Final = 3.6
 _MOST_TICKS: Final = 7
 _FOOT: Final = 0.1
 _ROOM: Final = 2.0  # beyond the outermost marks
+_TITLE_WIDTH: Final = 46  # characters above a panel
 # Settings of these are what is left out, one thing or another: none follows on the one before.
 _UNORDERED: Final = "picture_"
 
@@ -134,7 +147,7 @@ def _panel(axes: Axes, data: xr.Dataset, name: str, models: list[str]) -> None:
     starred = math.isfinite(needed) and wanted >= floor
     if starred:
         axes.plot(needed, wanted, linestyle="", marker="*", markersize=8, color=INK, zorder=5)
-    axes.set_title(str(summary["title"].item()))
+    axes.set_title(textwrap.fill(printable(str(summary["title"].item())), _TITLE_WIDTH), fontsize=7.5)
     extra = [(needed, wanted)] if starred else []
     _frame(axes, seconds[shown], np.append(error[shown], floor), extra)
 
