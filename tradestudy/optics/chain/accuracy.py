@@ -10,6 +10,7 @@ from tradestudy.optics.arrays import FloatArray
 
 _COARSER_TOLERANCE = 2.0
 _COARSER = 0.9
+_LONGER = 1.5
 _KNOBS = (
     "pupil_nodes",
     "microlens_nodes",
@@ -76,13 +77,18 @@ class ChainAccuracy:
         """The settings whose result is compared with this one's to state its error.
 
         They are coarser; but a knob below 1 is compared with 1, for where samples alias, fewer of them alias alike.
+        The reach is longer instead: what lies beyond it is light from the edges of other microlenses, which comes in
+        steps of their pitch, and a shorter reach may miss the very edges that this one misses.
         """
+        tolerance = min(_COARSER_TOLERANCE * self.tolerance, 0.2)
+        kept = math.pow(tolerance / self.tolerance, 1 / 6)  # against the shorter reach of the larger tolerance
         return replace(
             self,
-            tolerance=min(_COARSER_TOLERANCE * self.tolerance, 0.2),
+            tolerance=tolerance,
+            diffraction_reach=kept * max(_LONGER * self.diffraction_reach, 1.0),
             **{
                 name: _COARSER * value if value >= 1 else 1.0
-                for name in ("pupil_nodes", "microlens_nodes", "field_sampling", "diffraction_reach")
+                for name in ("pupil_nodes", "microlens_nodes", "field_sampling")
                 for value in [getattr(self, name)]
             },
         )

@@ -45,7 +45,9 @@ def chain_image(
     wavelength
         λ [m], > 0.
     legs
-        Law of each leg: `GEOMETRIC`, `FRESNEL`, `KIRCHHOFF_FRESNEL`, `KIRCHHOFF`, or another mixture of waves.
+        Law of each leg. Rays to the array and waves behind it: the light of each microlens is the sphere about the
+        main lens's image, cut off by the shadow of the pupil. Waves to the array and rays behind it: each array point
+        sends its irradiance to one place, and nothing interferes. A coherent disc takes waves on both legs.
     accuracy
         What to aim at and how much memory may be used.
     rng
@@ -59,11 +61,12 @@ def chain_image(
     Raises
     ------
     OutOfRangeError
-        If the wavelength is not positive, or a coherent source is to be traced by rays.
+        If the wavelength is not positive, a coherent source is to be traced by rays, or rays on one leg meet an array
+        in the focus of the main lens.
     UnaffordableError
         If nodes or samples need more memory than allowed.
     NotConvergedError
-        If the fast path disagrees grossly with direct quadrature.
+        If the fast path disagrees grossly with direct quadrature, or a boundary wave misses the tolerance.
 
     Notes
     -----

@@ -37,8 +37,9 @@ class Legs:
     Raises
     ------
     OutOfRangeError
-        If a method is none of these, or the boundary wave is asked for behind the array: microlenses that waves light,
-        or the edge of a shadow cuts, have no rays that arrive from one point with one edge about them.
+        If a method is none of these, or the boundary wave is asked for behind the array. Microlenses that waves
+        light, or the edge of a shadow cuts, have no rays from one point with one edge about them; and in the focus of
+        a fast microlens the boundary wave, a leading term, is no better than the light itself.
     """
 
     to_array: LegMethod
