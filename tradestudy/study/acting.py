@@ -12,7 +12,7 @@ from tradestudy.cameras.stereo import StereoCalibration, StereoRig
 from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
 from tradestudy.effects.base import OFF, SlotName
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.picture import PictureModels
+from tradestudy.imaging.models import PictureModels
 
 AnyDepthCamera = StereoRig | FocusedPlenoptic | UnfocusedPlenoptic
 Models = Mapping[SlotName, str]
