@@ -287,7 +287,9 @@ class StereoCalibrationPart(Part):
     pitch: AngleErrorPart | None = None
     roll: AngleErrorPart | None = None
     baseline: LengthErrorPart | None = None
-    focal_length: LengthErrorPart | None = None
+    focal_length: LengthErrorPart | None = Field(
+        default=None, description="Of the common principal distance, as a calibration in pixels gives it."
+    )
     principal_point: LengthErrorPart | None = None
 
 
