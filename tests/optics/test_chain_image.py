@@ -185,6 +185,15 @@ def test_stated_error_covers_the_true_one_on_random_cameras_and_is_tight() -> No
     assert np.median(ratios) < 10
 
 
+@pytest.mark.parametrize("accuracy", [FAST, ChainAccuracy(tolerance=0.15), ChainAccuracy(diffraction_reach=0.5)])
+def test_what_an_image_is_compared_with_reaches_farther_and_is_coarser_else(accuracy: ChainAccuracy) -> None:
+    """Edges of far microlenses come in steps of their pitch: a shorter reach may miss the very same ones."""
+    other = accuracy.compared()
+    assert other.fresnel_lengths / accuracy.fresnel_lengths == pytest.approx(max(1.5, 1 / accuracy.diffraction_reach))
+    assert accuracy.tolerance < other.tolerance <= 0.2
+    assert all(getattr(other, knob) < 1 for knob in ("pupil_nodes", "microlens_nodes", "field_sampling"))
+
+
 def test_fewer_nodes_are_confessed() -> None:
     """At half and a quarter of the microlens nodes the statement grows with the error."""
     truth = image(camera(), OFF, accuracy=ChainAccuracy(tolerance=1e-5)).pixels

@@ -28,7 +28,7 @@ from tradestudy.optics.chain.rays import RayReach, ray_reach
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.propagation.direct import ComplexArray
 
-_SAFETY = 1.5  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
+_SAFETY = 2.0  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
 _CHECK_POINTS = 16
 _GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses …
 _GROSS_RATIO = 300.0  # … or that is out of all proportion to the error stated
@@ -153,7 +153,7 @@ def plan_waves(wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccurac
     reach = ray_reach(path, wave.source, whole_pupil=wave.whole_pupil)
     fresnel_length = math.sqrt(wave.wavelength * path.detector_distance)
     margin = accuracy.fresnel_lengths * fresnel_length
-    kept = float(reach.travel.max()) + margin
+    kept = min(float(reach.travel.max()) + margin, _farthest(path))
     pixels = path.pixels
     band = half_band(wave.wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
     per_pixel = samples_per_pixel(pixels, accuracy.pixel_sampling * 2 * band * pixels.pitch)
@@ -175,6 +175,13 @@ def plan_waves(wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccurac
             tolerance=accuracy.tolerance,
         ),
     )
+
+
+def _farthest(path: LightPath) -> float:
+    """Farthest pixel from any point of a microlens: light that lands beyond is nobody's [m]."""
+    corners = np.array([[x, y] for x in path.pixels.edges_x[[0, -1]] for y in path.pixels.edges_y[[0, -1]]])
+    apart = np.linalg.norm(path.microlenses.centres[:, None] - corners, axis=-1)
+    return float(apart.max()) + path.microlenses.cell_reach
 
 
 def _half_side(path: LightPath) -> tuple[float, float]:

@@ -175,11 +175,14 @@ def on_segments(low: FloatArray, high: FloatArray, count: IntArray, *, bend: Boo
 def resolving(length: FloatArray, frequency: float, *, tolerance: float = 1e-6, spare: int = 2) -> IntArray:
     """Nodes that integrate a plane wave of this frequency [1/m] over lengths, and `spare` more.
 
-    Its degree is the phase z over half a length and the orders z^⅓ (3/2 ln 1/tolerance)^⅔/2^⅓ beyond it.
+    Its degree is the phase z over half a length and the orders z^⅓ (3/2 ln 1/tolerance)^⅔/2^⅓ beyond it. Large
+    numbers are rounded up by an eighth at most, so that few different rules are needed.
     """
     phase = math.pi * frequency * np.maximum(length, 0.0)
     beyond = np.cbrt((1.5 * math.log(1 / tolerance)) ** 2 / 2 * np.maximum(phase, 1.0))
-    return np.asarray(np.ceil(phase + beyond), dtype=int) // 2 + 1 + spare
+    count = np.asarray(np.ceil(phase + beyond), dtype=int) // 2 + 1 + spare
+    step = np.exp2(np.maximum(np.floor(np.log2(count)) - 3, 0)).astype(int)
+    return np.asarray(-(-count // step) * step)
 
 
 def pieces(breaks: FloatArray, low: float, high: float) -> tuple[FloatArray, FloatArray]:
