@@ -91,15 +91,17 @@ def polar_field(
         Number of points from which on it does not pay.
     """
     turns = wavenumber * radius
-    half = math.ceil((turns + bessel_margin(turns, tolerance)) / 2) + 1
-    rings = radius * np.cos(np.pi * (np.arange(half) + 0.5) / (2 * half))
+    steps = math.ceil(turns * (_CUBIC / tolerance) ** 0.25) + 4
+    # Out to the last step of the table: polynomials of this degree magnify what is wrong a step beyond their points.
+    reach = 1 + 1 / steps
+    half = math.ceil((reach * turns + bessel_margin(reach * turns, tolerance)) / 2) + 1
+    rings = reach * radius * np.cos(np.pi * (np.arange(half) + 0.5) / (2 * half))
     known = _harmonics(field, centre, rings, _TAIL * tolerance, most)
     if known is None:
         return None
     harmonics = np.arange(known.shape[1]) - known.shape[1] // 2
     # At the radius −r lies the opposite angle: odd harmonics change sign there.
-    steps = math.ceil(turns * (_CUBIC / tolerance) ** 0.25) + 4
-    onto = lagrange(np.arange(-1, steps + 2) / steps, 2 * half, np.array([-1.0, 1.0]))
+    onto = lagrange(np.arange(-1, steps + 2) / steps, 2 * half, np.array([-reach, reach]))
     sign = np.where(harmonics % 2 == 0, 1.0, -1.0)
     table = apply_along_rows(onto, np.concatenate([known, known[::-1] * sign]))
     return PolarField(centre=centre, radius=radius, harmonics=harmonics.astype(float), table=table)
