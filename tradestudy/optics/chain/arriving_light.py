@@ -30,13 +30,12 @@ class ArrivingLight:
         Field at points (x, y).
     samples
         Points of the table that is interpolated; 0 for a closed form.
-    method_error, handed_over
+    handed_over
         As of `FieldTable`.
     """
 
     read: ArrayField
     samples: int = 0
-    method_error: float = 0.0
     handed_over: float = 0.0
 
 
@@ -59,7 +58,7 @@ def arriving_light(wave: PupilWave | RayWave, accuracy: ChainAccuracy) -> Arrivi
     UnaffordableError
         If its table needs more memory than allowed.
     NotConvergedError
-        If the boundary wave does not reach the tolerance.
+        If Kirchhoff's integral misses the tolerance where the boundary wave is left to it.
     """
     if isinstance(wave, RayWave):
         return ArrivingLight(read=wave.field)
@@ -67,7 +66,6 @@ def arriving_light(wave: PupilWave | RayWave, accuracy: ChainAccuracy) -> Arrivi
     return ArrivingLight(
         read=table_reader(wave, table),
         samples=table.coefficients[0].size,
-        method_error=table.method_error,
         handed_over=table.handed_over,
     )
 
@@ -85,7 +83,7 @@ def array_table(wave: PupilWave, accuracy: ChainAccuracy) -> FieldTable:
         node_density=accuracy.pupil_nodes,
         tolerance=accuracy.tolerance / 4,
         memory_limit=accuracy.memory_limit,
-        method_tolerance=accuracy.tolerance,
+        edge_tolerance=accuracy.tolerance,
     )
 
 

@@ -82,17 +82,16 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
     UnaffordableError
         If the field needs more memory than allowed.
     NotConvergedError
-        If the field disagrees grossly with direct quadrature, or the boundary wave misses the tolerance.
+        If the field disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance
+        where a boundary wave is left to it.
     """
     refuse_points_of_pixels(wave.path.pixels)
     refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
-    with ThreadPoolExecutor(2) as pool:
-        fine, other = pool.map(lambda each: _landed(wave, each), (accuracy, accuracy.compared()))
+    with ThreadPoolExecutor(2) as pool:  # a boundary wave is compared with Kirchhoff's integral
+        fine, other = pool.map(_landed, (wave, wave.reference), (accuracy, accuracy.compared()))
     size = float(np.linalg.norm(fine.pixels))
     change = float(np.linalg.norm(fine.pixels - other.pixels))
     terms = {"other sampling": _SAFETY * change / size if change > 0 else 0.0}
-    if wave.method == "boundary_wave":
-        terms["boundary wave"] = fine.light.method_error
     check = _irradiance_check(wave, fine, rng)
     if check > _GROSS:
         raise NotConvergedError(

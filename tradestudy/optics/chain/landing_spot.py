@@ -79,19 +79,18 @@ def landing_spot_image(
     UnaffordableError
         If tables need more memory than allowed.
     NotConvergedError
-        If the boundary wave misses the tolerance.
+        If Kirchhoff's integral misses the tolerance where a boundary wave is left to it.
     """
     refuse_points_of_pixels(path.pixels)
     refuse_focus_on_array(path, source.centre, wavelength)
+    compared = replace(legs, to_array="kirchhoff") if legs.to_array == "boundary_wave" else legs
     with ThreadPoolExecutor(2) as pool:
         fine, other = pool.map(
-            lambda each: _landed(path, source, wavelength, legs, each), (accuracy, _coarser(accuracy))
+            lambda each: _landed(path, source, wavelength, *each), ((legs, accuracy), (compared, _coarser(accuracy)))
         )
     size = float(np.linalg.norm(fine.pixels))
     change = float(np.linalg.norm(fine.pixels - other.pixels))
     terms = {"other sampling": _SAFETY * change / size if change > 0 else 0.0}
-    if legs.to_array == "boundary_wave":
-        terms["boundary wave"] = fine.tables.method_error
     return ChainImage(
         pixels=fine.pixels,
         numerical_error=math.hypot(*terms.values()),

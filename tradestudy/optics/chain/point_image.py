@@ -68,7 +68,8 @@ def wave_point_image(
     UnaffordableError
         If nodes or samples need more memory than allowed.
     NotConvergedError
-        If the fast path disagrees grossly with direct quadrature, or the boundary wave misses the tolerance.
+        If the fast path disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance
+        where a boundary wave is left to it.
     """
     fine, terms = stated_point(wave, paraxial_detector_leg, accuracy)
     error = math.hypot(*terms.values())
@@ -114,17 +115,22 @@ class PointComputation:
 def stated_point(
     wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccuracy
 ) -> tuple[PointComputation, dict[str, float]]:
-    """Computation and the terms of its stated error: a second one on other samples, side by side."""
+    """Computation and the terms of its stated error: a second one on other samples, side by side.
+
+    The second one of a boundary wave is Kirchhoff's, so that the change holds what its leading term leaves out.
+    """
+    reference = wave.reference if isinstance(wave, PupilWave) else wave
     with ThreadPoolExecutor(2) as pool:
-        fine, other = pool.map(lambda each: compute_point(wave, paraxial, each), (accuracy, accuracy.compared()))
+        fine, other = pool.map(
+            lambda each: compute_point(*each),
+            ((wave, paraxial, accuracy), (reference, paraxial, accuracy.compared())),
+        )
     size = min(float(np.linalg.norm(one.pixels)) for one in (fine, other))  # starved nodes invent light
     change = float(np.linalg.norm(fine.pixels - other.pixels))
     terms = {
         "other sampling": _SAFETY * change / size if change > 0 else 0.0,  # no light, no change: all is shadow
         "pixel integration": fine.pixel_error,
     }
-    if isinstance(wave, PupilWave) and wave.method == "boundary_wave":
-        terms["boundary wave"] = fine.light.method_error
     return fine, terms
 
 

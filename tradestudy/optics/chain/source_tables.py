@@ -99,11 +99,6 @@ class SourceTables:
         return sum(table.coefficients[0].size for table in self.tables)
 
     @property
-    def method_error(self) -> float:
-        """Largest of what the tables state."""
-        return max(table.method_error for table in self.tables)
-
-    @property
     def handed_over(self) -> float:
         """Largest share that a table left to Kirchhoff."""
         return max(table.handed_over for table in self.tables)
@@ -144,7 +139,7 @@ def source_tables(
     UnaffordableError
         If the tables need more memory than allowed.
     NotConvergedError
-        If the boundary wave does not reach its tolerance.
+        If Kirchhoff's integral misses the tolerance where the boundary wave is left to it.
     """
     low, high = distances
     count = table_count(accuracy)
@@ -179,7 +174,7 @@ def source_tables(
             node_density=accuracy.pupil_nodes,
             tolerance=min(accuracy.tolerance / 4, 1e-3),
             memory_limit=accuracy.memory_limit,
-            method_tolerance=accuracy.tolerance,
+            edge_tolerance=accuracy.tolerance,
         )
         for wave in waves
     ]

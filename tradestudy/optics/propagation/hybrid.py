@@ -51,6 +51,43 @@ class _Evaluation:
     singular: BoolArray
 
 
+@dataclass(frozen=True, kw_only=True)
+class UncheckedField:
+    """Field at the targets, in their shape, and the share of them that was left to Kirchhoff's integral."""
+
+    field: ComplexArray
+    handed_over: float
+
+
+def unchecked_hybrid_field(
+    *, wave: LensWave, kernel: KirchhoffKernel, targets: Targets, tolerance: float, limits: Limits
+) -> UncheckedField:
+    """What `hybrid_field` computes, for callers that compare their own result with Kirchhoff's: no error is stated.
+
+    Parameters
+    ----------
+    wave, kernel, targets, limits
+        As of `hybrid_field`.
+    tolerance
+        Of nodes, poles and interpolation, a tenth of it; what the leading term leaves out refuses nothing.
+
+    Raises
+    ------
+    UnaffordableError
+        The limits do not allow the targets.
+    NotConvergedError
+        Kirchhoff's integral at the targets handed over misses the tolerance.
+    """
+    accuracy = Accuracy(tolerance=tolerance)
+    edge = _edge_nodes(wave, kernel, targets, accuracy)
+    check_affordable(
+        NodeCounts(radial=1, angular=edge), targets=math.prod(targets.shape), check_targets=0, limits=limits
+    )
+    result = _evaluate(wave, kernel, targets, edge, _SHARE * tolerance)
+    field, share = _handed_over(result, wave, kernel, targets, accuracy, limits)
+    return UncheckedField(field=field.reshape(targets.shape), handed_over=share)
+
+
 def hybrid_field(
     *,
     wave: LensWave,
