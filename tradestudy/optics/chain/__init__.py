@@ -3,6 +3,7 @@
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.image import chain_image, spectral_image
 from tradestudy.optics.chain.scene import (
+    EXACT_RAYS,
     FRESNEL,
     GEOMETRIC,
     KIRCHHOFF,
@@ -18,6 +19,7 @@ from tradestudy.optics.chain.separate_lenses import separate_image
 from tradestudy.optics.chain.sources import DiscSource
 
 __all__ = [
+    "EXACT_RAYS",
     "FRESNEL",
     "GEOMETRIC",
     "KIRCHHOFF",

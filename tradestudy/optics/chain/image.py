@@ -11,11 +11,12 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import point_wave
+from tradestudy.optics.chain.exact_rays import exact_ray_image
 from tradestudy.optics.chain.geometric_image import geometric_image
 from tradestudy.optics.chain.landing import landing_point_image
 from tradestudy.optics.chain.landing_spot import landing_spot_image
 from tradestudy.optics.chain.point_image import wave_point_image
-from tradestudy.optics.chain.scene import GEOMETRIC, Legs, LightPath
+from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_image import wave_spot_image
 from tradestudy.optics.propagation.lens import PointSource
@@ -86,6 +87,8 @@ def chain_image(
         )
     if legs == GEOMETRIC:
         return geometric_image(path, source, density=accuracy.source_sampling)
+    if legs == EXACT_RAYS:
+        return exact_ray_image(path, source, accuracy=accuracy)
     if isinstance(source, DiscSource) and not coherent:
         if legs.to_detector == "geometric":
             return landing_spot_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)

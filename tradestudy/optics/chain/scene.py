@@ -33,22 +33,33 @@ class Legs:
         From the main lens to the microlens array.
     to_detector
         From the microlens array to the detector.
+    exact
+        Rays in the directions of Kirchhoff's exact paths, not paraxial ones; geometric on both legs only.
 
     Raises
     ------
     OutOfRangeError
-        If a method is none of these, or the boundary wave is asked for behind the array. Microlenses that waves
-        light, or the edge of a shadow cuts, have no rays from one point with one edge about them; and in the focus of
-        a fast microlens the boundary wave, a leading term, is no better than the light itself.
+        If a method is none of these, rays are to be exact beside waves, or the boundary wave is asked for behind the
+        array. Microlenses that waves light, or the edge of a shadow cuts, have no rays from one point with one edge
+        about them; and in the focus of a fast microlens the boundary wave, a leading term, is no better than the light
+        itself.
     """
 
     to_array: LegMethod
     to_detector: LegMethod
+    exact: bool = False
 
     def __post_init__(self) -> None:
         for method in (self.to_array, self.to_detector):
             if method not in LEG_METHODS:
                 raise OutOfRangeError("method of a leg", value=repr(method), limit=" | ".join(LEG_METHODS))
+        if self.exact and not self.to_array == self.to_detector == "geometric":
+            raise OutOfRangeError(
+                "exact rays beside waves",
+                value=f"{self.to_array} to the array, {self.to_detector} to the detector",
+                limit="geometric on both legs",
+                remedy="take geometric on both legs, or leave exact out",
+            )
         if self.to_detector == "boundary_wave":
             raise OutOfRangeError(
                 "boundary wave behind the microlenses",
@@ -59,6 +70,7 @@ class Legs:
 
 
 GEOMETRIC = Legs(to_array="geometric", to_detector="geometric")
+EXACT_RAYS = Legs(to_array="geometric", to_detector="geometric", exact=True)
 FRESNEL = Legs(to_array="fresnel", to_detector="fresnel")
 KIRCHHOFF_FRESNEL = Legs(to_array="kirchhoff", to_detector="fresnel")
 KIRCHHOFF = Legs(to_array="kirchhoff", to_detector="kirchhoff")

@@ -1,0 +1,156 @@
+"""Rays of exact directions: against rays traced one by one the other way, paraxial rays, and Kirchhoff as λ → 0."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.optics.test_chain_mixed import PITCH, camera, image, relative
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain import (
+    EXACT_RAYS,
+    GEOMETRIC,
+    KIRCHHOFF,
+    ChainAccuracy,
+    DiscSource,
+    Legs,
+    LightPath,
+    PixelGrid,
+    exact_rays,
+    hexagonal_centres,
+    square_centres,
+)
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
+
+ASIDE = DiscSource(diameter=0.6e-3, distance=24e-3, x=0.13e-3, y=-0.06e-3)
+CENTRED = DiscSource(diameter=0.6e-3, distance=24e-3)
+SMALL = DiscSource(diameter=0.1e-3, distance=24e-3, x=0.05e-3, y=0.03e-3)
+FINE = ChainAccuracy(tolerance=2e-3)
+FAST_LENS = CircularLens(radius=0.45e-3, focal_length=2e-3, lens_phase="parabolic")  # f/2.2: aberration of many pixels
+
+
+def fast(**changes: object) -> LightPath:
+    """Steep enough that exact rays land pixels away from paraxial ones."""
+    return camera(main_lens=FAST_LENS, pixels=PixelGrid(pitch=4e-6, shape=(17, 29)), **changes)
+
+
+def one_by_one(path: LightPath, source: DiscSource, count: int, rng: np.random.Generator) -> FloatArray:
+    """Parabolic lenses by Snell-like bending of unit vectors, rays drawn at random and dropped into pixels."""
+    lens = path.main_lens
+    r, turn = source.diameter / 2 * np.sqrt(rng.random(count)), 2 * math.pi * rng.random(count)
+    s = np.column_stack([source.x + r * np.cos(turn), source.y + r * np.sin(turn), np.full(count, -source.distance)])
+    r, turn = lens.radius * np.sqrt(rng.random(count)), 2 * math.pi * rng.random(count)
+    u = np.column_stack([r * np.cos(turn), r * np.sin(turn), np.zeros(count)])
+    towards = u - s
+    length = np.linalg.norm(towards, axis=1)
+    power = 1 / length**4
+    inside = np.zeros(count, dtype=bool)
+    direction = (towards / length[:, None])[:, :2] - u[:, :2] / lens.focal_length
+    x = u[:, :2] + path.array_distance * direction / np.sqrt(1 - np.sum(direction**2, axis=1))[:, None]
+    landing = np.full((count, 2), np.inf)
+    for centre, focal_length in zip(path.microlenses.centres, path.microlenses.focal_lengths, strict=True):
+        offset = x - centre
+        inside = np.hypot(*offset.T) <= path.microlenses.aperture_width / 2
+        bent = direction[inside] - offset[inside] / focal_length
+        slope = bent / np.sqrt(1 - np.sum(bent**2, axis=1))[:, None]
+        landing[inside] = x[inside] + path.detector_distance * slope
+    edges = (path.pixels.edges_y, path.pixels.edges_x)
+    return np.histogram2d(landing[:, 1], landing[:, 0], bins=edges, weights=power / power.sum())[0]
+
+
+@pytest.mark.parametrize("source", [ASIDE, CENTRED, SMALL], ids=["aside", "centred", "small"])
+def test_a_disc_is_its_rays_traced_one_by_one(source: DiscSource) -> None:
+    path = fast()
+    count = 1_000_000
+    drawn = one_by_one(path, source, count, np.random.default_rng(3))
+    found = image(path, source, EXACT_RAYS)
+    noise = math.sqrt(drawn.sum() / count) / float(np.linalg.norm(drawn))  # of counts that are drawn
+    assert relative(found.pixels, drawn) < 2 * noise < 0.05
+    assert found.pixels.sum() == pytest.approx(drawn.sum(), rel=5e-3)
+    assert relative(image(path, source, GEOMETRIC).pixels, drawn) > 5 * noise  # paraxial rays are another picture
+
+
+def test_a_point_is_the_limit_of_small_discs() -> None:
+    point = PointSource(x=0.05e-3, y=0.03e-3, distance=24e-3)
+    tiny = DiscSource(diameter=1e-6, distance=24e-3, x=point.x, y=point.y)
+    of_point, of_disc = (image(camera(), one, EXACT_RAYS).pixels for one in (point, tiny))
+    assert relative(of_disc, of_point) < 5e-3
+
+
+def test_perfect_lenses_leave_paraxial_rays_as_they_are() -> None:
+    main = CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="perfect")
+    path = camera(main_lens=main, lens_phase="perfect")
+    exact, paraxial = (image(path, ASIDE, legs, accuracy=FINE) for legs in (EXACT_RAYS, GEOMETRIC))
+    cosines = 3 * (0.3e-3 / 2.5e-3) ** 2  # cos⁴ of the steepest line behind the array, within it
+    assert relative(exact.pixels, paraxial.pixels) < cosines + exact.numerical_error < 0.06
+    assert exact.pixels.sum() == pytest.approx(paraxial.pixels.sum(), rel=3e-3)
+
+
+def test_kirchhoff_comes_to_it_as_the_wavelength_shrinks() -> None:
+    path = fast()
+    rays = image(path, CENTRED, EXACT_RAYS, accuracy=FINE).pixels
+    apart = [
+        relative(image(path, CENTRED, KIRCHHOFF, wavelength=w, accuracy=ChainAccuracy(tolerance=5e-3)).pixels, rays)
+        for w in (1.2e-6, 0.3e-6)
+    ]
+    paraxial = relative(image(path, CENTRED, GEOMETRIC).pixels, rays)
+    assert apart[1] < 0.6 * apart[0]
+    assert apart[1] < 0.5 * paraxial
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"lens_phase": "stigmatic", "focus_distance": 0.3e-3},
+        {"gaps": "clear"},
+        {"aperture": "square"},
+        {"layout": "hexagonal", "centres": hexagonal_centres(pitch=PITCH, rings=1), "focal_lengths": np.full(7, 76e-6)},
+    ],
+    ids=["parabolic", "stigmatic", "clear", "square", "hexagonal"],
+)
+def test_both_ways_of_tracing_agree_on_every_array(changes: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
+    path, pictures = camera(**changes), []
+    for fewest in (0.0, 1e9):
+        monkeypatch.setattr(exact_rays, "_FEWEST_PIXELS", fewest)
+        pictures.append(image(path, ASIDE, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=1e-2)))
+    backwards, forwards = pictures
+    assert backwards.pixels.sum() == pytest.approx(forwards.pixels.sum(), rel=1e-2)  # fading edges hold a little more
+    assert 0 < relative(backwards.pixels, forwards.pixels) < 0.02
+
+
+def test_symmetry_spares_work_and_changes_nothing() -> None:
+    path = camera(
+        centres=square_centres(pitch=PITCH, count=3),
+        focal_lengths=np.full(9, 76e-6),
+        pixels=PixelGrid(pitch=4e-6, shape=(21, 21)),
+    )
+    whole = image(path, CENTRED, EXACT_RAYS)
+    other = image(path, replace(CENTRED, x=1e-12 + 2e-9 * PITCH, y=3e-9 * PITCH), EXACT_RAYS)
+    assert relative(whole.pixels, other.pixels) < 1e-4
+    assert whole.effort["rays"] < 0.4 * other.effort["rays"]
+
+
+@pytest.mark.parametrize("source", [ASIDE, SMALL], ids=["backwards", "forwards"])
+def test_the_stated_error_holds_the_true_one_and_shrinks_with_the_tolerance(source: DiscSource) -> None:
+    path = camera()
+    truth = image(path, source, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=1e-3)).pixels
+    before = math.inf
+    for tolerance in (2e-2, 1e-2, 4e-3):
+        found = image(path, source, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=tolerance))
+        assert relative(found.pixels, truth) <= found.numerical_error < before
+        before = found.numerical_error
+
+
+def test_what_rays_cannot_do_is_refused() -> None:
+    with pytest.raises(OutOfRangeError, match="exact rays beside waves"):
+        Legs(to_array="geometric", to_detector="kirchhoff", exact=True)
+    centres = PixelGrid(pitch=4e-6, shape=(9, 23), integrated=False)
+    with pytest.raises(OutOfRangeError, match="rays at the centre of a pixel"):
+        image(camera(pixels=centres), ASIDE, EXACT_RAYS)
+    with pytest.raises(OutOfRangeError, match="coherent disc"):
+        image(camera(), replace(ASIDE, coherent=True), EXACT_RAYS)
