@@ -11,7 +11,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.fresnel_validity import paper_eq27_sweep
+from tradestudy.optics.paper_equation_27 import paper_eq27_sweep
 from tradestudy.optics.propagation import LensPhase
 from tradestudy.optics.psf_difference import PsfDifference
 from tradestudy.results import dataset

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.fresnel_validity import paper_eq27
+from tradestudy.optics.paper_equation_27 import paper_eq27
 from tradestudy.verification.hard_cases.case import Family, Law, NumericCase
 
 
