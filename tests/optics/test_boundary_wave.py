@@ -13,13 +13,18 @@ from tradestudy.optics.propagation import (
     Accuracy,
     CircularLens,
     KirchhoffKernel,
+    Limits,
     NodeCounts,
     PointSource,
     TargetGrid,
     TargetPoints,
     aperture_field,
+    direct_sum,
     lens_wave,
+    nodes_for,
+    sample_wave,
 )
+from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
 from tradestudy.optics.propagation.rays import find_rays, ray_fields
 
 WAVELENGTH = 550e-9
@@ -161,6 +166,78 @@ def test_what_the_leading_term_cannot_give_is_refused():
             method="boundary_wave",
             accuracy=Accuracy(tolerance=1e-6),
         )
+
+
+def relative_intensity(field: np.ndarray, exact: np.ndarray) -> float:
+    return float(np.linalg.norm(np.abs(field) ** 2 - np.abs(exact) ** 2) / np.linalg.norm(np.abs(exact) ** 2))
+
+
+@pytest.mark.parametrize(
+    ("phase", "distance", "pitch", "count"),
+    [
+        ("perfect", 0.3e-3, 0.4e-6, 220),
+        ("perfect", 0.568e-3, 0.9e-6, 40),
+        ("stigmatic", 0.36e-3, 0.55e-6, 100),
+        ("parabolic", 0.568e-3, 0.9e-6, 40),
+        ("parabolic", 0.7e-3, 0.4e-6, 220),
+    ],
+)
+def test_a_looser_tolerance_costs_a_microlens_image_no_more_than_it_allows(phase, distance, pitch, count):
+    """Against Kirchhoff's integral; what is left at the tightest tolerance is the leading term's own error."""
+    targets = detector(phase, distance, pitch, count)
+    settings = {"source": OBJECT, "lens": micro(phase), "wavelength": WAVELENGTH}
+    exact = aperture_field(targets=targets, method="kirchhoff", accuracy=Accuracy(tolerance=1e-7), **settings).field
+    wave = lens_wave(**settings)
+    errors = {}
+    for tolerance in (0.1, 0.05, 0.02, 0.01, 1e-3):
+        done = unchecked_hybrid_field(
+            wave=wave,
+            kernel=KirchhoffKernel(wavelength=WAVELENGTH, obliquity="paper"),
+            targets=targets,
+            tolerance=tolerance,
+            limits=Limits(),
+        )
+        assert done.handed_over == 0
+        errors[tolerance] = relative_intensity(done.field, exact)
+    for tolerance, error in errors.items():
+        assert error < 1.3 * errors[1e-3] + 0.02 * tolerance
+    assert 1e-4 < errors[1e-3] < 0.015
+
+
+@pytest.mark.parametrize(
+    ("x", "left", "right"),
+    [
+        (0.22923e-3, -0.40997e-3, 0.36363e-3),
+        (0.68180e-3, -0.46257e-3, 0.32455e-3),
+        (1.41024e-3, -0.53673e-3, 0.25039e-3),
+        (2.00000e-3, -0.59681e-3, 0.19031e-3),
+    ],
+)
+def test_a_looser_tolerance_costs_a_main_lens_field_no_more_than_it_allows(x, left, right):
+    """A defocused f/3.8 lens with aberrations, its blur on the array of a plenoptic camera: corners, and random points.
+
+    Corners of the grid lie on the rim of the rings that the field is interpolated from.
+    """
+    source = PointSource(x=x, distance=150e-3)
+    lens = CircularLens(radius=12.5e-3 / 7.6, focal_length=12.5e-3, lens_phase="parabolic")
+    count, distance, half = 405, 15.271e-3, (right - left) / 2
+    grid = TargetGrid(
+        x_start=left, y_start=-half, x_pitch=(right - left) / (count - 1), y_pitch=2 * half / (count - 1),
+        x_count=count, y_count=count, distance=distance,
+    )  # fmt: skip
+    wave = lens_wave(source=source, lens=lens, wavelength=WAVELENGTH)
+    kernel = KirchhoffKernel(wavelength=WAVELENGTH, obliquity="paper")
+    ends = np.array([0, count - 1, count * (count - 1), count**2 - 1])
+    pick = np.concatenate([ends, np.random.default_rng(3).integers(count**2, size=120)])
+    points = TargetPoints(**{name: c[pick] for name, c in zip(("x", "y", "distance"), grid.coordinates(), strict=True)})
+    nodes = nodes_for(wave, kernel, points, Accuracy(tolerance=1e-5))
+    exact = direct_sum(sample_wave(wave, nodes), kernel, *points.coordinates())
+    common = {"wave": wave, "kernel": kernel, "limits": Limits()}
+    own = relative_intensity(unchecked_hybrid_field(targets=points, tolerance=1e-4, **common).field, exact)
+    assert 1e-3 < own < 0.015
+    for tolerance in (0.1, 0.05):
+        done = unchecked_hybrid_field(targets=grid, tolerance=tolerance, **common)
+        assert relative_intensity(done.field.ravel()[pick], exact) < 1.3 * own + 0.02 * tolerance
 
 
 def test_too_few_edge_nodes_show_in_the_stated_error():

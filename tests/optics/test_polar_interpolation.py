@@ -33,6 +33,23 @@ def test_field_of_few_harmonics_comes_back_everywhere(tolerance: float) -> None:
     assert sum(asked) < 1500
 
 
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
+def test_noise_of_the_field_is_not_magnified_at_the_rim(tolerance: float) -> None:
+    """Many turns over few steps: a polynomial a step beyond its points would be wrong by the noise a million times."""
+    rng, noise, wavenumber = np.random.default_rng(4), tolerance / 10, 400.0
+
+    def field(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        r = np.hypot(x - CENTRE[0], y - CENTRE[1])
+        return j0(wavenumber * r) + noise * rng.uniform(-1, 1, x.shape)
+
+    polar = polar_field(field, centre=CENTRE, radius=RADIUS, wavenumber=wavenumber, tolerance=tolerance, most=50_000)
+    assert polar is not None
+    angle = np.linspace(0, 6, 50)
+    r = RADIUS * np.linspace(0.99, 1.0, 50)
+    value = polar.at(CENTRE[0] + r * np.cos(angle), CENTRE[1] + r * np.sin(angle))
+    assert np.abs(value - j0(wavenumber * r)).max() < 3 * tolerance
+
+
 def test_field_that_turns_with_the_angle_is_left_to_others() -> None:
     def wave(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.exp(1j * WAVENUMBER * (x + y))
