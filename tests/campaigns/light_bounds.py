@@ -18,10 +18,10 @@ import numpy as np
 
 from tests.campaigns import record
 from tests.campaigns.light_cases import bounds_of, changes_of, random_case
-from tradestudy.errors import NotConvergedError, UnaffordableError
+from tradestudy.errors import TradestudyError
 
 CHANGES = Path(__file__).parent / "light_changes.json"
-TOLERANCE = 0.02  # of both pictures, which share their nodes: their difference is known far better
+TOLERANCE = 0.002  # of both pictures; at 2 % what they do not share reached 0.5 %
 COUNTS_FROM = 1e-5  # a thousandth of an accuracy of 1 %
 
 Changes = dict[str, dict[str, float]]
@@ -44,7 +44,7 @@ def measure(cases: int) -> None:
         try:
             found = changes_of(random_case(np.random.default_rng([0, index])), TOLERANCE)
             changes[str(index)] = {name: float(f"{value:.4g}") for name, value in found.items()}
-        except (NotConvergedError, UnaffordableError) as error:
+        except TradestudyError as error:
             refused[str(index)] = str(error)
         keep(changes, refused)
         print(f"{index + 1} of {cases}", flush=True)

@@ -17,7 +17,7 @@ from tradestudy.effects.source_extent import source_extent_in_picture
 from tradestudy.effects.spectrum import spectrum_in_picture
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import (
-    GEOMETRIC,
+    EXACT_RAYS,
     KIRCHHOFF,
     KIRCHHOFF_FRESNEL,
     ChainAccuracy,
@@ -34,6 +34,7 @@ from tradestudy.optics.chain import (
 from tradestudy.optics.propagation import CircularLens
 
 FRESNEL_KIRCHHOFF = Legs(to_array="fresnel", to_detector="kirchhoff")
+BOUNDARY_WAVE = Legs(to_array="boundary_wave", to_detector="kirchhoff")
 PHASES = ("parabolic", "stigmatic", "perfect")
 _MOST_POINTS = 4  # resolved points across the source
 RAYS = "diffraction: rays on both legs"
@@ -115,6 +116,7 @@ def bounds_of(case: LightCase) -> dict[str, float]:
     main, micro = main_lens_diffraction_in_picture(scene), microlens_diffraction_in_picture(scene)
     return {
         RAYS: _bound(main, OFF) + _bound(micro, OFF),
+        "main_lens_diffraction: boundary_wave": _bound(main, "boundary_wave"),
         "main_lens_diffraction: fresnel": _bound(main, "fresnel"),
         "microlens_diffraction: fresnel": _bound(micro, "fresnel"),
         "crosstalk: off": _bound(crosstalk_in_picture(scene), OFF),
@@ -148,7 +150,8 @@ def changes_of(case: LightCase, tolerance: float) -> dict[str, float]:
         rng=np.random.default_rng(0),
     ).pixels  # fmt: skip
     return {
-        RAYS: _relative(picture(legs=GEOMETRIC), whole),
+        RAYS: _relative(picture(legs=EXACT_RAYS), whole),
+        "main_lens_diffraction: boundary_wave": _relative(picture(legs=BOUNDARY_WAVE), whole),
         "main_lens_diffraction: fresnel": _relative(picture(legs=FRESNEL_KIRCHHOFF), whole),
         "microlens_diffraction: fresnel": _relative(picture(legs=KIRCHHOFF_FRESNEL), whole),
         "crosstalk: off": _relative(alone, whole),

@@ -123,10 +123,12 @@ def test_the_choice_is_the_picture_of_the_plan_and_not_what_it_is_compared_with(
     monkeypatch.setattr(measuring, "_LONG", 0.0)  # once is enough
     forced = {"main_lens_diffraction": "off", "microlens_diffraction": "off", "crosstalk": "off"}
     part, models = small_spot(*(f"effects.{slot}={name}" for slot, name in forced.items()))
-    assert (models.method, models.separate) == ("geometric", True)
+    assert (models.method, models.separate) == ("exact-rays", True)
     found = spot.spot_cost(part, models, Allowance(seconds=1e4), lambda _step, _share: None, speed=1.0)
     (chosen,) = [entry for entry in found.entries if entry.chosen]
-    assert (chosen.model, chosen.setting) == ("rays", "no cross-talk")
-    whole = next(entry for entry in found.entries if entry.model == "rays" and not entry.chosen)
-    assert whole.setting == ""
-    assert {entry.model for entry in found.entries} == {"rays", "Fresnel", "Kirchhoff + Fresnel", "Kirchhoff"}
+    assert (chosen.model, chosen.setting) == ("Exact rays", "tolerance 1 %, no cross-talk")
+    whole = next(entry for entry in found.entries if entry.model == "Exact rays" and not entry.chosen)
+    assert whole.setting == "tolerance 1 %"
+    assert {entry.model for entry in found.entries} == {
+        "Rays", "Exact rays", "Fresnel", "Kirchhoff + Fresnel", "Kirchhoff",
+    }  # fmt: skip

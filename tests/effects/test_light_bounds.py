@@ -146,11 +146,11 @@ def test_bounds_hold_on_every_light_path_of_the_audit() -> None:
         assert all(finite) or not any(finite)
         stated += all(finite)
         exceeded |= {(number, effect) for effect, change in found.items() if change > bounds[effect]}
-    assert stated > 0.9 * len(changes) > 100
-    assert exceeded <= {("316", "source_extent: off")}  # changes half as much again as its bound: the audit's one miss
+    assert stated > 0.85 * len(changes) > 200
+    assert exceeded <= {("162", "spectrum: off")}  # changes two thirds more than its bound: the audit's one miss
 
 
-@pytest.mark.parametrize("number", [302, 182, 311, 17])
+@pytest.mark.parametrize("number", [2, 31, 41, 59])
 def test_bounds_hold_on_random_light_paths(number: int) -> None:
     case, kept = random_case(np.random.default_rng([0, number])), measured()[0][str(number)]
     bounds = bounds_of(case)

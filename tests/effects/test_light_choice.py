@@ -38,7 +38,8 @@ def test_each_digit_of_the_light_spot_picks_another_set_and_costs_more() -> None
     found = [situation.select(Accuracy.of_all(asked), {}) for asked in (0.1, 0.01, 0.001)]
     sets = [tuple(model.name for model in one.chosen.values()) for one in found]
     assert len(set(sets)) == 3
-    assert [one.name_of("sampling") for one in found] == ["10 %", "1 %", "0.1 %"]
+    assert [spot_models(one).method for one in found] == ["exact-rays", "kirchhoff", "kirchhoff"]
+    assert [one.name_of("sampling") for one in found] == ["0.2 %", "1 %", "0.1 %"]
     for one, asked in zip(found, (0.1, 0.01, 0.001), strict=True):
         assert one.bounds["pixel_intensity"] <= asked * (1 + 1e-12)
     assert found[0].seconds < found[1].seconds < found[2].seconds
@@ -48,9 +49,9 @@ def test_rays_and_waves_cannot_be_combined() -> None:
     situation = light_spot_situation(spot())
     with pytest.raises(UnaffordableError, match="Picture of the light spot"):
         situation.select(Accuracy.of_all(0.1), {"main_lens_diffraction": "off", "microlens_diffraction": "kirchhoff"})
-    rays = situation.select(Accuracy.of_all(0.1), {"main_lens_diffraction": "off", "microlens_diffraction": "off"})
-    assert spot_models(rays).method == "geometric"
-    assert rays.bounds["pixel_intensity"] > 0.1  # what was forced is told, not held against the accuracy
+    rays = situation.select(Accuracy.of_all(0.05), {"main_lens_diffraction": "off", "microlens_diffraction": "off"})
+    assert spot_models(rays).method == "exact-rays"
+    assert rays.bounds["pixel_intensity"] > 0.05  # what was forced is told, not held against the accuracy
 
 
 def test_a_spot_below_resolution_is_a_point() -> None:
@@ -67,6 +68,10 @@ def test_every_choice_changes_the_picture() -> None:
     reference = spot_picture(part, complete).pixels
     for changed in (
         SpotModels(method="geometric", tolerance=0.05),
+        SpotModels(method="exact-rays", tolerance=0.05),
+        SpotModels(method="boundary-wave-kirchhoff", tolerance=0.05),
+        SpotModels(method="geometric-fresnel", tolerance=0.05),
+        SpotModels(method="fresnel-geometric", tolerance=0.05),
         SpotModels(method="fresnel", tolerance=0.05, integrated=False),
         SpotModels(method="fresnel", tolerance=0.05, point=True),
         SpotModels(method="fresnel", tolerance=0.01),

@@ -83,7 +83,7 @@ def test_a_point_is_the_limit_of_small_discs() -> None:
 
 def test_perfect_lenses_leave_paraxial_rays_as_they_are() -> None:
     main = CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="perfect")
-    path = camera(main_lens=main, lens_phase="perfect")
+    path = camera(main_lens=main, lens_phase="perfect", pixels=PixelGrid(pitch=1.8e-6, shape=(21, 51)))
     exact, paraxial = (image(path, ASIDE, legs, accuracy=FINE) for legs in (EXACT_RAYS, GEOMETRIC))
     cosines = 3 * (0.3e-3 / 2.5e-3) ** 2  # cos⁴ of the steepest line behind the array, within it
     assert relative(exact.pixels, paraxial.pixels) < cosines + exact.numerical_error < 0.06
@@ -127,20 +127,21 @@ def test_symmetry_spares_work_and_changes_nothing() -> None:
     path = camera(
         centres=square_centres(pitch=PITCH, count=3),
         focal_lengths=np.full(9, 76e-6),
-        pixels=PixelGrid(pitch=4e-6, shape=(21, 21)),
+        pixels=PixelGrid(pitch=1.8e-6, shape=(45, 45)),
     )
-    whole = image(path, CENTRED, EXACT_RAYS)
-    other = image(path, replace(CENTRED, x=1e-12 + 2e-9 * PITCH, y=3e-9 * PITCH), EXACT_RAYS)
-    assert relative(whole.pixels, other.pixels) < 1e-4
+    loose = ChainAccuracy(tolerance=1e-2)
+    whole = image(path, CENTRED, EXACT_RAYS, accuracy=loose)
+    other = image(path, replace(CENTRED, x=1e-12 + 2e-9 * PITCH, y=3e-9 * PITCH), EXACT_RAYS, accuracy=loose)
+    assert relative(whole.pixels, other.pixels) < 1e-3  # the nodes on a lens have other symmetries
     assert whole.effort["rays"] < 0.4 * other.effort["rays"]
 
 
 @pytest.mark.parametrize("source", [ASIDE, SMALL], ids=["backwards", "forwards"])
 def test_the_stated_error_holds_the_true_one_and_shrinks_with_the_tolerance(source: DiscSource) -> None:
-    path = camera()
-    truth = image(path, source, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=1e-3)).pixels
+    path = camera(pixels=PixelGrid(pitch=1.8e-6, shape=(11, 45)))
+    truth = image(path, source, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=1.5e-3)).pixels
     before = math.inf
-    for tolerance in (2e-2, 1e-2, 4e-3):
+    for tolerance in (3e-2, 5e-3):
         found = image(path, source, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=tolerance))
         assert relative(found.pixels, truth) <= found.numerical_error < before
         before = found.numerical_error

@@ -7,27 +7,22 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Final, get_args
 
 import numpy as np
 
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
+from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.situations.light_spot import picture_seconds
-from tradestudy.study.spot_images import SpotModels, compared_models, light_source, picture_of
+from tradestudy.study.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
 
-TITLES: Final[dict[MethodName, str]] = {
-    "geometric": "rays",
-    "fresnel": "Fresnel",
-    "kirchhoff-fresnel": "Kirchhoff + Fresnel",
-    "kirchhoff": "Kirchhoff",
-}
 _WAVES: Final[tuple[MethodName, ...]] = ("kirchhoff", "kirchhoff-fresnel", "fresnel")
 _POINT_TOLERANCES: Final = (0.1, 1e-2, 1e-3, 1e-4)
 _POINT_REFERENCE: Final = ChainAccuracy(
@@ -108,7 +103,7 @@ def spot_cost(
         return picture_seconds(part, models) / speed
 
     title, name = "Picture of the whole spot", "spot"
-    standing = part.tolerance if chosen.method == "geometric" else min(part.tolerance, chosen.tolerance)
+    standing = part.tolerance if chosen.method in RAYS else min(part.tolerance, chosen.tolerance)
     says = "All pixels of the picture of the spot: relative L2 error over the pixels."
     best = compared_models(part, "kirchhoff")
     progress("cost: spot", 0.0)
@@ -141,8 +136,8 @@ def spot_cost(
     too_fine: list[str] = []
     for models in _asked(part, chosen):
         setting = _setting(part, models)
-        if models.method != "geometric" and models.tolerance <= finest:
-            too_fine.append(f"{TITLES[models.method]}, {setting}: the reference is no finer")
+        if models.method not in RAYS and models.tolerance <= finest:
+            too_fine.append(f"{short_title(models.method)}, {setting}: the reference is no finer")
             continue
         runs.append(
             _Run(
@@ -170,9 +165,10 @@ def _asked(part: LightSpotPart, chosen: SpotModels) -> Iterator[SpotModels]:
     """The study's own picture first, in case the time ends; then every law at every tolerance with nothing left out."""
     yield chosen
     if not part.spot.coherent:
-        rays = replace(compared_models(part, "geometric"), tolerance=chosen.tolerance)  # it is nothing to them
-        if rays != chosen:
-            yield rays
+        for method in RAYS:
+            rays = replace(compared_models(part, method), tolerance=chosen.tolerance)
+            if rays != chosen:
+                yield rays
     for tolerance in dict.fromkeys((part.tolerance, *_SPOT_TOLERANCES)):
         for method in _WAVES:
             models = replace(compared_models(part, method), tolerance=tolerance)
@@ -216,7 +212,7 @@ def _measured(
     slower = 1.0  # than predicted, so far
     for number, run in enumerate(runs):
         progress(f"cost: {name}", number / len(runs))
-        words = ", ".join(part for part in (TITLES[run.method], run.setting) if part)
+        words = ", ".join(part for part in (short_title(run.method), run.setting) if part)
         needed = slower * run.predicted
         if not allowance.allows(needed):
             left_out.append(f"{words}: about {needed:.0f} s, {max(allowance.left, 0.0):.0f} s are left")
@@ -233,7 +229,7 @@ def _measured(
         entries.append(
             entry_of(
                 timed,
-                model=TITLES[run.method],
+                model=short_title(run.method),
                 setting=run.setting,
                 evaluations=float(found.effort.get("source points", math.nan)),
                 error=relative,
@@ -242,5 +238,5 @@ def _measured(
             )
         )
     progress(f"cost: {name}", 1.0)
-    order = list(TITLES.values())
+    order = [short_title(method) for method in get_args(MethodName)]
     return tuple(sorted(entries, key=lambda entry: order.index(entry.model))), tuple(left_out)

@@ -1,4 +1,4 @@
-"""Diffraction at the main lens: none, Fresnel's law or Kirchhoff's."""
+"""Diffraction at the main lens: none, the boundary wave, Fresnel's law or Kirchhoff's."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from tradestudy.effects.interference import interference_change
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import bound_of, complete, law_change, lit_transfer, picture_change, rim_light
 
-_SAFETY: Final = {"rays": 1.5, "fresnel": 2.5}  # see `picture_change`
+_SAFETY: Final = {"rays": 1.5, "fresnel": 1.8}  # see `picture_change`
+_LEADING_TERM: Final = (6.0, 4e-3)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md
 
 
 def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
@@ -18,15 +19,17 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
 
     Fresnel: rays of the exact paths land up to δ elsewhere, which turns the transfer function by at most 2π f δ; the
     cosines that Fresnel takes for one add to it. The wave from the rim of the pupil, the share η of the field on the
-    array, has another phase by exact paths. Rays leave that wave out, and the interference of microlenses.
+    array, has another phase by exact paths. Rays of exact directions leave that wave out, and the interference of
+    microlenses; the boundary wave is its leading term, which aberration of W waves over N Fresnel zones spoils.
     """
     law = scene.main_law
     rim = rim_light(scene)
     turned = min(1.0, math.pi * scene.rim_path_waves)
     fresnel = law_change(scene, law) + picture_change(scene, 4.0 * rim * turned * lit_transfer(scene))
     fresnel *= _SAFETY["fresnel"]
-    rays = picture_change(scene, 2.0 * rim * lit_transfer(scene)) + interference_change(scene)
-    rays = _SAFETY["rays"] * rays + fresnel
+    wave = picture_change(scene, 2.0 * rim * lit_transfer(scene))
+    leading = min(1.0, _LEADING_TERM[0] * scene.rim_path_waves / scene.main_fresnel_number + _LEADING_TERM[1])
+    rays = _SAFETY["rays"] * (wave + interference_change(scene))
     return Slot(
         name="main_lens_diffraction",
         models=(
@@ -37,7 +40,17 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                     rays,
                     criterion="Fresnel number of the pupil from the array",
                     number=scene.main_fresnel_number,
-                    reason="rays leave out the wave from the rim of the pupil and the aberration of exact paths",
+                    reason="rays leave out the wave from the rim of the pupil, and microlenses that interfere",
+                ),
+            ),
+            Model(
+                name="boundary_wave",
+                bounds=bound_of(
+                    scene,
+                    leading * wave,
+                    criterion="waves of aberration per Fresnel zone",
+                    number=scene.rim_path_waves / scene.main_fresnel_number,
+                    reason="the wave from the rim of the pupil is its leading term for many Fresnel zones",
                 ),
             ),
             Model(

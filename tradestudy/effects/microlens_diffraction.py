@@ -25,6 +25,7 @@ _SAFETY: Final = 1.5  # see `picture_change`
 def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
     """Law of the leg from the array to the detector, and what it may change in the pixels of a picture.
 
+    The boundary wave is not offered: microlenses in focus, or cut by the shadow of the pupil, have none of use.
     Rays leave out the finite width of the lens: the transfer function loses at most 1 − T(f), T that of the lit width
     without aberration (for any defocus, as the ray sum runs over the whole aperture and the wave's over its overlap);
     far from focus it is the wave from the rim, η of the field at either side. Fresnel's law moves rays, and those that
@@ -45,10 +46,10 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                 name=OFF,
                 bounds=bound_of(
                     scene,
-                    _SAFETY * spread + fresnel,
+                    _SAFETY * spread,
                     criterion="width of a diffraction image over pixel",
                     number=1.0 / (scene.cutoff * scene.path.pixels.pitch),
-                    reason="rays leave out the spread by the aperture of a microlens and aberration of exact paths",
+                    reason="rays leave out the spread by the aperture of a microlens",
                 ),
             ),
             Model(

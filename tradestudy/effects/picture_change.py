@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
-from scipy.special import j1
+from scipy.special import j0, j1
 
 from tradestudy.accuracy import Quantity
 from tradestudy.effects.base import Bound
@@ -121,8 +121,21 @@ def edge_wave(fresnel_number: float) -> float:
     return min(1.0, math.sqrt(math.sqrt(2.0) * _EDGE_WAVE) * math.pow(fresnel_number, -0.25))
 
 
+def rim_share(scene: LightScene) -> float:
+    """Share of the rim's wave in the field on the microlenses: η over the whole shadow, or more about its axis.
+
+    There the whole rim is in phase, and its wave as strong as the light: J₀(k R r/z) at the distance r, whose square
+    has the mean J₀² + J₁² over a disc. A source that moves the shadow is left to `rim_light`.
+    """
+    path, lenses = scene.path, scene.path.microlenses
+    aside = np.linalg.norm(lenses.centres - np.asarray(path.chief_point(scene.source.centre)), axis=1)
+    farthest = max(float(np.min(aside)), lenses.aperture_width / 2.0)
+    x = 2.0 * math.pi / scene.wavelength * path.main_lens.radius / path.array_distance * farthest
+    return max(edge_wave(scene.main_fresnel_number), math.sqrt(float(j0(x) ** 2 + j1(x) ** 2)))
+
+
 def rim_light(scene: LightScene) -> float:
-    """Share η of the rim's wave in the field on the array, less where source and pixel average it.
+    """Share of the rim's wave in the field on the microlenses, less where source and pixel average it.
 
     It turns by k R/z per metre of the array. On one pixel falls light of that part of the source whose image it is,
     which moves the pupil's shadow by r; of fringes that fine a disc of radius r leaves 2 J₁(x)/x, x = k R r/z.
@@ -131,7 +144,7 @@ def rim_light(scene: LightScene) -> float:
     moved = source.diameter / 2.0 * path.array_distance / source.distance
     seen = min(1.0, path.pixels.pitch / math.sqrt(math.pi) / max(scene.spot_radius, 1e-12))
     x = 2.0 * math.pi / scene.wavelength * path.main_lens.radius / path.array_distance * moved * seen
-    return edge_wave(scene.main_fresnel_number) * float(disc_envelope(x))
+    return rim_share(scene) * float(disc_envelope(x))
 
 
 def law_change(scene: LightScene, law: LawDifference) -> float:

@@ -10,14 +10,14 @@ from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     bound_of,
     complete,
-    edge_wave,
     frequencies,
     lit_transfer,
     picture_change,
+    rim_share,
     source_transfer,
 )
 
-_SAFETY: Final = 2.2  # see `picture_change`
+_SAFETY: Final = 1.2  # see `picture_change`
 
 
 def source_extent_in_picture(scene: LightScene) -> Slot:
@@ -32,7 +32,7 @@ def source_extent_in_picture(scene: LightScene) -> Slot:
     moved = scene.source.diameter / 2.0 * scene.path.array_distance / scene.source.distance
     turn = 2.0 * math.pi / scene.wavelength * scene.path.main_lens.radius / scene.path.array_distance * moved
     averaged = min(1.0, turn**2 / 4.0)
-    shadow = averaged * (2.0 * edge_wave(scene.main_fresnel_number) + min(1.0, moved / max(scene.blur_on_array, 1e-9)))
+    shadow = averaged * (2.0 * rim_share(scene) + min(1.0, moved / max(scene.blur_on_array, 1e-9)))
     return Slot(
         name="source_extent",
         models=(

@@ -19,11 +19,12 @@ from tradestudy.effects.picture_change import (
     lit_transfer,
     picture_change,
     pixel_transfer,
+    rim_light,
     source_transfer,
 )
 from tradestudy.optics.arrays import FloatArray
 
-_SAFETY: Final = 3.0  # see `picture_change`
+_SAFETY: Final = 2.0  # see `picture_change`
 
 
 def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: FloatArray) -> Slot:
@@ -39,8 +40,11 @@ def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: 
         s * aperture_transfer(replace(scene, wavelength=float(w)), f) for s, w in zip(share, wavelengths, strict=True)
     )
     width = math.sqrt(float(share @ (wavelengths / scene.wavelength - 1.0) ** 2))
-    zones = (scene.main_fresnel_number, scene.microlens_fresnel_number)
-    washed = sum(edge_wave(n) * min(1.0, (math.pi * (n + 0.5) * width) ** 2 / 2.0) for n in zones)
+    rims = (
+        (rim_light(scene), scene.main_fresnel_number),
+        (edge_wave(scene.microlens_fresnel_number), scene.microlens_fresnel_number),
+    )
+    washed = sum(rim * min(1.0, (math.pi * (zones + 0.5) * width) ** 2 / 2.0) for rim, zones in rims)
     passed = source_transfer(scene, f) * pixel_transfer(scene, f)
     change = np.abs(moved - aperture_transfer(scene, f)) * passed + washed * lit_transfer(scene)
     return Slot(

@@ -26,18 +26,13 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.light_methods import short_title
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 if TYPE_CHECKING:
     import xarray as xr
 
 FloatArray = npt.NDArray[np.float64]
-TITLES = {
-    "geometric": "Rays",
-    "fresnel": "Fresnel",
-    "kirchhoff-fresnel": "Kirchhoff + Fresnel",
-    "kirchhoff": "Kirchhoff",
-}
 _DARKEST = 1e-4  # of the cut
 _SPREADS = {
     "half_energy_radius": "half the light",
@@ -62,8 +57,8 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         yield Drawing(
             name="light_spot",
             caption="The light spot on the detector by every method, as in the paper's Figure 7, on one scale of "
-            f"brightness. Below: the difference from {TITLES[reference]}, in per cent of its brightest pixel, and a "
-            "cut through the middle row of pixels.",
+            f"brightness. Below: the difference from {short_title(reference)}, in per cent of its brightest pixel, "
+            "and a cut through the middle row of pixels.",
             alt="Images of a spot behind an array of microlenses. " + _image_words(data, reference),
             draw=partial(light_spot, tree),
         )
@@ -90,10 +85,10 @@ def _image_words(data: xr.Dataset, reference: str) -> str:
     sentences = []
     for method in data["propagator"].values:
         one = data.sel(propagator=method)
-        text = f"{TITLES[str(method)]}: {int(one['lit_pixels'])} lit pixels"
+        text = f"{short_title(str(method))}: {int(one['lit_pixels'])} lit pixels"
         if method != reference:
             difference = float(one["difference"].sel(against=reference))
-            text += f", summed difference from {TITLES[reference]} {pretty(difference, FRACTION)}"
+            text += f", summed difference from {short_title(reference)} {pretty(difference, FRACTION)}"
         sentences.append(text + ". ")
     return "".join(sentences)
 
@@ -113,7 +108,7 @@ def light_spot(tree: xr.DataTree) -> StudyFigure:
         for column, method in enumerate(methods):
             axes = figure.add_subplot(grid[0, column])
             shown = _picture(axes, data, np.asarray(image.sel(propagator=method)) / brightest, "inferno", 0.0, 1.0)
-            axes.set_title(TITLES[method], fontsize=7.5)
+            axes.set_title(short_title(method), fontsize=7.5)
         _scale(figure, shown, grid[0, -1], "light on a pixel")
         if others:
             changes = {
@@ -123,7 +118,7 @@ def light_spot(tree: xr.DataTree) -> StudyFigure:
             for column, method in enumerate(others):
                 axes = figure.add_subplot(grid[1, column])
                 changed = _picture(axes, data, changes[method], "RdBu_r", -span, span)
-                axes.set_title(f"less {TITLES[reference]}", fontsize=7, fontweight="normal")
+                axes.set_title(f"less {short_title(reference)}", fontsize=7, fontweight="normal")
             _scale(figure, changed, grid[1, len(others)].subgridspec(1, 12)[0], "% of the brightest pixel")
         _cut(figure.add_subplot(grid[-1, :]), data, methods)
     return figure
@@ -178,7 +173,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
     axes.set_xlabel("place along the middle row of pixels (µm)")
     axes.set_ylabel("light, brightest = 1")
     handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
-    axes.legend(handles, [TITLES[name] for name in names], ncols=len(names), loc="upper center",
+    axes.legend(handles, [short_title(name) for name in names], ncols=len(names), loc="upper center",
                 bbox_to_anchor=(0.5, 1.22))  # fmt: skip
 
 

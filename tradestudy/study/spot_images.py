@@ -10,12 +10,10 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.light_methods import legs_of
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import (
-    FRESNEL,
-    GEOMETRIC,
-    KIRCHHOFF,
-    KIRCHHOFF_FRESNEL,
+    EXACT_RAYS,
     ChainAccuracy,
     ChainImage,
     DiscSource,
@@ -28,16 +26,26 @@ from tradestudy.optics.chain import (
     separate_image,
     square_centres,
 )
+from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.units import LENGTH, pretty
 
-LEGS: Final[Mapping[MethodName, Legs]] = {
-    "geometric": GEOMETRIC,
-    "fresnel": FRESNEL,
-    "kirchhoff-fresnel": KIRCHHOFF_FRESNEL,
-    "kirchhoff": KIRCHHOFF,
+_LEGS: Final[Mapping[str, LegMethod]] = {
+    "geometric": "geometric",
+    "boundary-wave": "boundary_wave",
+    "fresnel": "fresnel",
+    "kirchhoff": "kirchhoff",
 }
+RAYS: Final[tuple[MethodName, ...]] = ("geometric", "exact-rays")
+
+
+def legs(method: MethodName) -> Legs:
+    """Law of each leg."""
+    if method == "exact-rays":
+        return EXACT_RAYS
+    to_array, to_detector = (_LEGS[name] for name in legs_of(method))
+    return Legs(to_array=to_array, to_detector=to_detector)
 
 
 def light_path(part: LightSpotPart) -> LightPath:
@@ -168,12 +176,12 @@ def picture_of(
             path,
             source,
             wavelength=wavelength,
-            legs=LEGS[models.method],
+            legs=legs(models.method),
             accuracy=accuracy,
             rng=np.random.default_rng(seed),
         )
 
-    if models.monochromatic or models.method == "geometric":  # rays are the same at every wavelength
+    if models.monochromatic or models.method in RAYS:  # rays are the same at every wavelength
         return image(part.mean_wavelength)
     return _mean(part.lines, [image(wavelength) for wavelength, _ in part.lines])
 

@@ -27,6 +27,7 @@ from tradestudy.optics.quadrature import disc_nodes
 _COARSER = 0.7
 _SAFETY = 2.0
 _TOLERANCE_OF_ONE = 1e-2  # that a density of 1 meets
+_WIDTH_OF_ONE = 2.0  # radius of such an image [pixels]
 _LEAST_DENSITY = 0.75  # three samples across a pixel against two
 _SAMPLES = 4.0  # across a pixel
 _CYCLES = 0.7  # see `cell_nodes`
@@ -88,7 +89,7 @@ def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accura
             limit="rays come as areas over whole pixels",
             remedy="integrate over pixels, or use waves",
         )
-    density = ray_density(accuracy)
+    density = ray_density(path, source, accuracy)
     fine, coarse = (_shares(path, source, density * factor) for factor in (1.0, _COARSER))
     size = float(np.linalg.norm(fine))
     change = _SAFETY * float(np.linalg.norm(fine - coarse)) / size if size > 0.0 else 0.0
@@ -102,21 +103,24 @@ def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accura
     )
 
 
-def ray_density(accuracy: ChainAccuracy) -> float:
-    """Factor on the numbers of samples across a pixel and of nodes on a microlens, or of rays of a point.
+def ray_density(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAccuracy) -> float:
+    """Factor on the numbers of samples across a pixel and of nodes on a microlens, or of rays from the source.
 
-    Edges of pupil and source that fall between samples leave an error that falls with its square, about.
+    Edges of pupil and source that fall between samples leave an error that falls with its square, about, and with the
+    width of the image, of which edges are a smaller part.
     """
-    return accuracy.source_sampling * max(_LEAST_DENSITY, math.sqrt(_TOLERANCE_OF_ONE / accuracy.tolerance))
+    wide = max(1.0, _image_radius(path, source) / _WIDTH_OF_ONE) if isinstance(source, DiscSource) else 1.0
+    needed = math.sqrt(_TOLERANCE_OF_ONE / accuracy.tolerance / wide)
+    return accuracy.source_sampling * max(_LEAST_DENSITY, needed)
 
 
 def ray_count(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAccuracy) -> float:
     """Rays that are traced, the coarser computation included."""
-    return sum(_rays(path, source, ray_density(accuracy) * factor) for factor in (1.0, _COARSER))
+    return sum(_rays(path, source, ray_density(path, source, accuracy) * factor) for factor in (1.0, _COARSER))
 
 
 def _rays(path: LightPath, source: PointSource | DiscSource, density: float) -> float:
-    if isinstance(source, PointSource) or not _is_wide(path, source):
+    if isinstance(source, PointSource) or not is_wide(path, source):
         return _RAYS * density * path.microlenses.count
     lenses, across = path.microlenses, max(2, round(_SAMPLES * density))
     distinct = sum(1 for _ in _distinct(lenses.centres, symmetries(path, source)))
@@ -125,16 +129,23 @@ def _rays(path: LightPath, source: PointSource | DiscSource, density: float) -> 
 
 
 def _shares(path: LightPath, source: PointSource | DiscSource, density: float) -> FloatArray:
-    if isinstance(source, DiscSource) and _is_wide(path, source):
+    if isinstance(source, DiscSource) and is_wide(path, source):
         return _traced_backwards(path, source, density)
     return _traced_forwards(path, source, density)
 
 
-def _is_wide(path: LightPath, source: DiscSource) -> bool:
+def is_wide(path: LightPath, source: DiscSource) -> bool:
     """Whether the image of a disc behind a microlens is wide enough for detector points to sample."""
+    return _image_radius(path, source) >= _FEWEST_PIXELS
+
+
+def _image_radius(path: LightPath, source: DiscSource) -> float:
+    """Of a disc behind a microlens [pixels], no larger than the image of the pupil may be."""
     _, _, depth = path.image_at_array(source.centre)
-    shrink = abs((path.array_distance - depth) / source.distance * path.detector_distance)
-    return source.diameter / 2.0 * shrink >= _FEWEST_PIXELS * path.pixels.pitch * abs(depth)
+    at_main_image = source.diameter / 2.0 * abs(path.array_distance - depth) / source.distance
+    largest = path.main_lens.radius / path.array_distance
+    seen = largest if at_main_image >= largest * abs(depth) else at_main_image / abs(depth)
+    return path.detector_distance / path.pixels.pitch * seen
 
 
 def _traced_backwards(path: LightPath, source: DiscSource, density: float) -> FloatArray:

@@ -67,7 +67,8 @@ def chain_image(
     UnaffordableError
         If nodes or samples need more memory than allowed.
     NotConvergedError
-        If the fast path disagrees grossly with direct quadrature, or a boundary wave misses the tolerance.
+        If the fast path disagrees grossly with direct quadrature, or Kirchhoff's
+        integral misses the tolerance where a boundary wave is left to it.
 
     Notes
     -----

@@ -27,6 +27,7 @@ from tradestudy.optics.chain.spot_points import Spot, point_intensity, prepare_s
 
 _THREADS = 2
 _CHECKED_POINTS = 2
+_RESOLVED = 0.5  # error of a quarter of the angles below which its further fall can be told
 
 
 def wave_spot_image(
@@ -66,7 +67,7 @@ def wave_spot_image(
     group = symmetries(path, source)
     rings, pixel_error, points = _ring_images(spot, nodes, group)
     rings = np.mean([moved_image_stack(rings, one) for one in group], axis=0)
-    pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
+    pixels = np.tensordot(nodes.radial_weights, rings[:, 2:].mean(axis=1), axes=1)
     size = float(np.linalg.norm(pixels))
     per_point = _points_check(spot, nodes, rng)
     terms = {
@@ -103,7 +104,11 @@ def source_density(accuracy: ChainAccuracy) -> float:
 
 
 def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]]) -> tuple[FloatArray, float, int]:
-    """Mean pixel image of each ring, from even and from odd angles apart: shape (rings, 2, rows, columns)."""
+    """Mean pixel image of each ring from some of its angles, shape (rings, 4, rows, columns).
+
+    From every fourth angle, from every fourth two further on, from all even ones, and from all odd ones. Where symmetry
+    carries the first into the second they are one.
+    """
     images, errors, points = [], [], 0
     with ThreadPoolExecutor(_THREADS) as pool:
         for ring in range(len(nodes.rings)):
@@ -112,23 +117,34 @@ def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, boo
             at = [(float(x), float(y)) for x, y in (nodes.rings[ring][i] for i, _ in chosen)]
             shared = tables_at(spot, at)
             fine = list(pool.map(lambda p, s=shared: point_intensity(spot, p, s[p]), at))
-            halves = []
-            for parity in (0, 1):
-                part = [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % 2 == parity]
+            means = []
+            for step, first in ((4, 0), (4, 2), (2, 0), (2, 1)):
+                part = [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % step == first]
+                part = part or [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % 4 == 0]
                 total = sum(n * image for n, image in part)
-                halves.append(np.asarray(total, dtype=np.float64) / sum(n for n, _ in part))
-            done = [light_on_pixels(half, spot.path.pixels, per_pixel=spot.per_pixel) for half in halves]
+                means.append(np.asarray(total, dtype=np.float64) / sum(n for n, _ in part))
+            done = [light_on_pixels(mean, spot.path.pixels, per_pixel=spot.per_pixel) for mean in means]
             images.append([one[0] for one in done])
             errors.append(max(one[1] for one in done))
     return np.asarray(images), max(errors), points
 
 
 def _angular_error(nodes: SourceNodes, rings: FloatArray) -> float:
-    """Even against odd angles: the error of half the angles, squared down to that of all as spectra decay."""
-    difference = np.tensordot(nodes.radial_weights, rings[:, 0] - rings[:, 1], axes=1) / 2
-    size = float(np.linalg.norm(np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)))
-    half = float(np.linalg.norm(difference))
-    return half * min(1.0, math.sqrt(half / size))
+    """Error of half the angles, even against odd, carried on to that of all as it fell from that of a quarter.
+
+    Spectra that decay fast square it, or more once a quarter of the angles resolves something; twice that is stated,
+    and no more than its power 3/2, which starved nodes bear out.
+    """
+    sums = np.tensordot(nodes.radial_weights, rings, axes=1)
+    size = float(np.linalg.norm(sums[2:].mean(axis=0)))
+    quarter, half = (float(np.linalg.norm(sums[k] - sums[k + 1])) / 2 / size for k in (0, 2))
+    if not 0.0 < half < 1.0:
+        return half * size
+    if quarter <= half:
+        return size * math.pow(half, 1.5)
+    fell = math.log(half) / math.log(quarter) if quarter < 1.0 else math.inf
+    power = min(max(fell, 1.5), 2.4 if quarter < _RESOLVED else 2.0)
+    return size * min(math.pow(half, 1.5), 2.0 * math.pow(half, power))
 
 
 def _radial_error(nodes: SourceNodes, rings: FloatArray) -> float:
@@ -136,7 +152,9 @@ def _radial_error(nodes: SourceNodes, rings: FloatArray) -> float:
     n = nodes.radial_points.size
     legendre = np.polynomial.legendre.legvander(2 * nodes.radial_points - 1, n - 1)
     coefficients = np.tensordot(
-        (legendre * nodes.radial_weights[:, None]).T * (2 * np.arange(n) + 1)[:, None], rings.mean(axis=1), axes=1
+        (legendre * nodes.radial_weights[:, None]).T * (2 * np.arange(n) + 1)[:, None],
+        rings[:, 2:].mean(axis=1),
+        axes=1,
     )
     last = float(np.linalg.norm(coefficients[-1])) / (2 * n - 1)
     size = float(np.linalg.norm(coefficients[0]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tradestudy.light_methods import long_title
 from tradestudy.report import facts
 from tradestudy.report.document import (
     Block,
@@ -29,12 +30,6 @@ if TYPE_CHECKING:
 
     from tradestudy.figures.drawing import Drawing
 
-_METHODS = {
-    "geometric": "Rays",
-    "fresnel": "Fresnel on both legs",
-    "kirchhoff-fresnel": "Kirchhoff to the array, Fresnel behind it",
-    "kirchhoff": "Kirchhoff on both legs",
-}
 _NOT_STATED = (
     "The discretisation and the machine behind the published times are not known, so that published and own times "
     "compare two computations, not two methods on one machine."
@@ -111,13 +106,13 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
         published = str(one["published_words"].item())
         took = _duration(_seconds(run, f"image: {method}")) + (f" here (published: {published})" if published else "")
         if method == reference:
-            yield say("**{method}** is the reference: {took}.", method=_METHODS[method], took=took)
+            yield say("**{method}** is the reference: {took}.", method=long_title(method), took=took)
         else:
             yield say(
                 "**{method}: {difference}** summed difference from {reference}; {took}.",
-                method=_METHODS[method],
+                method=long_title(method),
                 difference=share(float(one["difference"].sel(against=reference))),
-                reference=_METHODS[reference].lower().replace("kirchhoff", "Kirchhoff"),
+                reference=long_title(reference).lower().replace("kirchhoff", "Kirchhoff"),
                 took=took,
             )
 
@@ -130,7 +125,7 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
         dark = share(float(one["outside_geometric"])) if "outside_geometric" in data else "—"
         rows.append(
             (
-                _METHODS[method],
+                long_title(method),
                 _duration(_seconds(run, f"image: {method}")),
                 str(one["published_words"].item()) or "—",
                 share(float(one["numerical_error"])),

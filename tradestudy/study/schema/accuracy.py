@@ -40,7 +40,7 @@ class EffectsPart(Part):
     """Models that stand whatever the selection would choose; each replaces the choice of its slot."""
 
     defocus_blur: Literal["off", "disc"] | None = None
-    main_lens_diffraction: Literal["off", "airy", "fresnel", "kirchhoff"] | None = None
+    main_lens_diffraction: Literal["off", "airy", "boundary_wave", "fresnel", "kirchhoff"] | None = None
     microlens_diffraction: Literal["off", "airy", "fresnel", "kirchhoff"] | None = None
     crosstalk: Literal["off", "coherent"] | None = None
     pixel_integration: Literal["off", "square"] | None = None

@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from tradestudy import units
+from tradestudy.light_methods import legs_of
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.accuracy import EffectsPart
 from tradestudy.study.schema.base import Part
@@ -26,7 +27,14 @@ from tradestudy.study.schema.quantities import (
 from tradestudy.study.schema.wave_optics import LensPhaseName
 from tradestudy.units import LENGTH, pretty
 
-MethodName = Literal["geometric", "fresnel", "kirchhoff-fresnel", "kirchhoff"]
+# Of both legs, or of the leg to the array and the leg behind it.
+MethodName = Literal[
+    "geometric", "exact-rays", "fresnel", "kirchhoff",
+    "geometric-fresnel", "geometric-kirchhoff",
+    "boundary-wave-geometric", "boundary-wave-fresnel", "boundary-wave-kirchhoff",
+    "fresnel-geometric", "fresnel-kirchhoff",
+    "kirchhoff-geometric", "kirchhoff-fresnel",
+]  # fmt: skip
 # What the propagators accept; double precision ends below, and beyond a picture is no result.
 ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=0.2)]
 Weight = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
@@ -34,6 +42,10 @@ Weight = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
 _ROUNDING: Final = 1e-12  # of widths that are quotients of what is written
 _NO_RAYS: Final = (
     "rays have no phase, and light_spot.spot is coherent; take fresnel or kirchhoff, or leave coherent out"
+)
+_NO_EDGE: Final = (
+    "boundary waves are those of single points, and light_spot.spot is coherent; take fresnel or kirchhoff, or leave "
+    "coherent out"
 )
 _WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, sides along the rows
 
@@ -223,8 +235,9 @@ class LightSpotPart(Part):
             yield MistakeAt(
                 ("tolerance",), "belongs to methods that are compared; accuracy.pixel_intensity is for the picture"
             )
-        if self.spot.coherent and "geometric" in self.methods:
-            yield MistakeAt(("methods", self.methods.index("geometric")), _NO_RAYS)
+        for index, method in enumerate(self.methods):
+            if self.spot.coherent and (laws := set(legs_of(method))) - {"fresnel", "kirchhoff"}:
+                yield MistakeAt(("methods", index), _NO_EDGE if "boundary-wave" in laws else _NO_RAYS)
 
     def _mistakes_of_light(self) -> Iterator[MistakeAt]:
         if (self.wavelength is None) == (self.spectrum is None):
@@ -267,4 +280,5 @@ def ray_mistakes(spot: LightSpotPart, effects: EffectsPart) -> list[MistakeAt]:
     if not spot.spot.coherent:
         return []
     slots = ("main_lens_diffraction", "microlens_diffraction")
-    return [MistakeAt(("effects", slot), _NO_RAYS) for slot in slots if getattr(effects, slot) == "off"]
+    words = {"off": _NO_RAYS, "boundary_wave": _NO_EDGE}
+    return [MistakeAt(("effects", slot), words[name]) for slot in slots if (name := getattr(effects, slot)) in words]

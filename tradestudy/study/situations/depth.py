@@ -116,9 +116,12 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
 
 
 def _applicable(camera: AnyDepthCamera, forced: Mapping[SlotName, str]) -> dict[SlotName, str]:
-    """The forced models that a camera has: not of microlenses without them, nor of a spectrum that is not declared."""
+    """The forced models that a camera has: not of microlenses without them, nor of a spectrum that is not declared.
+
+    Nor the boundary wave, which is for spots: transfer functions have Fresnel's law in closed form.
+    """
     law = camera.disparity_error_px
-    found = dict(forced)
+    found = {slot: name for slot, name in forced.items() if name != "boundary_wave"}
     if isinstance(law, PictureDisparityError):
         if law.models.microlens_diffraction == "none":
             found.pop("microlens_diffraction", None)

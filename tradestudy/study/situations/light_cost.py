@@ -13,8 +13,10 @@ import numpy as np
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
 from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.exact_rays import is_wide, ray_count
 from tradestudy.optics.chain.point_image import plan_waves
 from tradestudy.optics.chain.rays import ray_reach
+from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.chain.source_tables import table_count
 from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
@@ -29,12 +31,17 @@ from tradestudy.optics.chain.spot_points import (
 SECONDS: Final[Mapping[str, float]] = {
     "rays of a disc: pixel behind a microlens": 2.3e-5,
     "rays of a point: pixel behind a microlens": 2e-6,
+    "exact ray from the detector": 8e-8,
+    "exact ray from the source": 2.5e-8,
     "sample of a patch": 4.5e-8,
     "sample of a patch in double precision": 1.2e-7,
     "sample of the detector": 3.0e-7,
     "microlens field, Kirchhoff": 0.6,
     "microlens field, Fresnel": 0.1,
+    "microlens field, boundary wave": 0.3,
+    "microlens field, boundary wave to a thousandth": 3.0,
 }
+_FINE_BOUNDARY_WAVE: Final = 5e-3  # tolerance below which its edge takes many nodes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +101,7 @@ class LightWork:
         seen = np.linalg.norm(lenses.centres - at[:, None], axis=-1) <= within
         return float(np.mean(np.maximum(seen.sum(axis=1), 1)))
 
-    def seconds_of_disc(self, *, paraxial: bool, separate: bool) -> float:
+    def seconds_of_disc(self, *, to_array: LegMethod, separate: bool) -> float:
         """A picture of the whole disc; of every microlens alone, without the symmetry of the array, if separate."""
         points, lit = self.source_points, self.lit_microlenses
         repeats = 1.0
@@ -105,12 +112,28 @@ class LightWork:
         fields = table_count(self._accuracy)
         samples = points * lit * self.patch_side**2
         return repeats * (
-            SECONDS[unit] * samples + SECONDS[_field(paraxial)] * fields + self.seconds_of_point(paraxial=paraxial)
+            SECONDS[unit] * samples
+            + self._seconds_of_field(to_array) * fields
+            + self.seconds_of_point(to_array=to_array)
         )
 
-    def seconds_of_point(self, *, paraxial: bool) -> float:
+    def seconds_of_exact_rays(self, *, point: bool) -> float:
+        """A picture by rays of exact directions, computed twice to state its error."""
+        source = self.scene.source.centre if point else self.scene.source
+        forwards = point or not is_wide(self.scene.path, self.scene.source)
+        unit = "exact ray from the source" if forwards else "exact ray from the detector"
+        return SECONDS[unit] * ray_count(self.scene.path, source, self._accuracy)
+
+    def seconds_of_point(self, *, to_array: LegMethod) -> float:
         """A picture of a single point, computed twice to state its error."""
-        return SECONDS["sample of the detector"] * self.detector_side**2 + SECONDS[_field(paraxial)]
+        return SECONDS["sample of the detector"] * self.detector_side**2 + self._seconds_of_field(to_array)
+
+    def _seconds_of_field(self, to_array: LegMethod) -> float:
+        if to_array == "boundary_wave":
+            fine = self.tolerance < _FINE_BOUNDARY_WAVE
+            return SECONDS["microlens field, boundary wave" + (" to a thousandth" if fine else "")]
+        # Rays need no table, about as good as nothing to Fresnel's.
+        return SECONDS["microlens field, Kirchhoff" if to_array == "kirchhoff" else "microlens field, Fresnel"]
 
 
 def seconds_of_rays(path: LightPath, *, point: bool) -> float:
@@ -118,7 +141,3 @@ def seconds_of_rays(path: LightPath, *, point: bool) -> float:
     what = "rays of a point" if point else "rays of a disc"
     pixels = path.pixels.shape[0] * path.pixels.shape[1]
     return SECONDS[f"{what}: pixel behind a microlens"] * pixels * path.microlenses.count
-
-
-def _field(paraxial: bool) -> str:
-    return "microlens field, Fresnel" if paraxial else "microlens field, Kirchhoff"

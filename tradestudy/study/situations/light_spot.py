@@ -27,13 +27,16 @@ from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.situations.coherent_cost import seconds_of_coherent_wave
 from tradestudy.study.situations.light_cost import LightWork, seconds_of_rays
 from tradestudy.study.situations.situation import Situation
-from tradestudy.study.spot_images import SpotModels, light_path, light_source, without_comparison
+from tradestudy.study.spot_images import RAYS, SpotModels, legs, light_path, light_source, without_comparison
 
 NAME: Final = "light-spot"
 _POINT: Final = Slot(name="source_extent", models=(Model(name=OFF, bounds=complete()),))
 _POINT_DIAMETER: Final = 1e-12  # far below every wavelength; no bound divides by it
+# Mixtures with rays are for comparisons: beside waves rays are paraxial, and no bound of a slot alone holds for them.
 METHODS: Final[dict[tuple[str, str], MethodName]] = {
-    (OFF, OFF): "geometric",
+    (OFF, OFF): "exact-rays",
+    ("boundary_wave", "fresnel"): "boundary-wave-fresnel",
+    ("boundary_wave", "kirchhoff"): "boundary-wave-kirchhoff",
     ("fresnel", "fresnel"): "fresnel",
     ("kirchhoff", "fresnel"): "kirchhoff-fresnel",
     ("kirchhoff", "kirchhoff"): "kirchhoff",
@@ -50,7 +53,7 @@ def light_spot_situation(part: LightSpotPart) -> Situation:
 
     def seconds(chosen: Chosen) -> float:
         models = _models(chosen)
-        if models is None or (models.method == "geometric" and not models.integrated):
+        if models is None or (models.method in RAYS and not models.integrated):
             return math.inf
         return picture_seconds(part, models)
 
@@ -88,15 +91,17 @@ def picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
     work = _work(without_comparison(part), models.tolerance)
     if models.method == "geometric":
         return seconds_of_rays(work.scene.path, point=models.point)
-    wavelengths, paraxial = 1 if models.monochromatic else len(part.lines), models.method == "fresnel"
+    if models.method == "exact-rays":
+        return work.seconds_of_exact_rays(point=models.point)
+    wavelengths, to_array = 1 if models.monochromatic else len(part.lines), legs(models.method).to_array
     if models.point:
-        one = work.seconds_of_point(paraxial=paraxial)
+        one = work.seconds_of_point(to_array=to_array)
     elif part.spot.coherent:
         repeats = work.scene.path.microlenses.count if models.separate else 1  # on the pupil, for each microlens anew
-        wave = seconds_of_coherent_wave(work.scene, paraxial=paraxial)
-        one = work.seconds_of_point(paraxial=paraxial) + repeats * wave
+        wave = seconds_of_coherent_wave(work.scene, paraxial=to_array == "fresnel")
+        one = work.seconds_of_point(to_array=to_array) + repeats * wave
     else:
-        one = work.seconds_of_disc(paraxial=paraxial, separate=models.separate)
+        one = work.seconds_of_disc(to_array=to_array, separate=models.separate)
     return wavelengths * one
 
 
@@ -106,7 +111,7 @@ def _work(part: LightSpotPart, tolerance: float) -> LightWork:
 
 
 def _without_rays(slot: Slot) -> Slot:
-    return replace(slot, models=tuple(model for model in slot.models if model.name != OFF))
+    return replace(slot, models=tuple(model for model in slot.models if model.name not in (OFF, "boundary_wave")))
 
 
 def spot_models(selection: Selection) -> SpotModels:

@@ -1,0 +1,47 @@
+"""Names of the methods that make pictures of a spot, in words: one for both legs, or ``first-second``."""
+
+from __future__ import annotations
+
+from typing import Final
+
+_LEGS: Final = {
+    "geometric": "rays",
+    "exact-rays": "exact rays",
+    "boundary-wave": "boundary wave",
+    "fresnel": "Fresnel",
+    "kirchhoff": "Kirchhoff",
+}
+
+
+def legs_of(method: str) -> tuple[str, str]:
+    """Names of the laws to the array and behind it.
+
+    Raises
+    ------
+    ValueError
+        For a name that no picture has.
+    """
+    if method in _LEGS:
+        return method, method
+    for first in _LEGS:
+        second = method.removeprefix(f"{first}-")
+        if second != method and second in _LEGS:
+            return first, second
+    raise ValueError(f"no method of a picture: {method!r}")
+
+
+def short_title(method: str) -> str:
+    """As in ``Kirchhoff + Fresnel``."""
+    first, second = legs_of(method)
+    words = _LEGS[first] if first == second else f"{_LEGS[first]} + {_LEGS[second]}"
+    return words[0].upper() + words[1:]
+
+
+def long_title(method: str) -> str:
+    """As in ``Kirchhoff to the array, Fresnel behind it``."""
+    first, second = legs_of(method)
+    if first != second:
+        words = f"{_LEGS[first]} to the array, {_LEGS[second]} behind it"
+    else:
+        words = _LEGS[first] if "rays" in _LEGS[first] else f"{_LEGS[first]} on both legs"
+    return words[0].upper() + words[1:]
