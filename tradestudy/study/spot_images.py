@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final
@@ -26,10 +26,10 @@ from tradestudy.optics.chain import (
     separate_image,
     square_centres,
 )
+from tradestudy.optics.chain.image import mean_image
 from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
-from tradestudy.units import LENGTH, pretty
 
 _LEGS: Final[Mapping[str, LegMethod]] = {
     "geometric": "geometric",
@@ -183,29 +183,8 @@ def picture_of(
 
     if models.monochromatic or models.method in RAYS:  # rays are the same at every wavelength
         return image(part.mean_wavelength)
-    return _mean(part.lines, [image(wavelength) for wavelength, _ in part.lines])
-
-
-def _mean(lines: Sequence[tuple[float, float]], images: Sequence[ChainImage]) -> ChainImage:
-    """Intensities add over wavelengths, each with its share; so, at worst, do their errors."""
-    if len(images) == 1:
-        return images[0]
-    shares = [share for _, share in lines]
-    pixels = np.tensordot(shares, [image.pixels for image in images], axes=1)
-    size = float(np.linalg.norm(pixels))
-    errors = [
-        share * image.numerical_error * float(np.linalg.norm(image.pixels)) / size if size > 0.0 else 0.0
-        for share, image in zip(shares, images, strict=True)
-    ]
-    return ChainImage(
-        pixels=pixels,
-        numerical_error=math.fsum(errors),
-        error_terms={pretty(one[0], LENGTH): error for one, error in zip(lines, errors, strict=True)},
-        direct_check={name: max(image.direct_check[name] for image in images) for name in images[0].direct_check},
-        microlens_share=float(np.dot(shares, [image.microlens_share for image in images])),
-        effort={name: sum(image.effort[name] for image in images) for name in images[0].effort},
-        handed_over=max(image.handed_over for image in images),
-    )
+    wavelengths, shares = np.array(part.lines).T
+    return mean_image([image(float(wavelength)) for wavelength in wavelengths], wavelengths, shares)
 
 
 def image_difference(image: FloatArray, reference: FloatArray) -> float:

@@ -10,17 +10,16 @@ pupil.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
+from tradestudy.optics.chain.pixels import refuse_pixel_centres
 from tradestudy.optics.chain.scene import LightPath, Microlenses
-from tradestudy.optics.chain.sources import DiscSource, Symmetry, moved, moved_image, symmetries
+from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries
 from tradestudy.optics.propagation.lens import CircularLens, PointSource, image_distance
 from tradestudy.optics.quadrature import disc_nodes
 
@@ -82,13 +81,7 @@ def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accura
     OutOfRangeError
         If pixels are not to integrate.
     """
-    if not path.pixels.integrated:
-        raise OutOfRangeError(
-            "rays at the centre of a pixel",
-            value="not integrated, rays",
-            limit="rays come as areas over whole pixels",
-            remedy="integrate over pixels, or use waves",
-        )
+    refuse_pixel_centres(path.pixels)
     density = ray_density(path, source, accuracy)
     fine, coarse = (_shares(path, source, density * factor) for factor in (1.0, _COARSER))
     size = float(np.linalg.norm(fine))
@@ -123,7 +116,7 @@ def _rays(path: LightPath, source: PointSource | DiscSource, density: float) -> 
     if isinstance(source, PointSource) or not is_wide(path, source):
         return _RAYS * density * path.microlenses.count
     lenses, across = path.microlenses, max(2, round(_SAMPLES * density))
-    distinct = sum(1 for _ in _distinct(lenses.centres, symmetries(path, source)))
+    distinct = sum(1 for _ in lens_orbits(lenses.centres, symmetries(path, source)))
     seen = min(2.0 * _reach_on_detector(path) / path.pixels.pitch, float(min(path.pixels.shape)))
     return distinct * (seen * across) ** 2 * cell_nodes(lenses, cycles=_CYCLES * density).x.size
 
@@ -161,7 +154,7 @@ def _traced_backwards(path: LightPath, source: DiscSource, density: float) -> Fl
     reach = _reach_on_detector(path)
     group = symmetries(path, source)
     total = np.zeros(pixels.shape)
-    for index, copies in _distinct(path.microlenses.centres, group):
+    for index, copies in lens_orbits(path.microlenses.centres, group):
         middle = path.microlenses.centres[index] * (1.0 + path.detector_distance / path.array_distance)
         seen_x, seen_y = (
             np.flatnonzero(np.abs(line - m) <= reach) for line, m in zip((columns, rows), middle, strict=True)
@@ -172,19 +165,6 @@ def _traced_backwards(path: LightPath, source: DiscSource, density: float) -> Fl
         image = light.reshape(shape).mean(axis=(1, 3)) * pixels.pitch**2
         total += sum(moved_image(image, one) for one in copies)
     return np.asarray(total / (math.pi * (source.diameter / 2.0) ** 2))
-
-
-def _distinct(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[int, list[Symmetry]]]:
-    """One microlens of each set that symmetries carry into one another, and symmetries that make them all."""
-    left = set(range(len(centres)))
-    while left:
-        index = min(left)
-        copies: dict[int, Symmetry] = {}
-        for one in group:
-            nearest = int(np.argmin(np.linalg.norm(centres - moved(centres[index], one), axis=1)))
-            copies.setdefault(nearest, one)
-        left -= copies.keys()
-        yield index, list(copies.values())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainImage
 from tradestudy.optics.chain.microlens_nodes import cell_nodes
+from tradestudy.optics.chain.pixels import refuse_pixel_centres
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import PointSource
@@ -79,13 +79,7 @@ def geometric_image(path: LightPath, source: PointSource | DiscSource, *, densit
     OutOfRangeError
         If pixels are not to integrate.
     """
-    if not path.pixels.integrated:
-        raise OutOfRangeError(
-            "rays at the centre of a pixel",
-            value="not integrated, geometric",
-            limit="rays come as areas over whole pixels",
-            remedy="integrate over pixels, or use waves",
-        )
+    refuse_pixel_centres(path.pixels)
     fine, coarse = (_shares(path, source, density * factor) for factor in (1.0, 0.7))
     size = float(np.linalg.norm(fine))
     change = float(np.linalg.norm(fine - coarse)) / size if size > 0 else 0.0

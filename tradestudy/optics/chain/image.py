@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -139,15 +140,19 @@ def spectral_image(
     if not (np.all(weights >= 0) and np.isfinite(weights).all() and weights.sum() > 0):
         raise OutOfRangeError("spectral weights", value=str(weights), limit="≥ 0, finite, not all zero")
     parts = [chain_image(path, source, wavelength=float(w), legs=legs, accuracy=accuracy, rng=rng) for w in wavelengths]
-    share = weights / weights.sum()
+    return mean_image(parts, wavelengths, weights / weights.sum())
+
+
+def mean_image(parts: Sequence[ChainImage], wavelengths: FloatArray, share: FloatArray) -> ChainImage:
+    """Mean of images at several wavelengths [m] with shares that add up to 1; so, at worst, add their errors."""
     pixels = np.tensordot(share, [part.pixels for part in parts], axes=1)
-    size = float(np.linalg.norm(pixels))
+    size = float(np.linalg.norm(pixels)) or 1.0  # no light: no error
     errors = [
         float(s * part.numerical_error * np.linalg.norm(part.pixels)) for s, part in zip(share, parts, strict=True)
     ]
     return ChainImage(
         pixels=pixels,
-        numerical_error=sum(errors) / size,
+        numerical_error=math.fsum(errors) / size,
         error_terms={f"{w * 1e9:.6g} nm": e / size for w, e in zip(wavelengths, errors, strict=True)},
         direct_check={name: max(part.direct_check[name] for part in parts) for name in parts[0].direct_check},
         microlens_share=float(share @ [part.microlens_share for part in parts]),

@@ -15,11 +15,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave, direct_field
 from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light
+from tradestudy.optics.chain.pixels import refuse_pixel_centres
 from tradestudy.optics.chain.ray_wave import refuse_focus_on_array
 from tradestudy.optics.chain.regions import (
     IntArray,
@@ -85,7 +86,7 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
         If the field disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance
         where a boundary wave is left to it.
     """
-    refuse_points_of_pixels(wave.path.pixels)
+    refuse_pixel_centres(wave.path.pixels)
     refuse_focus_on_array(wave.path, wave.source, wave.wavelength)
     with ThreadPoolExecutor(2) as pool:  # a boundary wave is compared with Kirchhoff's integral
         fine, other = pool.map(_landed, (wave, wave.reference), (accuracy, accuracy.compared()))
@@ -110,23 +111,6 @@ def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.ran
         effort={"microlens nodes": fine.power.size, "array samples": fine.light.samples},
         handed_over=fine.light.handed_over,
     )
-
-
-def refuse_points_of_pixels(pixels: PixelGrid) -> None:
-    """Refuse rays at the centres of pixels.
-
-    Raises
-    ------
-    OutOfRangeError
-        If pixels are not to integrate.
-    """
-    if not pixels.integrated:
-        raise OutOfRangeError(
-            "rays at the centre of a pixel",
-            value="not integrated, geometric to the detector",
-            limit="rays come as areas over whole pixels",
-            remedy="integrate over pixels, or use waves",
-        )
 
 
 def irradiance_frequency(path: LightPath, wavelength: float) -> float:

@@ -23,17 +23,16 @@ from tradestudy.optics.chain.landing import (
     landing_nodes,
     on_pixels,
     pixel_nodes,
-    refuse_points_of_pixels,
 )
 from tradestudy.optics.chain.microlens_nodes import cell_nodes, tapered_disc_nodes
+from tradestudy.optics.chain.pixels import refuse_pixel_centres
 from tradestudy.optics.chain.ray_wave import refuse_focus_on_array
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.source_tables import SourceTables, source_tables
 from tradestudy.optics.chain.sources import (
     DiscSource,
-    Symmetry,
-    moved,
+    lens_orbits,
     moved_image,
     symmetries,
     tolerated_density,
@@ -81,7 +80,7 @@ def landing_spot_image(
     NotConvergedError
         If Kirchhoff's integral misses the tolerance where a boundary wave is left to it.
     """
-    refuse_points_of_pixels(path.pixels)
+    refuse_pixel_centres(path.pixels)
     refuse_focus_on_array(path, source.centre, wavelength)
     compared = replace(legs, to_array="kirchhoff") if legs.to_array == "boundary_wave" else legs
     with ThreadPoolExecutor(2) as pool:
@@ -175,7 +174,8 @@ def _over_array(
     disc = Disc(x=source.x, y=source.y, radius=source.diameter / 2)
     on_disc = accuracy.source_sampling * _SHARE_OF_FRINGES * fringes * path.array_distance / source.distance
     group = symmetries(path, source)
-    for index, mates in _orbits(lenses.centres, group):
+    for index, copies in lens_orbits(lenses.centres, group):
+        mates = len(copies)
         image, share, reads = np.zeros(pixels.shape), 0.0, 0
         powers = np.where(cell.in_lens, 1 / lenses.focal_lengths[index], 0.0)
         for dx, dy, weight, power in zip(cell.x, cell.y, cell.weights, powers, strict=True):
@@ -220,16 +220,6 @@ def _over_source(
         field = tables.field(place, tables.at([place])[place], nodes.x, nodes.y)
         light = weight / wave.power() * nodes.weights * np.abs(field) ** 2
         yield on_pixels(light, nodes.pixel, path.pixels), float(light.sum()), light.size
-
-
-def _orbits(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[int, int]]:
-    """One microlens of each set that the symmetries carry into one another, and the size of the set."""
-    seen: set[int] = set()
-    for index, centre in enumerate(centres):
-        if index not in seen:
-            mates = {int(np.argmin(np.linalg.norm(centres - moved(centre, one), axis=1))) for one in group}
-            seen |= mates
-            yield index, len(mates)
 
 
 def _irradiance_check(tables: SourceTables, source: DiscSource, rng: np.random.Generator) -> float:

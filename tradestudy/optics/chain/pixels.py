@@ -6,11 +6,29 @@ import math
 
 import numpy as np
 
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.scene import PixelGrid
 
 _MARGIN = 3  # samples beyond the window on each side that the correction needs
 _CELL_AVERAGE = ((0.0, 1 / 24, -17 / 5760, 367 / 967680), (0.0, 1 / 24, -17 / 5760, 0.0))
+
+
+def refuse_pixel_centres(grid: PixelGrid) -> None:
+    """Refuse rays at the centres of pixels.
+
+    Raises
+    ------
+    OutOfRangeError
+        If pixels are not to integrate.
+    """
+    if not grid.integrated:
+        raise OutOfRangeError(
+            "rays at the centre of a pixel",
+            value="not integrated, with rays behind the microlenses",
+            limit="rays come as areas over whole pixels",
+            remedy="integrate over pixels, or use waves",
+        )
 
 
 def samples_per_pixel(grid: PixelGrid, needed: float) -> int:

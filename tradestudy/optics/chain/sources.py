@@ -147,6 +147,19 @@ def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tup
             yield index, len(keys[index])
 
 
+def lens_orbits(centres: FloatArray, group: list[Symmetry]) -> Iterator[tuple[int, list[Symmetry]]]:
+    """One microlens of each set that symmetries carry into one another, and symmetries that make them all."""
+    left = set(range(len(centres)))
+    while left:
+        index = min(left)
+        copies: dict[int, Symmetry] = {}
+        for one in group:
+            nearest = int(np.argmin(np.linalg.norm(centres - moved(centres[index], one), axis=1)))
+            copies.setdefault(nearest, one)
+        left -= copies.keys()
+        yield index, list(copies.values())
+
+
 def _leaves(path: LightPath, source: DiscSource, symmetry: Symmetry) -> bool:
     """Whether a symmetry changes nothing that the light meets."""
     lenses, pixels = path.microlenses, path.pixels
