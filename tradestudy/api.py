@@ -93,9 +93,10 @@ class Study:
             (len(file.readings), "reading"),
             (len(file.claims), "claim"),
             (len(file.requirements), "requirement"),
+            (0 if file.light_spot is None else 1, "light spot"),
         ]
         words = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for count, word in counted if count)
-        return f"{self.name}: {words}{ends}"
+        return f"{self.name}: {words or 'in order'}{ends}"
 
     def with_values(self, values: Mapping[str, str]) -> Study:
         """The same study with other values by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Final
 
 _LEGS: Final = {
-    "geometric": "rays",
+    "geometric": "paraxial rays",
     "exact-rays": "exact rays",
     "boundary-wave": "boundary wave",
     "fresnel": "Fresnel",
@@ -28,6 +29,19 @@ def legs_of(method: str) -> tuple[str, str]:
         if second != method and second in _LEGS:
             return first, second
     raise ValueError(f"no method of a picture: {method!r}")
+
+
+_MOST_COMPLETE_FIRST: Final = (
+    "kirchhoff", "boundary-wave-kirchhoff", "fresnel-kirchhoff", "kirchhoff-fresnel", "boundary-wave-fresnel",
+    "fresnel",
+    "geometric-kirchhoff", "geometric-fresnel", "kirchhoff-geometric", "boundary-wave-geometric", "fresnel-geometric",
+    "exact-rays", "geometric",
+)  # fmt: skip
+
+
+def most_complete(methods: Iterable[str]) -> str:
+    """The method that leaves out the least: what the others are compared with."""
+    return min(methods, key=_MOST_COMPLETE_FIRST.index)
 
 
 def short_title(method: str) -> str:

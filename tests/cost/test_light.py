@@ -130,5 +130,5 @@ def test_the_choice_is_the_picture_of_the_plan_and_not_what_it_is_compared_with(
     whole = next(entry for entry in found.entries if entry.model == "Exact rays" and not entry.chosen)
     assert whole.setting == "tolerance 1 %"
     assert {entry.model for entry in found.entries} == {
-        "Rays", "Exact rays", "Fresnel", "Kirchhoff + Fresnel", "Kirchhoff",
+        "Paraxial rays", "Exact rays", "Fresnel", "Kirchhoff + Fresnel", "Kirchhoff",
     }  # fmt: skip

@@ -11,6 +11,7 @@ from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import bound_of, complete, law_change, lit_transfer, picture_change, rim_light
 
 _SAFETY: Final = {"rays": 1.5, "fresnel": 1.8}  # see `picture_change`
+_HARDLY_ANY: Final = 1e-9  # Fresnel zones: the array in the main image, for which no bound is stated
 _LEADING_TERM: Final = (6.0, 4e-3)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md
 
 
@@ -28,7 +29,8 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
     fresnel = law_change(scene, law) + picture_change(scene, 4.0 * rim * turned * lit_transfer(scene))
     fresnel *= _SAFETY["fresnel"]
     wave = picture_change(scene, 2.0 * rim * lit_transfer(scene))
-    leading = min(1.0, _LEADING_TERM[0] * scene.rim_path_waves / scene.main_fresnel_number + _LEADING_TERM[1])
+    per_zone = scene.rim_path_waves / max(scene.main_fresnel_number, _HARDLY_ANY)
+    leading = min(1.0, _LEADING_TERM[0] * per_zone + _LEADING_TERM[1])
     rays = _SAFETY["rays"] * (wave + interference_change(scene))
     return Slot(
         name="main_lens_diffraction",
@@ -49,7 +51,7 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                     scene,
                     leading * wave,
                     criterion="waves of aberration per Fresnel zone",
-                    number=scene.rim_path_waves / scene.main_fresnel_number,
+                    number=per_zone,
                     reason="the wave from the rim of the pupil is its leading term for many Fresnel zones",
                 ),
             ),

@@ -154,6 +154,7 @@ def _decisions(
     forced: Mapping[SlotName, str],
 ) -> list[Decision]:
     found = []
+    held = {q: math.fsum(one.change_of(q) for name, one in chosen.items() if name not in forced) for q in totals}
     for slot in slots:
         own = chosen[slot.name]
         for model in slot.models:
@@ -164,7 +165,7 @@ def _decisions(
                     model=model,
                     chosen=model is own,
                     forced=is_forced,
-                    why=_why(model, own, totals, accuracy, is_forced=is_forced, slot_forced=slot.name in forced),
+                    why=_why(model, own, held, accuracy, is_forced=is_forced, slot_forced=slot.name in forced),
                 )
             )
     return found
@@ -220,6 +221,11 @@ def _nothing_fits(
     nearest = next(
         (int(i) for i in np.argsort(shortfall, kind="stable") if cost(int(i)) <= min(accuracy.budget, 1e300)), None
     )
+    if nearest is None and not any(math.isfinite(cost(i)) for i in range(len(sets))):
+        return UnaffordableError(
+            "models that are forced together cannot be combined",
+            remedy="force fewer: diffraction of a spot is off at both lenses or at none, and rays fill whole pixels",
+        )
     if nearest is None:
         least = min(cost(i) for i in range(len(sets)))
         offer = f"even the cheapest set takes {least:.3g} s; raise the budget"
@@ -232,10 +238,10 @@ def _nothing_fits(
             offer = "not even 100 % can be had"
         if math.isfinite(accuracy.budget):
             offer = f"{loosest} can be had in {cost(nearest):.3g} s; ask for that, or raise the budget"
-    if fitting_costs.size:
+    if np.isfinite(fitting_costs).any():
         short = f"the cheapest set that is accurate enough takes {fitting_costs.min():.3g} s"
     else:
-        short = "no set of models is accurate enough"
+        short = "no set of models is accurate enough" + (" that can be combined" if fitting_costs.size else "")
     return UnaffordableError(
         f"the accuracy wanted cannot be had: {short}",
         limit=f"within {accuracy.budget:g} s" if math.isfinite(accuracy.budget) else "",

@@ -26,7 +26,7 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
-from tradestudy.light_methods import short_title
+from tradestudy.light_methods import most_complete, short_title
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 if TYPE_CHECKING:
@@ -76,9 +76,9 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def reference_method(data: xr.Dataset) -> str:
-    """The method against which the others are held: Kirchhoff, or the last."""
+    """The method against which the others are held: what leaves out the least."""
     methods = [str(name) for name in data["propagator"].values]
-    return "kirchhoff" if "kirchhoff" in methods else methods[-1]
+    return most_complete(methods)
 
 
 def _image_words(data: xr.Dataset, reference: str) -> str:
@@ -108,7 +108,7 @@ def light_spot(tree: xr.DataTree) -> StudyFigure:
         for column, method in enumerate(methods):
             axes = figure.add_subplot(grid[0, column])
             shown = _picture(axes, data, np.asarray(image.sel(propagator=method)) / brightest, "inferno", 0.0, 1.0)
-            axes.set_title(short_title(method), fontsize=7.5)
+            axes.set_title(short_title(method).replace(" + ", " +\n"), fontsize=7.5)
         _scale(figure, shown, grid[0, -1], "light on a pixel")
         if others:
             changes = {
@@ -118,7 +118,7 @@ def light_spot(tree: xr.DataTree) -> StudyFigure:
             for column, method in enumerate(others):
                 axes = figure.add_subplot(grid[1, column])
                 changed = _picture(axes, data, changes[method], "RdBu_r", -span, span)
-                axes.set_title(f"less {short_title(reference)}", fontsize=7, fontweight="normal")
+                axes.set_title(f"less {short_title(reference)}".replace(" + ", " +\n"), fontsize=7, fontweight="normal")
             _scale(figure, changed, grid[1, len(others)].subgridspec(1, 12)[0], "% of the brightest pixel")
         _cut(figure.add_subplot(grid[-1, :]), data, methods)
     return figure

@@ -283,12 +283,20 @@ def _turned(lens: CircularLens, at: _Plane, slope: _Plane, *, backward: bool) ->
 
 def _traced_forwards(path: LightPath, source: PointSource | DiscSource, density: float) -> FloatArray:
     """Rays from all over source and pupil, each with its power, to the pixels where they land."""
-    pixels, lenses = path.pixels, path.microlenses
     count = round(_RAYS * density)
-    index = np.arange(count) + 0.5
+    total = np.zeros(path.pixels.shape)
+    for start in range(0, count, _AT_ONCE):
+        index = np.arange(start, min(start + _AT_ONCE, count), dtype=np.float64) + 0.5
+        total += _landed(path, source, np.asarray(index), count)
+    return total
+
+
+def _landed(path: LightPath, source: PointSource | DiscSource, index: FloatArray, count: int) -> FloatArray:
+    """Some of so many rays."""
+    pixels, lenses = path.pixels, path.microlenses
     u = _on_disc(path.main_lens.radius, index / count, np.asarray(_GOLDEN * index))
     towards = _Plane(x=u.x - source.x, y=u.y - source.y)
-    power = np.full(count, math.pi * path.main_lens.radius**2 / count)
+    power = np.full(index.size, math.pi * path.main_lens.radius**2 / count)
     if isinstance(source, DiscSource):
         aside = _on_disc(
             source.diameter / 2.0, np.asarray(index / _PLASTIC % 1.0), np.asarray(2.0 * math.pi / _PLASTIC**2 * index)

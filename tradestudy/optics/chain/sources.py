@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.microlens_nodes import plane_wave_degree
@@ -16,6 +16,7 @@ from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.propagation.lens import PointSource
 from tradestudy.optics.quadrature import gauss_legendre
 
+_LARGEST_PHASE = 3e3
 Symmetry = tuple[int, int, bool]  # signs of x and y, then whether x and y change places
 
 
@@ -93,6 +94,13 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
     pupil = 2 * path.main_lens.radius
     seen = min(pupil, 2 * path.microlenses.cell_reach * image / depth) if depth > 0 else pupil
     phase = density * math.pi * source.diameter * seen / (wavelength * source.distance)
+    if phase > _LARGEST_PHASE:
+        raise UnaffordableError(
+            "points of the source",
+            value=f"a phase of {phase:.2g} rad from its middle to its edge",
+            limit=f"{_LARGEST_PHASE:g} rad, about a million points",
+            remedy="take a smaller disc, or rays on both legs",
+        )
     points, weights = gauss_legendre(max(4, plane_wave_degree(phase) // 4 + 2))
     return SourceNodes(
         radial_points=points,

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tradestudy.light_methods import long_title
+from tradestudy.light_methods import long_title, most_complete
 from tradestudy.report import facts
 from tradestudy.report.document import (
     Block,
@@ -95,8 +95,7 @@ def _duration(seconds: float) -> str:
 
 
 def _against(data: xr.Dataset) -> str:
-    methods = [str(name) for name in data["propagator"].values]
-    return "kirchhoff" if "kirchhoff" in methods else methods[-1]
+    return most_complete(str(name) for name in data["propagator"].values)
 
 
 def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
@@ -112,9 +111,24 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
                 "**{method}: {difference}** summed difference from {reference}; {took}.",
                 method=long_title(method),
                 difference=share(float(one["difference"].sel(against=reference))),
-                reference=long_title(reference).lower().replace("kirchhoff", "Kirchhoff"),
+                reference=_within_a_sentence(reference),
                 took=took,
             )
+    picture, compared = data["chosen_image"], data["image"].sel(propagator=reference)
+    yield say(
+        "**The picture by the models that the accuracy wanted calls for** ({method}, sampled to {tolerance}): "
+        "{difference} summed difference from {reference}; {took}.",
+        method=_within_a_sentence(str(data.attrs["chosen_method"])),
+        tolerance=share(float(data.attrs["chosen_tolerance"])),
+        difference=share(float(abs(picture - compared).sum() / compared.sum())),
+        reference=_within_a_sentence(reference),
+        took=_duration(_seconds(run, "image: chosen")),
+    )
+
+
+def _within_a_sentence(method: str) -> str:
+    words = long_title(method)
+    return words if words.startswith(("Kirchhoff", "Fresnel")) else words[0].lower() + words[1:]
 
 
 def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
@@ -176,7 +190,12 @@ def _method(data: xr.Dataset) -> Iterator[Block]:
     )
     yield Bullets(
         (
-            say("**Rays** are paraxial; areas of the pupil that a pixel sees are exact in one direction."),
+            say(
+                "**Paraxial rays**: areas of the pupil that a pixel sees, exact in one direction; beside waves on the "
+                "other leg, rays are paraxial too. **Exact rays**, which stand where diffraction is off, follow the "
+                "directions of Kirchhoff's paths: all of its picture but diffraction and interference. **Boundary "
+                "wave**: rays and the wave from the rim of the main lens, the leading term of Kirchhoff's integral."
+            ),
             say(
                 "**Kirchhoff** keeps the exact path and the cosine on each leg (eqs. 9 to 16), **Fresnel** the paths "
                 "to second order and no cosines (eqs. 17 to 22)."

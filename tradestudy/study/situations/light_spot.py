@@ -21,7 +21,9 @@ from tradestudy.effects.sampling import sampling, tolerance_of
 from tradestudy.effects.selection import Chosen, Selection
 from tradestudy.effects.source_extent import source_extent_in_picture
 from tradestudy.effects.spectrum import spectrum_in_picture
+from tradestudy.errors import UnaffordableError
 from tradestudy.optics.chain import DiscSource
+from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.situations.coherent_cost import seconds_of_coherent_wave
@@ -94,6 +96,14 @@ def picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
     if models.method == "exact-rays":
         return work.seconds_of_exact_rays(point=models.point)
     wavelengths, to_array = 1 if models.monochromatic else len(part.lines), legs(models.method).to_array
+    try:
+        return wavelengths * _seconds_of_waves(part, models, work, to_array)
+    except UnaffordableError:
+        return math.inf
+
+
+def _seconds_of_waves(part: LightSpotPart, models: SpotModels, work: LightWork, to_array: LegMethod) -> float:
+    """Seconds of a picture by waves in light of one wavelength."""
     if models.point:
         one = work.seconds_of_point(to_array=to_array)
     elif part.spot.coherent:
@@ -102,7 +112,7 @@ def picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
         one = work.seconds_of_point(to_array=to_array) + repeats * wave
     else:
         one = work.seconds_of_disc(to_array=to_array, separate=models.separate)
-    return wavelengths * one
+    return one
 
 
 @lru_cache(maxsize=64)
