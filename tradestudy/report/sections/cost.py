@@ -78,8 +78,12 @@ def _answer(one: xr.Dataset) -> Spans:
             seconds=_duration(seconds),
         )
     if wanted < floor:
-        dear = _duration(float(one["reference_seconds"]))
-        then = f"a tenth of that is less than the {_error(floor)} by which the reference errs, which itself took {dear}"
+        took, finer = float(one["reference_seconds"]), floor / wanted
+        then = (
+            f"a tenth of that is less than the {_error(floor)} by which the reference errs, which itself took "
+            f"{_duration(took)}; where errors fall as the inverse of time, or of its root, it costs about "
+            f"{_duration(finer * took)} to {_duration(finer**2 * took)}"
+        )
     elif math.isinf(needed):
         best, took = float(one["best_error"]), float(one["best_seconds"])
         then = f"a tenth of that cannot be had: the best measured errs by {_error(best)} and takes {_duration(took)}"
