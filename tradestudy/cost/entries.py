@@ -169,3 +169,17 @@ def next_digit(measured: Measured) -> NextDigit | None:
         best_seconds=best_seconds,
         below_reference=wanted < floor,
     )
+
+
+def nothing_measured(name: str, title: str, says: str, why: str) -> Measured:
+    """A table without entries, and why."""
+    return Measured(
+        name=name,
+        title=title,
+        says=says,
+        reference="none",
+        reference_error=math.nan,
+        reference_seconds=math.nan,
+        entries=(),
+        left_out=(why,),
+    )

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.accuracy import Accuracy
-from tradestudy.cost.entries import Measured
+from tradestudy.cost.entries import Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, entry_of, measure
 from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.effects.base import OFF, SlotName
@@ -98,7 +98,7 @@ def picture_cost(
     try:
         reference = _reference(camera, places, allowance)
     except UnaffordableError as error:
-        return _nothing(name, title, says, f"everything: {error}")
+        return nothing_measured(name, title, says, f"everything: {error}")
     entries, left_out = [], []
     sets = list(_sets(camera, situation, selection))
     for number, (names, model_camera) in enumerate(sets):
@@ -138,19 +138,6 @@ def picture_cost(
         reference_seconds=reference.seconds,
         entries=tuple(sorted(entries, key=lambda entry: order.index(entry.model.partition(" at ")[0]))),
         left_out=tuple(left_out),
-    )
-
-
-def _nothing(name: str, title: str, says: str, why: str) -> Measured:
-    return Measured(
-        name=name,
-        title=title,
-        says=says,
-        reference="none",
-        reference_error=math.nan,
-        reference_seconds=math.nan,
-        entries=(),
-        left_out=(why,),
     )
 
 

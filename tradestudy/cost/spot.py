@@ -11,7 +11,7 @@ from typing import Final, get_args
 
 import numpy as np
 
-from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.light_methods import short_title
@@ -119,16 +119,7 @@ def spot_cost(
     if finest is None:
         needed = predicted(replace(best, tolerance=0.1))
         why = f"everything: a reference at 10 % alone takes about {needed:.0f} s, {allowance.left:.0f} s are left"
-        return Measured(
-            name=name,
-            title=title,
-            says=says,
-            reference="none",
-            reference_error=math.nan,
-            reference_seconds=math.nan,
-            entries=(),
-            left_out=(why,),
-        )
+        return nothing_measured(name, title, says, why)
     begin = time.perf_counter()
     reference = image(replace(best, tolerance=finest), _REFERENCE_SEED)
     reference_seconds = time.perf_counter() - begin

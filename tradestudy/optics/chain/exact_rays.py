@@ -284,14 +284,21 @@ def _turned(lens: CircularLens, at: _Plane, slope: _Plane, *, backward: bool) ->
 def _traced_forwards(path: LightPath, source: PointSource | DiscSource, density: float) -> FloatArray:
     """Rays from all over source and pupil, each with its power, to the pixels where they land."""
     count = round(_RAYS * density)
+    power = _power_of_points(path, source)
     total = np.zeros(path.pixels.shape)
     for start in range(0, count, _AT_ONCE):
         index = np.arange(start, min(start + _AT_ONCE, count), dtype=np.float64) + 0.5
-        total += _landed(path, source, np.asarray(index), count)
+        total += _landed(path, source, np.asarray(index), count, power)
     return total
 
 
-def _landed(path: LightPath, source: PointSource | DiscSource, index: FloatArray, count: int) -> FloatArray:
+def _landed(
+    path: LightPath,
+    source: PointSource | DiscSource,
+    index: FloatArray,
+    count: int,
+    power_of_points: tuple[FloatArray, FloatArray],
+) -> FloatArray:
     """Some of so many rays."""
     pixels, lenses = path.pixels, path.microlenses
     u = _on_disc(path.main_lens.radius, index / count, np.asarray(_GOLDEN * index))
@@ -303,7 +310,7 @@ def _landed(path: LightPath, source: PointSource | DiscSource, index: FloatArray
         )
         towards = towards.plus(aside, -1.0)
     power *= source.distance**2 / (source.distance**2 + towards.squared) ** 2  # of the paper's amplitude a/r²
-    power /= np.interp(u.plus(towards, -1.0).squared, *_power_of_points(path, source))
+    power /= np.interp(u.plus(towards, -1.0).squared, *power_of_points)
     arriving = _turned(path.main_lens, u, towards.scaled(1.0 / source.distance), backward=False)
     x = u.plus(arriving, path.array_distance)
     total = np.zeros(pixels.shape)

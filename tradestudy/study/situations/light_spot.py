@@ -89,7 +89,7 @@ def light_scene(part: LightSpotPart) -> LightScene:
 
 
 def picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
-    """Seconds of a picture of the spot on the reference machine; the tolerance is nothing to rays."""
+    """Seconds of a picture of the spot on the reference machine; the tolerance is nothing to paraxial rays."""
     work = _work(without_comparison(part), models.tolerance)
     if models.method == "geometric":
         return seconds_of_rays(work.scene.path, point=models.point)
