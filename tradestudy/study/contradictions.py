@@ -14,7 +14,7 @@ from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
 from tradestudy.optics.depth_of_field import hyperfocal_distance
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.cameras import StatedPart
-from tradestudy.units import ANGLE, LENGTH, Dimension, pretty
+from tradestudy.units import ANGLE, FRACTION, LENGTH, Dimension, pretty
 
 # Values printed with three or four digits agree better than this.
 _TOLERANCE = 5e-3
@@ -39,6 +39,7 @@ class Contradiction:
 def find_contradictions(definition: StudyDefinition) -> tuple[Contradiction, ...]:
     """Cross-check every camera of a study."""
     found: list[Contradiction] = []
+    tolerance = definition.file.accuracy.wanted().relative["depth_uncertainty"]
     for name, camera in definition.case.all_cameras.items():
         stated = definition.file.cameras[name].stated
         if isinstance(camera, FocusedPlenoptic):
@@ -46,6 +47,7 @@ def find_contradictions(definition: StudyDefinition) -> tuple[Contradiction, ...
             found += _of_array(name, camera, stated)
         elif isinstance(camera, StereoRig):
             found += _of_lens(name, camera.lens, camera.sensor, stated)
+            found += _of_principal_distance(name, camera, tolerance)
         elif isinstance(camera, UnfocusedPlenoptic):
             found += _of_lens(name, camera.main_lens, camera.sensor, stated)
             found += _of_array(name, camera, stated)
@@ -84,6 +86,31 @@ def _of_lens(name: str, lens: Lens, sensor: Sensor, stated: StatedPart | None) -
                 )
             )
     return found
+
+
+def _of_principal_distance(name: str, rig: StereoRig, tolerance: float) -> list[Contradiction]:
+    """Depth measured on the scale of the focal length, beside a picture blurred on the longer one of the focus.
+
+    The two differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its noise.
+    """
+    if rig.principal_distance_rule != "focal_length" or rig.focus_distance is None or math.isinf(rig.focus_distance):
+        return []
+    f, focused = rig.lens.focal_length, rig.sensor_distance(rig.focus_distance)
+    magnification = focused / rig.focus_distance
+    if magnification <= tolerance:
+        return []
+    return [
+        Contradiction(
+            camera=name,
+            what="principal distance against focus distance",
+            stated=f"{_show(f, LENGTH)}, the focal length",
+            implied=f"{_show(focused, LENGTH)} as focused at {_show(rig.focus_distance, LENGTH)}: longer by "
+            f"{pretty(magnification, FRACTION)}, the magnification f/(a − f); wanted of depth: "
+            f"{pretty(tolerance, FRACTION)}",
+            used=f"{_show(f, LENGTH)} from disparity to depth, {_show(focused, LENGTH)} for blur; principal_distance: "
+            "focused takes one for both, unless the focal length comes from a calibration in pixels",
+        )
+    ]
 
 
 def _of_array(

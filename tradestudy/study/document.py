@@ -54,6 +54,25 @@ class ListEntry:
     annotation: Annotation | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class Override:
+    """A value given from outside, by the command line or from Python, and what it stands in place of.
+
+    Parameters
+    ----------
+    path
+        Of the value.
+    text
+        As given; empty where it takes the value of the study back.
+    before
+        As the study has it; empty where it has none.
+    """
+
+    path: Path
+    text: str
+    before: str
+
+
 class Member(NamedTuple):
     """A key's place, and what stands under it."""
 
@@ -86,11 +105,14 @@ class Document:
         Mistakes of writing; a document that has some is never valid, and `validate` reports them with its own.
     broken
         Paths whose content could not be put together; what a schema says about them is not worth repeating.
+    overrides
+        Values that are not the study's own, in the order in which they were given.
     """
 
     root: MappingEntry
     problems: tuple[Problem, ...] = ()
     broken: frozenset[Path] = field(default_factory=frozenset)
+    overrides: tuple[Override, ...] = ()
 
     @cached_property
     def tree(self) -> dict[str, Any]:
@@ -156,6 +178,21 @@ class Document:
         if _first_key(self.root, steps) is None and isinstance(cameras, MappingEntry) and _first_key(cameras, steps):
             steps = ["cameras", *steps]
         return _split(self.root, steps)
+
+    def with_root(self, root: MappingEntry, changed: Path) -> Document:
+        """Put in the tree that a value from outside makes, and remember what stood in its place.
+
+        The basis of the study's own value is told with that value: it is no basis of the new one.
+        """
+        known = next((one.before for one in self.overrides if one.path == changed), None)
+        after = replace(self, root=root)
+        override = Override(
+            path=changed,
+            text=_with_basis(after.entry(changed)),
+            before=_with_basis(self.entry(changed)) if known is None else known,
+        )
+        others = tuple(one for one in self.overrides if one.path != changed)
+        return replace(after, overrides=(*others, override))
 
     def with_problems(self, *problems: Problem) -> Document:
         """Add mistakes."""
@@ -227,6 +264,15 @@ def _text(entry: Entry) -> str:
     if isinstance(entry, ListEntry):
         return f"[{', '.join(_text(item) for item in entry.items)}]"
     return "{" + ", ".join(f"{key}: {_text(member.entry)}" for key, member in entry.members.items()) + "}"
+
+
+def _with_basis(entry: Entry | None) -> str:
+    """Write a value and on what it rests: "9.8 (datasheet: section 2)"."""
+    if entry is None:
+        return ""
+    annotation = entry.annotation or Annotation()
+    basis = ": ".join(part for part in (annotation.basis, annotation.note) if part)
+    return _text(entry) + (f" ({basis})" if basis else "")
 
 
 def _first_key(entry: MappingEntry, steps: list[str]) -> int | None:

@@ -288,7 +288,9 @@ def _with_value(document: Document, path: str, text: str, place: Place, value_pl
     except _NoSuchPlaceError as error:
         problems.append(place.problem(steps, str(error)))
         return document.with_problems(*problems)
-    return replace(document, root=root).with_problems(*problems)
+    # What another reading of the study writes itself is the study's own.
+    changed = document.with_root(root, steps) if place.file == COMMAND_LINE else replace(document, root=root)
+    return changed.with_problems(*problems)
 
 
 class _NoSuchPlaceError(Exception):

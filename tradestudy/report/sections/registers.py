@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
-_BASES = ("assumed", "derived", "datasheet", "measured", "paper")
+_BASES = ("set for this run", "assumed", "derived", "datasheet", "measured", "paper")
 
 
 def assumptions(tree: xr.DataTree) -> Iterator[Block]:
@@ -31,8 +31,11 @@ def assumptions(tree: xr.DataTree) -> Iterator[Block]:
     yield Paragraph(
         say(
             "Every value that does not speak for itself carries its basis: {counts}. What is assumed comes first, "
-            "because a verdict can rest on it.",
+            "because a verdict can rest on it{given}.",
             counts=", ".join(f"{counts[basis]} {basis}" for basis in known),
+            given=", after what was set for this run alone, by the command line or from Python"
+            if counts[_BASES[0]]
+            else "",
         )
     )
     yield Table(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+
 import xarray as xr
 
 from tradestudy.results import dataset
 from tradestudy.study.contradictions import find_contradictions
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Annotation, Place
+from tradestudy.study.document import Document, Place
 from tradestudy.study.properties import camera_properties
+
+SET_FOR_THIS_RUN = "set for this run"
 
 
 def cameras_group(definition: StudyDefinition) -> xr.Dataset:
@@ -30,27 +35,62 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Assumption:
+    """A row of the register; `tail` is the path below its cameras."""
+
+    tail: tuple[str | int, ...]
+    cameras: tuple[str, ...]
+    value: str
+    basis: str | None
+    note: str
+
+
 def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
-    """/assumptions: every value with its basis, once for all cameras that inherit it from one place."""
-    document = definition.document
-    written: dict[tuple[Place, tuple[str | int, ...]], list[tuple[str | int, ...]]] = {}
-    for path in document.annotations:
-        _, tail = _camera_and_tail(path)
-        written.setdefault((document.locate(path), tail), []).append(path)
-    annotations: list[Annotation] = [document.annotations[paths[0]] for paths in written.values()]
+    """/assumptions: every value with its basis, once for all cameras that inherit it from one place.
+
+    What was set for this run stands there as such, with what it stands in place of.
+    """
+    rows = [*_set_for_this_run(definition.document), *_declared(definition.document)]
     return dataset(
         "assumptions",
         {
-            "value": [document.text_of(paths[0]) for paths in written.values()],
-            "basis": [annotation.basis for annotation in annotations],
-            "note": [annotation.note or "" for annotation in annotations],
-            "cameras": [
-                ", ".join(camera for path in paths if (camera := _camera_and_tail(path)[0]))
-                for paths in written.values()
-            ],
+            "value": [row.value for row in rows],
+            "basis": [row.basis for row in rows],
+            "note": [row.note for row in rows],
+            "cameras": [", ".join(row.cameras) for row in rows],
         },
-        {"path": [".".join(str(key) for key in tail) for _, tail in written]},
+        {"path": [".".join(str(key) for key in row.tail) for row in rows]},
     )
+
+
+def _set_for_this_run(document: Document) -> Iterator[_Assumption]:
+    for override in document.overrides:
+        camera, tail = _camera_and_tail(override.path)
+        yield _Assumption(
+            tail=tail,
+            cameras=(camera,) if camera else (),
+            value=override.text or "none",
+            basis=SET_FOR_THIS_RUN,
+            note=f"in place of {override.before}" if override.before else "the study declares none",
+        )
+
+
+def _declared(document: Document) -> Iterator[_Assumption]:
+    given = {override.path for override in document.overrides}
+    written: dict[tuple[Place, tuple[str | int, ...]], list[tuple[str | int, ...]]] = {}
+    for path in document.annotations:
+        if path not in given:
+            written.setdefault((document.locate(path), _camera_and_tail(path)[1]), []).append(path)
+    for (_, tail), paths in written.items():
+        annotation = document.annotations[paths[0]]
+        yield _Assumption(
+            tail=tail,
+            cameras=tuple(camera for path in paths if (camera := _camera_and_tail(path)[0])),
+            value=document.text_of(paths[0]),
+            basis=annotation.basis,
+            note=annotation.note,
+        )
 
 
 def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int, ...]]:

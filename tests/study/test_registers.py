@@ -1,0 +1,97 @@
+"""What a study rests on, as its report lists it: values set for a run, and inputs that contradict each other."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tradestudy import load
+from tradestudy.study.contradictions import Contradiction, find_contradictions
+from tradestudy.study.groups.registers import assumptions_group
+
+CLOSE = Path(__file__).parents[2] / "studies" / "close_range.yaml"
+Row = tuple[str, str, str]
+
+
+def register(*changes: str) -> dict[tuple[str, str], Row]:
+    """Value, basis and note by path and cameras."""
+    table = assumptions_group(load(CLOSE, list(changes)).definition)
+    columns = [[str(text) for text in table[name].values] for name in ("path", "cameras", "value", "basis", "note")]
+    return {(path, cameras): (value, basis, note) for path, cameras, value, basis, note in zip(*columns, strict=True)}
+
+
+def test_a_value_set_for_a_run_does_not_claim_the_source_of_the_study_s_own() -> None:
+    own = register()
+    rows = register("pair-f22.lenses.f_number=16")
+    key = ("lenses.f_number", "pair-f22")
+    assert own[key] == ("22", "assumed", "the end of a usual iris")
+    assert rows[key] == ("16", "set for this run", "in place of 22 (assumed: the end of a usual iris)")
+    assert {path: row for path, row in rows.items() if path != key} == {
+        path: row for path, row in own.items() if path != key
+    }
+
+
+def test_a_value_shared_by_cameras_is_set_for_the_named_one_alone() -> None:
+    rows = register("pair-f9.8.lenses.f_number=8", "pair-f9.8.lenses.f_number=7.1")
+    note = "in place of 9.8 (datasheet: as above)"  # not of the 8 that never acted
+    assert rows["lenses.f_number", "pair-f9.8"] == ("7.1", "set for this run", note)
+    assert rows["lenses.f_number", "pair-declared"] == ("9.8", "datasheet", "as above")
+
+
+def test_what_is_added_taken_back_or_given_with_its_own_basis_is_told() -> None:
+    rows = register(
+        "scene.picture.texture.contrast={value: 20 %, basis: measured, note: on a slab}",
+        "pair-f22.attributes.moving_parts=2",
+        "requirements=null",
+    )
+    assert rows["scene.picture.texture.contrast", ""] == (
+        "20 % (measured: on a slab)",
+        "set for this run",
+        "in place of 15 % (assumed: weathered rock under diffuse light)",
+    )
+    assert rows["attributes.moving_parts", "pair-f22"] == ("2", "set for this run", "the study declares none")
+    value, basis, note = rows["requirements", ""]
+    assert (value, basis) == ("none", "set for this run")
+    assert note.startswith("in place of {grains: {says: relief of a grain")
+
+
+def test_a_tolerance_is_set_for_the_run_and_a_reading_s_value_is_the_study_s_own() -> None:
+    loaded = load(CLOSE, [], tolerance="10 %")
+    (given,) = loaded.definition.document.overrides
+    assert (given.path, given.text) == (("accuracy", "relative"), "10 %")
+    headline = load(CLOSE.with_name("plenoptic_vs_stereo.yaml")).definition
+    assert headline.readings
+    assert all(not reading.document.overrides for reading in headline.readings.values())
+
+
+def test_what_was_set_is_part_of_what_a_stored_run_is_known_by() -> None:
+    same_number = load(CLOSE, ["pair-f22.lenses.f_number={value: 22, basis: assumed, note: the end of a usual iris}"])
+    assert same_number.definition.document.tree == load(CLOSE).definition.document.tree
+    assert same_number.hash != load(CLOSE).hash  # its register differs
+
+
+def found(*changes: str) -> list[Contradiction]:
+    declared = [f"cameras.pair-declared.{change}" for change in changes]
+    rows = find_contradictions(load(CLOSE, declared).definition)
+    return [row for row in rows if row.what == "principal distance against focus distance"]
+
+
+def test_lines_of_sight_by_the_focal_length_contradict_a_blur_by_the_focus() -> None:
+    assert found() == []
+    (row,) = found("principal_distance=focal_length")
+    # f = 18.3 mm at a = 55.3 mm: c = f a/(a − f) = 27.35 mm, longer by 18.3/37.
+    assert row.camera == "pair-declared"
+    assert row.stated == "18.3 mm, the focal length"
+    assert row.implied.startswith("27.35 mm as focused at 55.3 mm: longer by 49.5 %")
+    assert row.used.startswith("18.3 mm from disparity to depth, 27.35 mm for blur; principal_distance: focused ")
+
+
+@pytest.mark.parametrize(("focus", "named"), [("384 mm", True), ("385 mm", False), ("infinity", False)])
+def test_two_scales_within_the_accuracy_wanted_are_none(focus: str, named: bool) -> None:
+    """Five percent is 18.3 mm over 366 mm: at 384.3 mm."""
+    assert bool(found("principal_distance=focal_length", f"focus_distance={focus}")) == named
+
+
+def test_lenses_that_refocus_have_no_blur_to_contradict() -> None:
+    assert found("principal_distance=focal_length", "focus_distance=every-object") == []
