@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.optics.small_chain import PITCH, WAVELENGTH, camera, relative
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import (
     FRESNEL,
@@ -20,7 +21,6 @@ from tradestudy.optics.chain import (
     DiscSource,
     Legs,
     LightPath,
-    Microlenses,
     PixelGrid,
     chain_image,
     hexagonal_centres,
@@ -30,32 +30,7 @@ from tradestudy.optics.chain import (
 from tradestudy.optics.chain.sources import moved, moved_image, orbits, source_nodes, symmetries
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
-WAVELENGTH = 550e-9
-PITCH = 26e-6
 FAST = ChainAccuracy(tolerance=1e-3)
-
-
-def camera(**changes: object) -> LightPath:
-    """Three lenses in a row, 4 µm pixels, an f/10 main lens: small enough for nested quadrature."""
-    lenses: dict[str, object] = {
-        "centres": PITCH * np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]),
-        "focal_lengths": np.array([70e-6, 76e-6, 85e-6]),
-        "aperture": "circular",
-        "aperture_width": 24e-6,
-        "pitch": PITCH,
-        "layout": "square",
-        "gaps": "opaque",
-        "lens_phase": "parabolic",
-    }
-    path: dict[str, object] = {
-        "main_lens": CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="parabolic"),
-        "array_distance": 2.5e-3,
-        "detector_distance": 0.1e-3,
-        "pixels": PixelGrid(pitch=4e-6, shape=(9, 23)),
-    }
-    for name, value in changes.items():
-        (path if name in path else lenses)[name] = value
-    return LightPath(microlenses=Microlenses(**lenses), **path)
 
 
 def image(path: LightPath, source: PointSource | DiscSource, legs: Legs = KIRCHHOFF, **settings: object) -> ChainImage:
@@ -63,10 +38,6 @@ def image(path: LightPath, source: PointSource | DiscSource, legs: Legs = KIRCHH
     return chain_image(
         path, source, wavelength=WAVELENGTH, legs=legs, accuracy=accuracy, rng=np.random.default_rng(7), **settings
     )
-
-
-def relative(value: np.ndarray, truth: np.ndarray) -> float:
-    return float(np.linalg.norm(value - truth) / np.linalg.norm(truth))
 
 
 def kernel(legs_method: str, dx: np.ndarray, dy: np.ndarray, z: float) -> np.ndarray:

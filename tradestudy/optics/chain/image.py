@@ -16,6 +16,7 @@ from tradestudy.optics.chain.exact_rays import exact_ray_image
 from tradestudy.optics.chain.geometric_image import geometric_image
 from tradestudy.optics.chain.landing import landing_point_image
 from tradestudy.optics.chain.landing_spot import landing_spot_image
+from tradestudy.optics.chain.microlens_edges import refuse_square_edges
 from tradestudy.optics.chain.point_image import wave_point_image
 from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath
 from tradestudy.optics.chain.sources import DiscSource
@@ -49,7 +50,9 @@ def chain_image(
     legs
         Law of each leg. Rays to the array and waves behind it: the light of each microlens is the sphere about the
         main lens's image, cut off by the shadow of the pupil. Waves to the array and rays behind it: each array point
-        sends its irradiance to one place, and nothing interferes. A coherent disc takes waves on both legs.
+        sends its irradiance to one place, and nothing interferes. A boundary wave behind the array carries what of each
+        microlens's light is one sphere, and Kirchhoff's integral the rest. A coherent disc takes integrals on both
+        legs.
     accuracy
         What to aim at and how much memory may be used.
     rng
@@ -63,8 +66,8 @@ def chain_image(
     Raises
     ------
     OutOfRangeError
-        If the wavelength is not positive, a coherent source is to be traced by rays, or rays on one leg meet an array
-        in the focus of the main lens.
+        If the wavelength is not positive, a coherent source is to be traced by rays or boundary waves, a boundary wave
+        is asked for behind square microlenses, or rays on one leg meet an array in the focus of the main lens.
     UnaffordableError
         If nodes or samples need more memory than allowed.
     NotConvergedError
@@ -87,6 +90,8 @@ def chain_image(
             limit="fresnel or kirchhoff on both legs",
             remedy="choose fresnel or kirchhoff, or an incoherent source",
         )
+    if legs.to_detector == "boundary_wave":
+        refuse_square_edges(path.microlenses)
     if legs == GEOMETRIC:
         return geometric_image(path, source, density=accuracy.source_sampling)
     if legs == EXACT_RAYS:
@@ -104,7 +109,7 @@ def chain_image(
     )
     if isinstance(wave, PupilWave) and legs.to_detector == "geometric":
         return landing_point_image(wave, accuracy=accuracy, rng=rng)
-    return wave_point_image(wave, paraxial_detector_leg=legs.to_detector == "fresnel", accuracy=accuracy, rng=rng)
+    return wave_point_image(wave, to_detector=legs.to_detector, accuracy=accuracy, rng=rng)
 
 
 def spectral_image(

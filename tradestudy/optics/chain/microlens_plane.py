@@ -57,7 +57,7 @@ class MicrolensPlane:
         """Area weight times the phasor of each lens, shape (lenses, nodes)."""
         lenses = self.path.microlenses
         if lenses.lens_phase == "perfect":
-            phases = [self._lens_path(i, self._object(source, i)) for i in range(lenses.count)]
+            phases = [self._lens_path(i, self.path.object_before(i, source)) for i in range(lenses.count)]
         elif self.cell.x.ndim > 1:
             phases = [self._lens_path(i, _ANY_POINT) for i in range(lenses.count)]
         else:
@@ -67,12 +67,6 @@ class MicrolensPlane:
             phases = [each[j] for j in which]
         phase = np.where(self.cell.in_lens, 2 * math.pi / self.wavelength * np.array(phases), 0.0)
         return np.asarray(unit_phasor(phase) * self.cell.weights)
-
-    def _object(self, source: PointSource, index: int) -> PointSource:
-        """Main lens's image of the source, before one microlens."""
-        x, y, depth = self.path.image_at_array(source)
-        centre = self.path.microlenses.centres[index]
-        return PointSource(x=x - centre[0], y=y - centre[1], distance=depth)
 
     def _lens_path(self, index: int, arriving: PointSource) -> FloatArray:
         """Path that a lens adds, relative to its vertex [m]."""

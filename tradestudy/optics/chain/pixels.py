@@ -10,7 +10,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.scene import PixelGrid
 
-_MARGIN = 3  # samples beyond the window on each side that the correction needs
+MARGIN = 3  # samples beyond the window on each side that the correction needs
 _CELL_AVERAGE = ((0.0, 1 / 24, -17 / 5760, 367 / 967680), (0.0, 1 / 24, -17 / 5760, 0.0))
 
 
@@ -42,7 +42,7 @@ def light_on_pixels(intensity: FloatArray, grid: PixelGrid, *, per_pixel: int) -
     spacing = grid.pitch / per_pixel
     if grid.integrated:
         return integrate_pixels(intensity, per_pixel=per_pixel, spacing=spacing)
-    first, (rows, columns) = _MARGIN + per_pixel // 2, grid.shape
+    first, (rows, columns) = MARGIN + per_pixel // 2, grid.shape
     centres = intensity[first::per_pixel, first::per_pixel][:rows, :columns]
     return np.asarray(centres * grid.pitch**2, dtype=np.float64), 0.0
 
@@ -77,11 +77,11 @@ def integrate_pixels(intensity: FloatArray, *, per_pixel: int, spacing: float) -
 def _averaged(samples: FloatArray, terms: tuple[float, ...], axis: int) -> FloatArray:
     """Mean over the cell about each sample along one axis; three samples are used up on each side."""
     moved = np.moveaxis(samples, axis, 0)
-    difference, result = moved, moved[_MARGIN:-_MARGIN].copy()
+    difference, result = moved, moved[MARGIN:-MARGIN].copy()
     for order, term in enumerate(terms):
         if order:
             difference = difference[2:] - 2 * difference[1:-1] + difference[:-2]
-            cut = _MARGIN - order
+            cut = MARGIN - order
             result += term * (difference[cut : difference.shape[0] - cut])
     return np.moveaxis(result, 0, axis)
 

@@ -21,18 +21,18 @@ from tradestudy.optics.chain.detector_transfer import (
     propagate,
     response,
 )
+from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field, microlens_plane
-from tradestudy.optics.chain.pixels import light_on_pixels, samples_per_pixel
+from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels, samples_per_pixel
 from tradestudy.optics.chain.ray_wave import RayWave
 from tradestudy.optics.chain.rays import RayReach, ray_reach
-from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.chain.scene import LegMethod, LightPath
 from tradestudy.optics.propagation.direct import ComplexArray
 
 _SAFETY = 2.0  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
 _CHECK_POINTS = 16
 _GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses …
 _GROSS_RATIO = 300.0  # … or that is out of all proportion to the error stated
-_MARGIN = 3  # detector samples beyond the window on each side
 _UPSAMPLING = 4.0  # memory of a nonuniform FFT over that of its modes
 
 
@@ -48,7 +48,7 @@ class WavePlan:
 
 
 def wave_point_image(
-    wave: PupilWave | RayWave, *, paraxial_detector_leg: bool, accuracy: ChainAccuracy, rng: np.random.Generator
+    wave: PupilWave | RayWave, *, to_detector: LegMethod, accuracy: ChainAccuracy, rng: np.random.Generator
 ) -> ChainImage:
     """Image by wave optics behind the array.
 
@@ -56,8 +56,9 @@ def wave_point_image(
     ----------
     wave
         Camera, source, wavelength, and what the first leg makes of its light: waves or rays.
-    paraxial_detector_leg
-        Fresnel behind the array; else Kirchhoff.
+    to_detector
+        Law behind the array. The boundary wave carries light of microlenses that is one sphere, and leaves the rest to
+        Kirchhoff's integral.
     accuracy
         What to aim at.
     rng
@@ -71,10 +72,10 @@ def wave_point_image(
         If the fast path disagrees grossly with direct quadrature, or Kirchhoff's integral misses the tolerance
         where a boundary wave is left to it.
     """
-    fine, terms = stated_point(wave, paraxial_detector_leg, accuracy)
+    fine, terms = stated_point(wave, to_detector, accuracy)
     error = math.hypot(*terms.values())
     check = {} if isinstance(wave, RayWave) else {"field on the array": _field_check(wave, fine, rng)}
-    check["intensity on the detector"] = _intensity_check(wave, fine, paraxial_detector_leg, accuracy, rng)
+    check["intensity on the detector"] = _intensity_check(wave, fine, to_detector == "fresnel", accuracy, rng)
     if max(check.values()) > max(_GROSS, _GROSS_RATIO * error):
         raise NotConvergedError(
             "the chain disagrees with direct quadrature",
@@ -95,7 +96,7 @@ def wave_point_image(
             "detector samples": fine.samples.size,
             "array samples": fine.light.samples,
         },
-        handed_over=fine.light.handed_over,
+        handed_over=max(fine.light.handed_over, fine.handed_over),
     )
 
 
@@ -110,10 +111,11 @@ class PointComputation:
     samples: ComplexArray
     pixels: FloatArray
     pixel_error: float
+    handed_over: float
 
 
 def stated_point(
-    wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccuracy
+    wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy
 ) -> tuple[PointComputation, dict[str, float]]:
     """Computation and the terms of its stated error: a second one on other samples, side by side.
 
@@ -123,7 +125,7 @@ def stated_point(
     with ThreadPoolExecutor(2) as pool:
         fine, other = pool.map(
             lambda each: compute_point(*each),
-            ((wave, paraxial, accuracy), (reference, paraxial, accuracy.compared())),
+            ((wave, to_detector, accuracy), (reference, reference_law(to_detector), accuracy.compared())),
         )
     size = min(float(np.linalg.norm(one.pixels)) for one in (fine, other))  # starved nodes invent light
     change = float(np.linalg.norm(fine.pixels - other.pixels))
@@ -134,13 +136,37 @@ def stated_point(
     return fine, terms
 
 
-def compute_point(wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccuracy) -> PointComputation:
+def reference_law(to_detector: LegMethod) -> LegMethod:
+    """Law behind the array whose image shows the error of another: Kirchhoff's for a boundary wave, else the same."""
+    return "kirchhoff" if to_detector == "boundary_wave" else to_detector
+
+
+def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> PointComputation:
     """Table of the main-lens field, microlenses, detector samples, pixels."""
+    paraxial = to_detector == "fresnel"
     plan = plan_waves(wave, paraxial, accuracy)
     plane = _plane(wave, plan, paraxial, accuracy.microlens_nodes, accuracy)
     light = arriving_light(wave, accuracy)
     field = light.read(*plane.positions)
-    samples = _detector_samples(plane, plan, field * plane.transmission(wave.source), accuracy)
+    spheres = None
+    if to_detector == "boundary_wave":
+        which = np.arange(wave.path.microlenses.count)
+        spheres = split_spheres(wave.path, wave, which=which, cell=plane.cell, field=field)
+    rest = spheres.rest if spheres else field
+    samples = _detector_samples(plane, plan, rest * plane.transmission(wave.source), accuracy)
+    handed_over = 0.0
+    if spheres and spheres.power > 0.0:
+        carried = add_spheres(
+            samples,
+            path=wave.path,
+            wave=wave,
+            spheres=spheres,
+            reach=plan.reach,
+            half_patch=plan.kept,
+            spacing=plan.spacing,
+            accuracy=accuracy,
+        )
+        handed_over = 1.0 - carried / spheres.power
     pixels, pixel_error = light_on_pixels(np.abs(samples) ** 2, wave.path.pixels, per_pixel=plan.per_pixel)
     return PointComputation(
         plan=plan,
@@ -150,6 +176,7 @@ def compute_point(wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccu
         samples=samples,
         pixels=pixels,
         pixel_error=pixel_error,
+        handed_over=handed_over,
     )
 
 
@@ -175,7 +202,7 @@ def plan_waves(wave: PupilWave | RayWave, paraxial: bool, accuracy: ChainAccurac
             distance=path.detector_distance,
             paraxial=paraxial,
             node_reach=nodes,
-            target_reach=targets + _MARGIN * spacing,
+            target_reach=targets + MARGIN * spacing,
             kept_reach=kept,
             spacing=spacing,
             tolerance=accuracy.tolerance,
@@ -233,12 +260,12 @@ def _detector_samples(
 ) -> ComplexArray:
     """Field on the fine grid of the detector, three samples more on every side."""
     pixels = plane.path.pixels
-    held = plane.weights > 0  # a shadow leaves some lenses fewer nodes than others
+    held = strengths != 0  # a shadow leaves some lenses fewer nodes than others, and a sphere leaves nothing
     x, y = plane.positions
-    rows, columns = (n * plan.per_pixel + 2 * _MARGIN for n in pixels.shape)
+    rows, columns = (n * plan.per_pixel + 2 * MARGIN for n in pixels.shape)
     if not held.any():
         return np.zeros((rows, columns), dtype=np.complex128)
-    first = np.asarray(pixels.corner) - pixels.centre + (0.5 - _MARGIN) * plan.spacing
+    first = np.asarray(pixels.corner) - pixels.centre + (0.5 - MARGIN) * plan.spacing
     fields = propagate(
         plan.transfer,
         x=x[held] - pixels.centre[0],
@@ -271,7 +298,7 @@ def _intensity_check(
 ) -> float:
     """Relative discrepancy of the intensity at random detector samples from direct quadrature on finer nodes."""
     plane, plan = done.plane, done.plan
-    inside = np.abs(done.samples[_MARGIN:-_MARGIN, _MARGIN:-_MARGIN]) ** 2
+    inside = np.abs(done.samples[MARGIN:-MARGIN, MARGIN:-MARGIN]) ** 2
     if not inside.any():
         return 0.0
     finer = _plane(wave, plan, paraxial, 1.2 * max(1.0, accuracy.microlens_nodes), accuracy)

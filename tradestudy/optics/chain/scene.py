@@ -39,10 +39,7 @@ class Legs:
     Raises
     ------
     OutOfRangeError
-        If a method is none of these, rays are to be exact beside waves, or the boundary wave is asked for behind the
-        array. Microlenses that waves light, or the edge of a shadow cuts, have no rays from one point with one edge
-        about them; and in the focus of a fast microlens the boundary wave, a leading term, is no better than the light
-        itself.
+        If a method is none of these, or rays are to be exact beside waves.
     """
 
     to_array: LegMethod
@@ -59,13 +56,6 @@ class Legs:
                 value=f"{self.to_array} to the array, {self.to_detector} to the detector",
                 limit="geometric on both legs",
                 remedy="take geometric on both legs, or leave exact out",
-            )
-        if self.to_detector == "boundary_wave":
-            raise OutOfRangeError(
-                "boundary wave behind the microlenses",
-                value=f"{self.to_array} to the array, boundary_wave to the detector",
-                limit="geometric, fresnel or kirchhoff to the detector, after any method to the array",
-                remedy="take kirchhoff to the detector, which is the same integral",
             )
 
 
@@ -259,6 +249,12 @@ class LightPath:
         """Main lens's image of a source: x, y [m] and its signed distance before the array, a_L = z − b [m]."""
         x, y, b = self.main_lens.image_of(source)
         return x, y, self.array_distance - b
+
+    def object_before(self, index: int, source: PointSource) -> PointSource:
+        """Main lens's image of a source as one microlens sees it, relative to its vertex."""
+        x, y, depth = self.image_at_array(source)
+        centre_x, centre_y = self.microlenses.centres[index]
+        return PointSource(x=float(x - centre_x), y=float(y - centre_y), distance=depth)
 
     def chief_point(self, source: PointSource) -> tuple[float, float]:
         """Where the ray through the centre of the main lens meets the array [m]."""

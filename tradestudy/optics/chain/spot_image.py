@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.pixels import light_on_pixels
-from tradestudy.optics.chain.point_image import compute_point
+from tradestudy.optics.chain.point_image import compute_point, reference_law
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import (
     DiscSource,
@@ -23,7 +24,7 @@ from tradestudy.optics.chain.sources import (
     symmetries,
     tolerated_density,
 )
-from tradestudy.optics.chain.spot_points import Spot, point_intensity, prepare_spot, tables_at
+from tradestudy.optics.chain.spot_points import Spot, point_light, prepare_spot, tables_at
 
 _THREADS = 2
 _CHECKED_POINTS = 2
@@ -67,8 +68,8 @@ def wave_spot_image(
     nodes = source_nodes(path, source, wavelength=wavelength, density=density)
     spot = prepare_spot(path, source, nodes, wavelength, legs, accuracy)
     group = symmetries(path, source)
-    rings, pixel_error, points = _ring_images(spot, nodes, group)
-    rings = np.mean([moved_image_stack(rings, one) for one in group], axis=0)
+    images = _ring_images(spot, nodes, group)
+    rings = np.mean([moved_image_stack(images.pixels, one) for one in group], axis=0)
     pixels = np.tensordot(nodes.radial_weights, rings[:, 2:].mean(axis=1), axes=1)
     size = float(np.linalg.norm(pixels))
     per_point = _points_check(spot, nodes, float(pixels.sum()), rng)
@@ -76,7 +77,7 @@ def wave_spot_image(
         "source angles": _angular_error(nodes, rings) / size,
         "source radii": _radial_error(nodes, rings) / size,
         "single points": per_point,
-        "pixel integration": pixel_error,
+        "pixel integration": images.pixel_error,
     }
     return ChainImage(
         pixels=pixels,
@@ -85,12 +86,12 @@ def wave_spot_image(
         direct_check={},
         microlens_share=math.nan,
         effort={
-            "source points": points,
+            "source points": images.points,
             "source nodes": nodes.all.shape[0],
             "nodes per microlens": spot.plane.cell.x.size,
             "samples per patch": spot.response.transfer.count**2,
         },
-        handed_over=spot.tables.handed_over if spot.tables else 0.0,
+        handed_over=images.handed_over,
     )
 
 
@@ -105,20 +106,32 @@ def source_density(accuracy: ChainAccuracy) -> float:
     return accuracy.source_sampling * tolerated_density(accuracy)
 
 
-def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]]) -> tuple[FloatArray, float, int]:
+@dataclass(frozen=True, kw_only=True)
+class _RingImages:
     """Mean pixel image of each ring from some of its angles, shape (rings, 4, rows, columns).
 
     From every fourth angle, from every fourth two further on, from all even ones, and from all odd ones. Where symmetry
     carries the first into the second they are one.
     """
-    images, errors, points = [], [], 0
+
+    pixels: FloatArray
+    pixel_error: float
+    points: int
+    handed_over: float
+
+
+def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]]) -> _RingImages:
+    """Follow the light of one point of every orbit of the symmetries."""
+    images, errors, points, handed = [], [], 0, spot.tables.handed_over if spot.tables else 0.0
     with ThreadPoolExecutor(_THREADS) as pool:
         for ring in range(len(nodes.rings)):
             chosen = list(orbits(nodes, ring, group))
             points += len(chosen)
             at = [(float(x), float(y)) for x, y in (nodes.rings[ring][i] for i, _ in chosen)]
             shared = tables_at(spot, at)
-            fine = list(pool.map(lambda p, s=shared: point_intensity(spot, p, s[p]), at))
+            lights = list(pool.map(lambda p, s=shared: point_light(spot, p, s[p]), at))
+            fine = [light.intensity for light in lights]
+            handed = max(handed, *(light.handed_over for light in lights))
             means = []
             for step, first in ((4, 0), (4, 2), (2, 0), (2, 1)):
                 part = [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % step == first]
@@ -128,7 +141,7 @@ def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, boo
             done = [light_on_pixels(mean, spot.path.pixels, per_pixel=spot.per_pixel) for mean in means]
             images.append([one[0] for one in done])
             errors.append(max(one[1] for one in done))
-    return np.asarray(images), max(errors), points
+    return _RingImages(pixels=np.asarray(images), pixel_error=max(errors), points=points, handed_over=handed)
 
 
 def _angular_error(nodes: SourceNodes, rings: FloatArray) -> float:
@@ -178,7 +191,7 @@ def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.G
             break
         at = (float(pick[0]), float(pick[1]))
         fast = light_on_pixels(
-            np.asarray(point_intensity(spot, at, tables_at(spot, [at])[at]), dtype=np.float64),
+            point_light(spot, at, tables_at(spot, [at])[at]).intensity.astype(np.float64),
             spot.path.pixels,
             per_pixel=spot.per_pixel,
         )[0]
@@ -187,11 +200,12 @@ def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.G
             continue
         wave = spot.wave(*at)
         reference = wave.reference if isinstance(wave, PupilWave) else wave
-        truth = compute_point(reference, spot.legs.to_detector == "fresnel", finer).pixels / wave.power()
+        law = reference_law(spot.legs.to_detector)
+        truth = compute_point(reference, law, finer).pixels / wave.power()
         squares.append(float(np.sum((fast - truth) ** 2)))
         sizes.append(float(np.sum(truth**2)))
     error = math.sqrt(sum(squares) / sum(sizes))
-    if error > 0.3 and spot.legs.to_array != "boundary_wave":
+    if error > 0.3 and "boundary_wave" not in (spot.legs.to_array, spot.legs.to_detector):
         raise NotConvergedError(
             "points of the spot disagree with the single-point computation",
             value=f"{error:.2g}",

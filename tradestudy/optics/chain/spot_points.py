@@ -25,8 +25,10 @@ from tradestudy.optics.chain.detector_transfer import (
     propagate,
     response,
 )
+from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
+from tradestudy.optics.chain.microlens_nodes import CellNodes
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane, resolved_cycles, shadowed
-from tradestudy.optics.chain.pixels import samples_per_pixel
+from tradestudy.optics.chain.pixels import MARGIN, samples_per_pixel
 from tradestudy.optics.chain.ray_wave import RayWave
 from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
 from tradestudy.optics.chain.regions import IntArray
@@ -37,7 +39,6 @@ from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 
-_MARGIN = 3
 SINGLE_PRECISION_FROM = 1e-3  # tolerance above which 32-bit floats add nothing to the error
 
 
@@ -194,26 +195,62 @@ def tables_at(spot: Spot, at: list[Place]) -> dict[Place, FieldTable | None]:
     return dict.fromkeys(at) if spot.tables is None else dict(spot.tables.at(at))
 
 
-def point_intensity(spot: Spot, at: Place, table: FieldTable | None) -> FloatArray:
-    """Intensity of one source point on the fine grid of the detector, as a share of its power through the pupil."""
+@dataclass(frozen=True, kw_only=True)
+class PointLight:
+    """Light of one source point.
+
+    Attributes
+    ----------
+    intensity
+        On the fine grid of the detector, as a share of the point's power through the pupil.
+    handed_over
+        Share of it that a boundary wave behind the array left to Kirchhoff's integral.
+    """
+
+    intensity: FloatArray
+    handed_over: float
+
+
+def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
+    """Follow the light of one source point from the array to the detector."""
     wave = spot.wave(*at)
     reach = ray_reach(spot.path, wave.source)
     kind = np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
-    rows, columns = (n * spot.per_pixel + 2 * _MARGIN for n in spot.path.pixels.shape)
+    rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
     canvas = np.zeros((rows, columns), dtype=kind)
+    power, carried = 0.0, 0.0
     for group in _lit_groups(spot, wave, at, table):
-        _add_light(spot, canvas, reach, group)
-    return np.asarray(np.abs(canvas) ** 2 / wave.power())
+        rest = group.field
+        if spot.legs.to_detector == "boundary_wave":
+            spheres = split_spheres(spot.path, wave, which=group.which, cell=group.cell, field=group.field)
+            rest = spheres.rest
+            power += spheres.power
+            carried += add_spheres(
+                canvas,
+                path=spot.path,
+                wave=wave,
+                spheres=spheres,
+                reach=reach,
+                half_patch=spot.half_patch,
+                spacing=spot.spacing,
+                accuracy=spot.accuracy,
+            )
+        if rest.any():
+            _add_light(spot, canvas, reach, replace(group, field=rest))
+    return PointLight(
+        intensity=np.asarray(np.abs(canvas) ** 2 / wave.power()),
+        handed_over=1.0 - carried / power if power > 0.0 else 0.0,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Lit:
-    """Microlenses that share their nodes (relative to their centres), and the wave behind them, times area weights."""
+    """Microlenses that share their nodes, the field that arrives there, and what the lenses do to it."""
 
     which: IntArray
-    x: FloatArray
-    y: FloatArray
-    strengths: ComplexArray
+    cell: CellNodes
+    field: ComplexArray
+    transmission: ComplexArray
 
 
 def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None) -> Iterator[_Lit]:
@@ -229,8 +266,12 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
             if cell.x.size == 0:  # the edge passes between a corner of the aperture and the circle about it
                 continue
             cut = replace(plane, path=replace(spot.path, microlenses=alone), cell=cell)
-            strengths = wave.field(*cut.positions) * cut.transmission(wave.source)
-            yield _Lit(which=np.array([index]), x=cell.x, y=cell.y, strengths=strengths)
+            yield _Lit(
+                which=np.array([index]),
+                cell=cell,
+                field=wave.field(*cut.positions),
+                transmission=cut.transmission(wave.source),
+            )
     else:
         distance = np.linalg.norm(lenses.centres - wave.path.chief_point(wave.source), axis=1)
         whole = np.flatnonzero(distance <= max(spot.lit_within, float(distance.min())))
@@ -240,8 +281,7 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
     else:
         field = spot.tables.field(at, table, x, y)
     if whole.size and field is not None:
-        strengths = field * _transmission(spot, wave)[whole]
-        yield _Lit(which=whole, x=plane.cell.x, y=plane.cell.y, strengths=strengths)
+        yield _Lit(which=whole, cell=plane.cell, field=field, transmission=_transmission(spot, wave)[whole])
 
 
 def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> None:
@@ -252,14 +292,14 @@ def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> 
         sine = slope / np.sqrt(1 + np.sum(slope**2, axis=1, keepdims=True))
     steps = np.rint(sine / (spot.wavelength * transfer.frequency_step)).astype(int)
     frequency = transfer.frequency_step * steps
-    carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * lit.x + frequency[:, 1:] * lit.y))
+    carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * lit.cell.x + frequency[:, 1:] * lit.cell.y))
     first, start = _patch_starts(spot, reach, lit.which)
     side = 2 * math.ceil(spot.half_patch / spot.spacing) + 1
     patches = propagate(
         transfer,
-        x=lit.x,
-        y=lit.y,
-        strengths=(lit.strengths * carrier).astype(canvas.dtype),
+        x=lit.cell.x,
+        y=lit.cell.y,
+        strengths=(lit.field * lit.transmission * carrier).astype(canvas.dtype),
         response=spot.response,
         carriers=steps,
         start=start,
@@ -279,7 +319,7 @@ def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
 
 def _patch_starts(spot: Spot, reach: RayReach, lit: IntArray) -> tuple[IntArray, FloatArray]:
     """Canvas index (x, y) of each patch's first sample, and its position relative to its microlens."""
-    origin = np.asarray(spot.path.pixels.corner) + (0.5 - _MARGIN) * spot.spacing
+    origin = np.asarray(spot.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
     half = math.ceil(spot.half_patch / spot.spacing)
     first = np.round((reach.image[lit] - origin) / spot.spacing).astype(int) - half
     return first, origin + first * spot.spacing - spot.path.microlenses.centres[lit]
@@ -295,7 +335,7 @@ def _add_patches(
 ) -> None:
     """Add the fields of patches, each over its carrier, to the canvas of the detector."""
     rows, columns = canvas.shape
-    origin = np.asarray(spot.path.pixels.corner) + (0.5 - _MARGIN) * spot.spacing
+    origin = np.asarray(spot.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
     side = patches.shape[1]
     for patch, (j, i), (fx, fy), (cx, cy) in zip(patches, first, carrier, centres, strict=True):
         y0, y1, x0, x1 = max(i, 0), min(i + side, rows), max(j, 0), min(j + side, columns)

@@ -1,0 +1,190 @@
+"""Boundary waves behind the array: what of a microlens's light is one sphere goes on as rays and a wave from its edge.
+
+The light of a microlens is split into the sphere about the main lens's image that is most like it and the rest, which
+is nothing where rays brought it. The sphere has closed forms, the rest is left to Kirchhoff's integral; so is all light
+of microlenses that the shadow of the pupil cuts, which no single edge surrounds.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.microlens_nodes import CellNodes
+from tradestudy.optics.chain.pixels import MARGIN
+from tradestudy.optics.chain.ray_wave import RayWave
+from tradestudy.optics.chain.rays import RayReach, blur_radius
+from tradestudy.optics.chain.regions import Disc, IntArray
+from tradestudy.optics.chain.scene import LightPath, Microlenses
+from tradestudy.optics.chain.shadow_nodes import lit_share
+from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
+from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.lens import LensWave
+from tradestudy.optics.propagation.paths import Array, SphericalPath
+from tradestudy.optics.propagation.sampling import Limits
+from tradestudy.optics.propagation.targets import TargetGrid
+
+_LOOSER = 10.0  # boundary waves err by a hundredth of their tolerance in the intensity: a tenth of the image's is left
+
+
+class _EvenWave(LensWave):
+    """A sphere through a microlens as strong at every point as at the vertex, where it is 1."""
+
+    def amplitude(self, x: Array, y: Array) -> Array:
+        """One."""
+        return np.ones(np.broadcast(x, y).shape, dtype=np.complex128)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spheres:
+    """Light of microlenses as spheres about one point, and what is left of it.
+
+    Attributes
+    ----------
+    which
+        Microlenses that the source lights as a whole.
+    strength
+        Field of each one's sphere at its vertex, shape (which,).
+    rest
+        What is left of the field on the nodes.
+    power
+        ∫ |U|² over the nodes.
+    """
+
+    which: IntArray
+    strength: ComplexArray
+    rest: ComplexArray
+    power: float
+
+
+def refuse_square_edges(lenses: Microlenses) -> None:
+    """Refuse apertures whose edge is no circle.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the aperture is square.
+    """
+    if lenses.aperture != "circular":
+        raise OutOfRangeError(
+            "boundary wave behind the microlenses",
+            value=f"{lenses.aperture} apertures",
+            limit="circular apertures",
+            remedy="take kirchhoff to the detector, which is the same integral",
+        )
+
+
+def split_spheres(
+    path: LightPath, wave: PupilWave | RayWave, *, which: IntArray, cell: CellNodes, field: ComplexArray
+) -> Spheres:
+    """Take out of the field what is the sphere of the source's image, by least squares over each microlens.
+
+    Parameters
+    ----------
+    path, wave
+        Camera, and the wave of one source point.
+    which
+        Microlenses, shape (n,).
+    cell
+        Their nodes, shape (nodes,) or (n, nodes).
+    field
+        Field on the nodes, shape (n, nodes).
+    """
+    x, y = path.chief_point(wave.source)
+    shadow = Disc(x=x, y=y, radius=blur_radius(path, wave.source))
+    whole = np.flatnonzero(lit_share(path.microlenses, shadow)[which] == 1.0)
+    rest = field.copy()
+    strength = np.zeros(whole.size, dtype=np.complex128)
+    for n, row in enumerate(whole):
+        u, v, weights, in_lens = (c[row] if c.ndim > 1 else c for c in (cell.x, cell.y, cell.weights, cell.in_lens))
+        centre = path.object_before(int(which[row]), wave.source)
+        arriving = SphericalPath(x=centre.x, y=centre.y, distance=centre.distance)
+        sphere = np.where(in_lens, unit_phasor(2 * math.pi / wave.wavelength * arriving.value(u, v)), 0.0)
+        strength[n] = np.sum(weights * np.conj(sphere) * field[row]) / np.sum(weights * in_lens)
+        rest[row] = 0.0 if isinstance(wave, RayWave) and in_lens.all() else field[row] - strength[n] * sphere
+    power = float(np.sum(np.abs(field) ** 2 * cell.weights))
+    return Spheres(which=which[whole], strength=strength, rest=rest, power=power)
+
+
+def add_spheres(
+    canvas: ComplexArray,
+    *,
+    path: LightPath,
+    wave: PupilWave | RayWave,
+    spheres: Spheres,
+    reach: RayReach,
+    half_patch: float,
+    spacing: float,
+    accuracy: ChainAccuracy,
+) -> float:
+    """Add rays and boundary wave of every sphere to the samples on the detector, around where its rays land.
+
+    Parameters
+    ----------
+    canvas
+        Field on a grid of the detector, constant phase dropped as by `detector_transfer.response`; changed in place.
+    path, wave
+        Camera, and the wave of one source point.
+    spheres
+        What to carry on.
+    reach
+        Where rays land.
+    half_patch
+        How far from there light is followed along x and y [m].
+    spacing
+        Distance of samples [m]; there are `MARGIN` more than the pixels take on every side.
+    accuracy
+        Tolerance of the image, and memory.
+
+    Returns
+    -------
+    float
+        Power of the spheres, less that of points where rays are singular: these are left to Kirchhoff's integral.
+
+    Raises
+    ------
+    NotConvergedError
+        If Kirchhoff's integral misses the tolerance there.
+    """
+    start = np.asarray(path.pixels.corner) + (0.5 - MARGIN) * spacing
+    vertex = unit_phasor(np.array(-2 * math.pi / wave.wavelength * path.detector_distance))
+    carried = 0.0
+    for index, strength in zip(spheres.which.tolist(), spheres.strength, strict=True):
+        centre, middle = path.microlenses.centres[index], reach.image[index]
+        low = np.maximum(np.ceil((middle - half_patch - start) / spacing), 0).astype(int)
+        high = np.minimum(np.floor((middle + half_patch - start) / spacing) + 1, canvas.shape[::-1]).astype(int)
+        power = math.pi / 4 * path.microlenses.aperture_width**2 * float(np.abs(strength) ** 2)
+        if np.any(high <= low):
+            carried += power
+            continue
+        first = start + low * spacing - centre
+        done = unchecked_hybrid_field(
+            wave=_EvenWave(
+                source=path.object_before(index, wave.source),
+                lens=path.microlenses.lens(index),
+                wavelength=wave.wavelength,
+                paraxial=False,
+                obliquity="paper",
+            ),
+            kernel=KirchhoffKernel(wavelength=wave.wavelength, obliquity="paper"),
+            targets=TargetGrid(
+                x_start=float(first[0]),
+                y_start=float(first[1]),
+                x_pitch=spacing,
+                y_pitch=spacing,
+                x_count=int(high[0] - low[0]),
+                y_count=int(high[1] - low[1]),
+                distance=path.detector_distance,
+            ),
+            tolerance=min(_LOOSER * accuracy.tolerance, 0.1),
+            limits=Limits(memory_bytes=accuracy.memory_limit),
+        )
+        canvas[low[1] : high[1], low[0] : high[0]] += strength * vertex * done.field
+        carried += power * (1.0 - done.handed_over)
+    return carried
