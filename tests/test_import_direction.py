@@ -11,7 +11,7 @@ PACKAGE = Path(__file__).parent.parent / "tradestudy"
 
 # A module may import from its own layer's room and from every layer below it (smaller number).
 LAYERS = {
-    "errors": 1, "units": 1, "light_methods": 1, "optics": 1,
+    "errors": 1, "units": 1, "light_methods": 1, "wording": 1, "optics": 1,
     "cameras": 2, "scene": 2, "accuracy": 2, "machine": 2,
     "effects": 3, "uncertainty": 3, "imaging": 3, "verification": 3,
     "results": 4, "storage": 4, "study": 5, "cost": 6,
@@ -21,12 +21,13 @@ LAYERS = {
 SAME_LAYER = {
     ("errors", "units"),
     ("units", "errors"),
+    ("wording", "units"),
     ("optics", "errors"),
     ("optics", "units"),
     ("storage", "results"),
 }
 READ_RESULTS_ONLY = {"figures", "report"}
-MAY_BE_READ = {"errors", "units", "light_methods", "results", "storage", "figures", "report"}
+MAY_BE_READ = {"errors", "units", "light_methods", "wording", "results", "storage", "figures", "report"}
 
 # library → rooms that may import it; every other room must go through them.
 HEAVY = {

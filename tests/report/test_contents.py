@@ -88,6 +88,44 @@ def test_the_answer_says_where_nothing_is_usable_and_why(tree: xr.DataTree) -> N
     assert "calibration alone favours Raytrix R5, Keplerian at 3 of 3" in ways
 
 
+def test_who_is_usable_without_being_a_candidate_is_told(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    depth["usable_near"][1] = 0.05
+    tree["depth"] = xr.DataTree(depth)
+    tree["decision"].attrs["candidates"] = "r5, stereo-65deg"
+    found = list(sentences(document_of(tree)))
+    assert found[0] == (
+        "0.05 to 0.15 m: no candidate is usable: Raytrix R5, Keplerian begins at 0.15 m, limited by total covering "
+        "plane; usable in it, but no candidate: Stereo 100 mm, f = 30.5 mm."
+    )
+    drawing = figures.build(tree)["whole_range"]
+    assert "of the candidates Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across" in drawing.caption
+    assert "Smallest uncertainty of the candidates: 0.05 to 0.15\N{NO-BREAK SPACE}m no candidate, " in drawing.alt
+
+
+def test_equal_uncertainties_are_no_loss(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    decision = tree["decision"].to_dataset().copy(deep=True)
+    # Noise: two wins of the second camera and a tie; calibration: a win of the first, a tie, and both unbounded.
+    for place, way, ratio in ((1, "noise", 1.0), (1, "calibration", 1.0), (2, "calibration", np.nan)):
+        spot = {"reading": "as declared", "place": decision["place"].values[place], "way": way}
+        decision["more_certain"].loc[spot] = ""
+        decision["uncertainty_ratio"].loc[spot] = ratio
+    tree["decision"] = xr.DataTree(decision)
+    ways = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
+    assert "noise alone favours Stereo 100 mm, 65.24° across at 2 of 3 declared distances, ties them at 1;" in ways
+    assert (
+        "calibration alone favours Raytrix R5, Keplerian at 1 of 3 declared distances, ties them at 1, "
+        "decides nothing at 1." in ways
+    )
+    decision["more_certain"].loc[{"way": "calibration"}] = ""
+    decision["uncertainty_ratio"].loc[{"way": "calibration"}] = 1.0
+    tree["decision"] = xr.DataTree(decision)
+    ways = next(text for text in sentences(document_of(tree)) if "noise alone" in text)
+    assert ways.endswith("calibration alone ties them at 3 of 3 declared distances.")
+
+
 def test_the_answer_gives_both_ends_of_a_stretch_in_millimetres_and_per_cent(tree: xr.DataTree) -> None:
     sentence = next(text for text in sentences(document_of(tree)) if text.startswith("0.391 to 10 m"))
     distance = tree["depth"].to_dataset()["distance"].values

@@ -188,6 +188,60 @@ def test_every_reading_has_its_marks_at_its_ratios(tree: xr.DataTree, panel: int
         assert drawn == expected
 
 
+def test_readings_without_bound_are_counted_and_shown(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    decision = tree["decision"].to_dataset().copy(deep=True)
+    # At 1 m: 3.4 · 1.2 as declared, then unbounded, undecided, and the first camera's bound against none.
+    decision["uncertainty_ratio"].loc[{"place": 1.0, "way": "both"}] = [4.08, np.inf, np.nan, 0.0]
+    tree["decision"] = xr.DataTree(decision)
+    drawing = figures.build(tree)["readings"]
+    sentence = "At 1\u00a0m the ratio runs from 0 to ∞ and is above 1 in 2 of 4 readings, undecided in 1."
+    assert sentence in drawing.alt
+    assert drawing.caption.endswith("∞ and 0 at the edge: one of the two uncertainties has no bound.")
+    assert [(text.get_text(), text.xy[1]) for text in drawing.draw().axes[0].texts] == [("∞", 1), ("0", 3)]
+    assert "edge" not in figures.build(make_tree())["readings"].caption
+
+
+def test_words_and_table_have_one_value_at_a_declared_distance(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    grid = tree["depth"].to_dataset()
+    nearest = float(grid["distance"].sel(distance=1.0, method="nearest"))
+    assert nearest != 1.0
+    assert f"Uncertainty at {nearest:.3g}\u00a0m: " in figures.build(tree)["close_range"].alt
+    places = grid.isel(distance=[0]).assign_coords(distance=[1.0])
+    places["depth_uncertainty"] = places["depth_uncertainty"] * 0 + np.array([0.111, 0.222, 0.333])[:, None]
+    tree["depth_at_places"] = xr.DataTree(places)
+    alt = figures.build(tree)["close_range"].alt
+    assert "Uncertainty at 1\u00a0m: Raytrix R5, Keplerian 111 mm; " in alt
+
+
+def test_near_axes_are_in_millimetres_and_begin_with_the_study(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    near = tree["depth"].to_dataset().copy(deep=True)
+    near = near.assign_coords(distance=np.linspace(0.042, 0.08, near.sizes["distance"]))
+    only = xr.DataTree.from_dict({"/cameras": tree["cameras"].to_dataset(), "/depth": near})
+    drawn = figures.build(only)
+    assert "from 42\u00a0mm to 80\u00a0mm" in drawn["close_range"].caption
+    for name in ("close_range", "whole_range", "uncertainty_parts"):
+        figure = drawn[name].draw()
+        axes = next(axes for axes in figure.axes if axes.get_xlabel())
+        assert axes.get_xlabel() == "distance [mm]"
+        assert axes.get_xlim() == pytest.approx((0.042, 0.08))
+        figure.draw_without_rendering()
+        inside = [label for label in axes.get_xticklabels() if 0.042 <= label.get_position()[0] <= 0.08]
+        assert len(inside) >= 3
+        for label in inside:
+            assert float(label.get_text()) == pytest.approx(1e3 * label.get_position()[0], rel=1e-3)
+    axes = figures.figure(tree, "close_range").axes[0]  # from 50 mm to 1 m
+    assert (axes.get_xlabel(), axes.get_xlim()) == ("distance [m]", (0.0, 1.0))
+
+
+def test_no_word_of_a_legend_is_cut_off(tree: xr.DataTree) -> None:
+    for drawing in figures.build(tree).values():
+        texts = [text.get_text() for legend in drawing.draw().legends for text in legend.get_texts()]
+        assert not any(text.endswith("…") for text in texts)
+
+
 def test_curves_stand_at_the_declared_design_or_say_where(make_tree: Callable[..., xr.DataTree]) -> None:
     sweep = {"b": [0.05, 0.1, 0.2]}  # the uncertainty is divided by 1, 2, 3
     declared, unknown = make_tree(sweep=sweep, declared={"b": 0.1}), make_tree(sweep=sweep)

@@ -15,9 +15,10 @@ from tradestudy.figures.style import (
     INK,
     SOFT,
     StudyFigure,
+    distance_axis,
+    distance_label,
     legend,
     line_style,
-    log_axis,
     new_figure,
     printable,
     shortened,
@@ -38,8 +39,8 @@ def propagated_cameras(tree: xr.DataTree, group: str = "calibration") -> tuple[C
     return tuple(camera for camera in cameras(tree) if camera.key in keys)
 
 
-def panels_of(figure: StudyFigure, count: int) -> list[Axes]:
-    """Panels for so many cameras, three in a row; those that are left over are hidden."""
+def panels_of(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:
+    """Panels for so many cameras over distances up to `farthest` [m], three in a row; those left over are hidden."""
     columns = min(_COLUMNS, count)
     rows = -(-count // columns)
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
@@ -47,7 +48,7 @@ def panels_of(figure: StudyFigure, count: int) -> list[Axes]:
         axes.set_visible(False)
     for column in range(columns):
         last = grid[(count - 1 - column) // columns, column]
-        last.set_xlabel("distance [m]")
+        last.set_xlabel(distance_label(farthest))
         last.tick_params(labelbottom=True)
     return list(grid.flat)[:count]
 
@@ -59,7 +60,8 @@ def bands(tree: xr.DataTree) -> StudyFigure:
         data = tree["calibration"].to_dataset()
         figure = new_figure(0.7 + 1.75 * -(-len(shown) // _COLUMNS))
         reach = _reach(data.sel(way="both"))
-        for order, (axes, camera) in enumerate(zip(panels_of(figure, len(shown)), shown, strict=True)):
+        panels = panels_of(figure, len(shown), float(data["distance"].values[-1]))
+        for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
             _band(axes, data.sel(camera=camera.key, way="both"), camera)
             axes.set_ylim(max(0.0, 1.0 - reach), 1.0 + reach)
             if order % _COLUMNS == 0:
@@ -106,8 +108,7 @@ def _band(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
     end = float(data["moments_end"].sel(field="axis"))
     if np.isfinite(end):
         axes.axvline(end, color=INK, linewidth=0.6)
-    log_axis(axes, "x")
-    axes.set_xlim(distance[0], distance[-1])
+    distance_axis(axes, (float(distance[0]), float(distance[-1])))
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 
 
@@ -127,10 +128,9 @@ def failures(tree: xr.DataTree) -> StudyFigure:
                 _share(panels[1, column], distance, _failed(there), camera)
             panels[0, column].set_title(f"beyond infinity, {_FIELD_WORDS[field]}")
             panels[1, column].set_title(f"no reading, {_FIELD_WORDS[field]}")
-            panels[1, column].set_xlabel("distance [m]")
+            panels[1, column].set_xlabel(distance_label(float(distance[-1])))
         for axes in panels.flat:
-            log_axis(axes, "x")
-            axes.set_xlim(distance[0], distance[-1])
+            distance_axis(axes, (float(distance[0]), float(distance[-1])))
             axes.set_yscale("symlog", linthresh=_LEAST_SHARE, linscale=0.5)
             axes.set_yticks([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
             axes.set_yticklabels(["0", "10 ppm", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
@@ -170,13 +170,12 @@ def rank_probability(tree: xr.DataTree) -> StudyFigure:
                 axes.axhline(0.5, color=FAINT, linewidth=0.8, zorder=0)
                 words = "calibration alone" if way == "calibration" else "single readings"
                 axes.set_title(f"{words}, {_FIELD_WORDS[str(field)]}")
-                log_axis(axes, "x")
-                axes.set_xlim(distance[0], distance[-1])
+                distance_axis(axes, (float(distance[0]), float(distance[-1])))
                 axes.set_ylim(0.0, 1.0)
         for axes in panels[:, 0]:
             axes.set_ylabel("P(first errs less)")
         for axes in panels[1]:
-            axes.set_xlabel("distance [m]")
+            axes.set_xlabel(distance_label(float(distance[-1])))
         pairs = zip(data["pair_first"].values, data["pair_second"].values, strict=True)
         labels = [f"{titles[str(first)]} before {titles[str(second)]}" for first, second in pairs]
         handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(labels))]

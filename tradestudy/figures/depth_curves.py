@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
 
 from tradestudy.figures.depth_data import (
     Camera,
@@ -24,14 +25,17 @@ from tradestudy.figures.style import (
     INK,
     SOFT,
     StudyFigure,
+    distance_axis,
+    distance_label,
+    distance_tick,
     legend,
     length_tick,
     log_axis,
     new_figure,
-    plain_number,
     shortened,
     styled,
 )
+from tradestudy.wording import distance as distance_words
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -63,7 +67,8 @@ def discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -
         for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
             log_axis(axes, "y", tick=length_tick)
             axes.set_xlim(near, far)
-            axes.set_xlabel("distance [m]")
+            axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
+            axes.set_xlabel(distance_label(far))
             axes.set_title(title)
         left.set_ylabel("depth")
         left.set_ylim(*_limits(drawn, view["distance"].values, near, far))
@@ -121,8 +126,7 @@ def whole_range(tree: xr.DataTree) -> StudyFigure:
         for camera, uncertainty in zip(shown, drawn, strict=True):
             _curve(curves, depth, camera, uncertainty)
         log_axis(curves, "y", tick=length_tick)
-        log_axis(curves, "x", dense=True)
-        curves.set_xlim(distance[0], distance[-1])
+        distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
         curves.set_ylim(*_limits(drawn, distance, float(distance[0]), float(distance[-1])))
         curves.set_ylabel("depth uncertainty (68 %)")
         _relative_guides(curves, distance)
@@ -130,7 +134,7 @@ def whole_range(tree: xr.DataTree) -> StudyFigure:
         if has_winners(tree):
             _best_camera_bar(bars, tree, shown)
             _crossovers((curves, bars), tree)
-        bars.set_xlabel("distance [m]")
+        bars.set_xlabel(distance_label(float(distance[-1])))
     return figure
 
 
@@ -190,7 +194,7 @@ def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
         for axes in panels:
             axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8)
         panels[0].annotate(
-            f"{plain_number(float(f'{edge:.3g}'))} m",
+            distance_words(edge),
             (edge, 1.0),
             xycoords=("data", "axes fraction"),
             xytext=(-1, -2),

@@ -89,6 +89,13 @@ def has_winners(tree: xr.DataTree) -> bool:
     return named and nominal_is_declared(tree)
 
 
+def candidates(tree: xr.DataTree) -> tuple[str, ...]:
+    """The cameras among which a decision names the best, in the order of the figures; none where all are candidates."""
+    declared = str(tree["decision"].attrs.get("candidates", "")).split(", ") if "decision" in tree.children else []
+    chosen = tuple(camera.key for camera in cameras(tree) if camera.key in declared)
+    return chosen if len(chosen) < len(cameras(tree)) else ()
+
+
 def winners(tree: xr.DataTree, way: str = "both") -> Iterator[tuple[float, float, str]]:
     """Stretches of distance with one best camera: (from, to, camera), camera "" where none is usable.
 

@@ -22,6 +22,7 @@ from tradestudy.figures.cost import cost_drawing, measured_quantities
 from tradestudy.figures.depth_data import (
     Camera,
     cameras,
+    candidates,
     has_winners,
     nominal,
     of_camera,
@@ -32,11 +33,13 @@ from tradestudy.figures.depth_data import (
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
 from tradestudy.units import LENGTH, pretty, significant
+from tradestudy.wording import counted, distance, listed, span
 
 if TYPE_CHECKING:
     import xarray as xr
 
 CLOSE_RANGE_ENDS = 1.0  # m: the paper's figure 8 ends and its figure 9 begins here
+_NEAR_ZERO = 0.1  # of the farthest distance: an axis that begins nearer than this may begin at the camera
 
 
 def drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
@@ -74,8 +77,11 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
     )
     caption += _design_words(tree)
     if has_winners(tree):
+        among = [camera.title for camera in shown if camera.key in candidates(tree)]
         caption += (
-            " The last bar names the usable camera with the smallest uncertainty; dashed lines mark where it changes."
+            " The last bar names the usable camera with the smallest uncertainty"
+            + (f", of the candidates {listed(among)}" if among else "")
+            + "; dashed lines mark where it changes."
         )
     return Drawing(
         name="whole_range",
@@ -101,7 +107,7 @@ def _usable_words(depth: xr.Dataset, shown: tuple[Camera, ...]) -> str:
     """Where each camera is usable, in one sentence each."""
     sentences = []
     for camera in shown:
-        stretches = [f"{pretty(a, LENGTH)} to {pretty(b, LENGTH)}" for a, b in usable_intervals(depth, camera)]
+        stretches = [span(a, b) for a, b in usable_intervals(depth, camera)]
         sentences.append(f"{camera.title}: usable {' and '.join(stretches) or 'nowhere'}. ")
     return "".join(sentences)
 
@@ -109,39 +115,46 @@ def _usable_words(depth: xr.Dataset, shown: tuple[Camera, ...]) -> str:
 def _winner_words(tree: xr.DataTree, shown: tuple[Camera, ...]) -> str:
     if not has_winners(tree):
         return ""
-    titles = {camera.key: camera.title for camera in shown} | {"": "no camera"}
-    stretches = [f"{pretty(a, LENGTH)} to {pretty(b, LENGTH)} {titles[key]}" for a, b, key in winners(tree)]
-    return "Smallest uncertainty: " + ", ".join(stretches) + "."
+    chosen = candidates(tree)
+    titles = {camera.key: camera.title for camera in shown} | {"": "no candidate" if chosen else "no camera"}
+    stretches = [f"{span(a, b)} {titles[key]}" for a, b, key in winners(tree)]
+    return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {', '.join(stretches)}."
 
 
 def _paper_figures(tree: xr.DataTree) -> Iterator[Drawing]:
-    distance = np.asarray(nominal(tree)["distance"].values, dtype=float)
-    first, last = float(distance[0]), float(distance[-1])
+    every = np.asarray(nominal(tree)["distance"].values, dtype=float)
+    first, last = float(every[0]), float(every[-1])
     if first < CLOSE_RANGE_ENDS:
         end = min(CLOSE_RANGE_ENDS, last)
-        yield _discrimination(tree, "close_range", 0.0, end)
+        yield _discrimination(tree, "close_range", first if first > _NEAR_ZERO * end else 0.0, end)
     if last > CLOSE_RANGE_ENDS:
         yield _discrimination(tree, "mid_range", max(CLOSE_RANGE_ENDS, first), last)
 
 
 def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Drawing:
-    depth, shown = nominal(tree), cameras(tree)
-    span = f"{pretty(near, LENGTH) if near else '0'} to {pretty(far, LENGTH)}"
+    shown = cameras(tree)
+    where = span(near, far)
     return Drawing(
         name=name,
-        caption=f"Depth discriminating power and depth uncertainty from {span}. Discrimination is the "
+        caption=f"Depth discriminating power and depth uncertainty from {where}. Discrimination is the "
         "change of depth that moves the disparity by its declared step, without noise or calibration errors; "
         "uncertainty has both." + _design_words(tree),
-        alt=f"Two charts against distance from {span}, depth on a logarithmic axis: discriminating "
-        f"power and uncertainty. Uncertainty at {pretty(far, LENGTH)}: {_values_at(depth, shown, far)}.",
+        alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discriminating "
+        f"power and uncertainty. Uncertainty {_values_at(tree, shown, far)}.",
         draw=partial(depth_curves.discrimination_and_uncertainty, tree, near, far),
     )
 
 
-def _values_at(depth: xr.Dataset, shown: tuple[Camera, ...], distance: float) -> str:
-    there = depth.sel(distance=[distance], method="nearest")
+def _values_at(tree: xr.DataTree, shown: tuple[Camera, ...], place: float) -> str:
+    """At a declared distance the values of the table, elsewhere those of the nearest computed one, which is told."""
+    depth = nominal(tree)
+    if "depth_at_places" in tree.children:
+        declared = tree["depth_at_places"].to_dataset()
+        depth = declared if place in declared["distance"].values else depth
+    there = depth.sel(distance=[place], method="nearest")
     values = [float(of_camera(there, "depth_uncertainty", camera)[0]) for camera in shown]
-    return "; ".join(f"{camera.title} {pretty(v, LENGTH)}" for camera, v in zip(shown, values, strict=True))
+    each = "; ".join(f"{camera.title} {pretty(v, LENGTH)}" for camera, v in zip(shown, values, strict=True))
+    return f"at {distance(float(there['distance'].item()))}: {each}"
 
 
 def _parts(tree: xr.DataTree) -> Drawing:
@@ -171,7 +184,7 @@ def _largest_parts(tree: xr.DataTree) -> str:
         values = np.asarray(part.values, dtype=float)
         if np.isfinite(values).any():
             name = str(part["part"].values[int(np.nanargmax(values))]).replace("_", " ")
-            sentences.append(f"{camera.title} at {pretty(middle, LENGTH)}: {name} is the largest. ")
+            sentences.append(f"{camera.title} at {distance(float(part['distance']))}: {name} is the largest. ")
     return "".join(sentences)
 
 
@@ -183,27 +196,35 @@ def _readings(tree: xr.DataTree) -> Drawing:
     sentences = []
     for place in ratio["place"].values:
         values = np.asarray(ratio.sel(place=place, way="both").values, dtype=float)
-        finite = values[np.isfinite(values)]
-        if finite.size:
+        known = values[~np.isnan(values)]
+        if known.size:
             sentences.append(
-                f"At {pretty(float(place), LENGTH)} the ratio runs from {significant(float(finite.min()))} to "
-                f"{significant(float(finite.max()))} and is above 1 in {int((finite > 1).sum())} of {finite.size} "
-                "readings. "
+                f"At {distance(float(place))} the ratio runs from {significant(float(known.min()))} to "
+                f"{significant(float(known.max()))} and is above 1 in {int((known > 1).sum())} of "
+                f"{counted(values.size, 'reading')}"
+                + (f", undecided in {values.size - known.size}. " if known.size < values.size else ". ")
             )
     return Drawing(
         name="readings",
         caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under "
         f"every reading of what the sources leave open. Left of 1 (shaded) {numerator} is better, right of it "
-        f"{denominator}.",
+        f"{denominator}." + _unbounded_words(ratio),
         alt="Dot chart of the ratio of uncertainties, one row per reading, one mark per distance, three panels: "
         "noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.readings, tree),
     )
 
 
+def _unbounded_words(ratio: xr.DataArray) -> str:
+    """What signs at the edges mean, where there are some."""
+    values = np.asarray(ratio.values, dtype=float)
+    signs = [sign for sign, there in (("∞", np.isinf(values)), ("0", values == 0.0)) if there.any()]
+    return f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""
+
+
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     names = ", ".join(swept(tree["depth"].to_dataset()))
-    place = pretty(sweeps.reference_distance(tree), LENGTH)
+    place = distance(sweeps.reference_distance(tree))
     moved = sweeps.moved_cameras(tree)
     titles = ", ".join(camera.title for camera in moved)
     if moved:

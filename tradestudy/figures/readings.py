@@ -20,10 +20,10 @@ from tradestudy.figures.style import (
     line_style,
     log_axis,
     new_figure,
-    plain_number,
     shortened,
     styled,
 )
+from tradestudy.wording import distance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -59,8 +59,8 @@ def readings(tree: xr.DataTree) -> StudyFigure:
         handles = [_mark(order, len(places), filled=True) for order in range(len(places))]
         handles.append(_mark(0, 1, filled=False))
         labels = [
-            *(f"at {plain_number(place)} m" for place in places),
-            "open: the other camera is more certain than as declared",
+            *(f"at {distance(place)}" for place in places),
+            "open: not who is more certain as declared",
         ]
         legend(figure, handles, labels, columns=min(len(labels), 4))
     return figure
@@ -110,3 +110,23 @@ def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
                 mark.set_data(ratio[keep, place], y[keep])
                 mark.set_markerfacecolor(face)
                 axes.add_line(mark)
+    _unbounded(axes, ratio)
+
+
+def _unbounded(axes: Axes, ratio: FloatArray) -> None:
+    """Ratios that no logarithmic axis holds, written at the edge they lie beyond, coloured as their marks."""
+    places = ratio.shape[1]
+    for value, text, edge, side in ((np.inf, "∞", 1.0, -1), (0.0, "0", 0.0, 1)):
+        for row, here in enumerate(ratio == value):
+            for count, place in enumerate(np.flatnonzero(here)):
+                axes.annotate(
+                    text,
+                    (edge, row),
+                    xycoords=("axes fraction", "data"),
+                    xytext=(side * (3 + 8 * count), 0),
+                    textcoords="offset points",
+                    color=_place_color(int(place), places),
+                    ha="left" if side > 0 else "right",
+                    va="center",
+                    fontsize=8,
+                )

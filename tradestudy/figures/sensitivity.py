@@ -14,6 +14,7 @@ from tradestudy.figures.depth_data import Camera
 from tradestudy.figures.style import (
     SOFT,
     StudyFigure,
+    distance_axis,
     legend,
     length_tick,
     line_style,
@@ -89,7 +90,8 @@ def indices(tree: xr.DataTree) -> StudyFigure:
         names = _main_sources(data)
         figure = new_figure(0.8 + 1.7 * -(-len(shown) // _COLUMNS))
         distance = np.asarray(data["distance"].values, dtype=np.float64)
-        for order, (axes, camera) in enumerate(zip(panels_of(figure, len(shown)), shown, strict=True)):
+        panels = panels_of(figure, len(shown), float(distance[-1]))
+        for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
             there = data.sel(camera=camera.key)
             for number, name in enumerate(names):
                 style = line_style(number)
@@ -97,8 +99,7 @@ def indices(tree: xr.DataTree) -> StudyFigure:
                 first = there["first_index"].sel(source=name).values
                 axes.plot(distance, total, color=style.color, linestyle=style.dash, linewidth=1.3)
                 axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
-            log_axis(axes, "x")
-            axes.set_xlim(distance[0], distance[-1])
+            distance_axis(axes, (float(distance[0]), float(distance[-1])))
             axes.set_ylim(0.0, 1.05)
             axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
             if order % _COLUMNS == 0:

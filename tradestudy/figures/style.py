@@ -163,6 +163,27 @@ def length_tick(millimetres: float, _position: int | None = None) -> str:
     return f"{plain_number(millimetres / size)} {unit}"
 
 
+def millimetre_tick(metres: float, _position: int | None = None) -> str:
+    """A tick label in millimetres of a length given in metres."""
+    return plain_number(metres * 1e3)
+
+
+def distance_label(farthest: float) -> str:
+    """Name an axis of distances that ends at `farthest` [m]: in millimetres below 0.1 m, as sentences write them."""
+    return "distance [mm]" if farthest < 0.1 else "distance [m]"
+
+
+def distance_axis(axes: Axes, ends: tuple[float, float], *, dense: bool = False) -> None:
+    """A logarithmic axis of distances [m] across, with ticks in the unit of its `distance_label`."""
+    log_axis(axes, "x", dense=dense, tick=distance_tick(ends[1]), ends=ends)
+    axes.set_xlim(ends)
+
+
+def distance_tick(farthest: float) -> Callable[[float, int | None], str]:
+    """How ticks of an axis of distances [m] that ends at `farthest` are written."""
+    return millimetre_tick if farthest < 0.1 else plain_number
+
+
 def log_axis(
     axes: Axes,
     which: str,

@@ -16,6 +16,8 @@ from tradestudy.figures.style import (
     INK,
     SOFT,
     StudyFigure,
+    distance_label,
+    distance_tick,
     legend,
     length_tick,
     log_axis,
@@ -25,6 +27,7 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.wording import distance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -35,12 +38,12 @@ _COLUMNS = 3
 
 def reference_distance(tree: xr.DataTree) -> float:
     """The computed distance [m] at which designs are compared: next to the middle of those declared, or of all."""
-    distance = tree["depth"].to_dataset()["distance"].values
-    middle = float(np.sqrt(distance[0] * distance[-1]))
+    every = tree["depth"].to_dataset()["distance"].values
+    middle = float(np.sqrt(every[0] * every[-1]))
     if "decision" in tree.children and "place" in tree["decision"].coords:
         places = np.sort(tree["decision"].to_dataset()["place"].values)
         middle = float(places[(len(places) - 1) // 2])
-    return float(distance[np.argmin(np.abs(np.log(distance / middle)))])
+    return float(every[np.argmin(np.abs(np.log(every / middle)))])
 
 
 def moved_cameras(tree: xr.DataTree) -> tuple[Camera, ...]:
@@ -103,7 +106,7 @@ def _curves(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dim: str, plac
     if uncertainty[dim].dtype.kind not in "fiu":
         axes.set_xticks(x, names)
     axes.set_xlabel(label)
-    axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m")
+    axes.set_ylabel(f"depth uncertainty at {distance(place)}")
     handles = [
         Line2D([], [], color=c.style.color, linestyle=c.style.dash, marker=c.style.marker, markersize=4) for c in moved
     ]
@@ -138,7 +141,7 @@ def _maps(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dims: tuple[str,
         ScalarMappable(norm=norm, cmap="cividis"), ax=panels.ravel().tolist(), format=FuncFormatter(length_tick)
     )
     bar.ax.minorticks_off()
-    bar.set_label(f"depth uncertainty at {plain_number(place)} m (numbers in mm)")
+    bar.set_label(f"depth uncertainty at {distance(place)} (numbers in mm)")
     return figure
 
 
@@ -184,12 +187,14 @@ def pareto(tree: xr.DataTree) -> StudyFigure:
                 color=style.color,
                 markersize=5,
             )
-        front = frontier(np.concatenate(clouds))
+        designs = np.concatenate(clouds)
+        front = frontier(designs)
         axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
-        log_axis(axes, "x", dense=True)
+        farthest = float(np.max(designs[:, 0], initial=0.0))
+        log_axis(axes, "x", dense=True, tick=distance_tick(farthest))
         log_axis(axes, "y", dense=True, tick=length_tick)
-        axes.set_xlabel("nearest usable distance [m]")
-        axes.set_ylabel(f"depth uncertainty at {plain_number(place)} m")
+        axes.set_xlabel(f"nearest usable {distance_label(farthest)}")
+        axes.set_ylabel(f"depth uncertainty at {distance(place)}")
         handles = [
             Line2D([], [], color=c.style.color, marker=c.style.marker, linestyle="", markersize=5) for c in shown
         ]

@@ -13,6 +13,8 @@ from tradestudy.figures.style import (
     FAINT,
     INK,
     StudyFigure,
+    distance_axis,
+    distance_label,
     legend,
     length_tick,
     line_style,
@@ -63,7 +65,7 @@ def uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
             axes.set_visible(False)
         for column in range(columns):
             last = panels[(len(shown) - 1 - column) // columns, column]
-            last.set_xlabel("distance [m]")
+            last.set_xlabel(distance_label(float(depth["distance"].values[-1])))
             last.tick_params(labelbottom=True)
         for axes in panels[:, 0]:
             axes.set_ylabel("depth uncertainty")
@@ -111,7 +113,6 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: Camera, names: tuple[str, ...]
             markersize=3,
             markevery=[int(spot) % len(distance) for spot in spots],
         )
-    log_axis(axes, "x", ends=(float(distance[0]), float(distance[-1])))
+    distance_axis(axes, (float(distance[0]), float(distance[-1])))
     log_axis(axes, "y", tick=length_tick)
-    axes.set_xlim(distance[0], distance[-1])
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from tradestudy.units import FRACTION, LENGTH, pretty, significant
+from tradestudy.units import FRACTION, LENGTH, pretty
+from tradestudy.wording import distance
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -52,20 +53,6 @@ def length(value: float) -> str:
     return pretty(value, LENGTH).replace(" ", "\N{NO-BREAK SPACE}")
 
 
-def distance(value: float) -> str:
-    """Write a distance in metres, as on the axes of the figures; below 0.1 m in millimetres."""
-    if not 0.1 <= abs(value) < np.inf:
-        return length(value)
-    return f"{significant(value)}\N{NO-BREAK SPACE}m"
-
-
-def span(start: float, end: float) -> str:
-    """Write a stretch of distances [m], both ends in one unit."""
-    if 0.1 <= end < np.inf:
-        return f"{significant(start)} to {significant(end)}\N{NO-BREAK SPACE}m"
-    return f"{distance(start)} to {distance(end)}"
-
-
 def interval(low: float, high: float) -> str:
     """Write the ends of an interval of distances [m], in one unit, with the digits that tell them apart."""
     if not np.isfinite([low, high]).all():
@@ -104,8 +91,8 @@ def places(tree: xr.DataTree) -> npt.NDArray[np.float64]:
     """Get the declared distances [m]; without a decision, the powers of ten inside the range and its ends."""
     if has(tree, "decision") and "place" in tree["decision"].coords:
         return np.asarray(dataset(tree, "decision")["place"].values, dtype=float)
-    distance = np.asarray(dataset(tree, "depth")["distance"].values, dtype=float)
-    return np.geomspace(distance[0], distance[-1], 4)
+    every = np.asarray(dataset(tree, "depth")["distance"].values, dtype=float)
+    return np.geomspace(every[0], every[-1], 4)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,8 +20,9 @@ from tradestudy.report.document import (
     Text,
     say,
 )
-from tradestudy.report.facts import distance, in_words, length, share
+from tradestudy.report.facts import in_words, length, share
 from tradestudy.units import significant
+from tradestudy.wording import counted, distance, span
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -47,35 +48,51 @@ def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block
 
 def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
     """One sentence per stretch of distance with one best camera."""
-    from tradestudy.figures.depth_data import nominal, nominal_is_declared, winners
+    from tradestudy.figures.depth_data import candidates, nominal, nominal_is_declared, winners
 
     titles, depth, declared = facts.titles(tree), nominal(tree), nominal_is_declared(tree)
     for start, end, key in winners(tree):
-        span = facts.span(start, end)
+        where = span(start, end)
         if not key:
-            why = _why_none(depth, titles, start, end) if declared else ""
-            yield say("**{span}: no camera is usable**{why}.", span=span, why=why)
+            yield say(
+                "**{where}: no {which} is usable**{why}.",
+                where=where,
+                which="candidate" if candidates(tree) else "camera",
+                why=_why_none(tree, depth, start, end) if declared else "",
+            )
         elif declared:
             yield say(
-                "**{span}: {camera}**, {how}.", span=span, camera=titles[key], how=_how_sure(depth, key, start, end)
+                "**{where}: {camera}**, {how}.", where=where, camera=titles[key], how=_how_sure(depth, key, start, end)
             )
         else:
-            yield say("**{span}: {camera}**.", span=span, camera=titles[key])
+            yield say("**{where}: {camera}**.", where=where, camera=titles[key])
 
 
-def _why_none(depth: xr.Dataset, titles: Mapping[str, str], start: float, end: float) -> str:
-    """Which camera begins or ends where nothing is usable, and by which limit."""
+def _why_none(tree: xr.DataTree, depth: xr.Dataset, start: float, end: float) -> str:
+    """Which candidate begins or ends where none is usable, by which limit, and who is usable without being one."""
+    from tradestudy.figures.depth_data import candidates
+
+    titles, among = facts.titles(tree), candidates(tree) or tuple(facts.depth_titles(tree))
+    others = [key for key in facts.depth_titles(tree) if key not in among]
+    depth = depth.transpose("camera", "interval", ...)
+    usable = [
+        titles[key]
+        for key in others
+        if np.any((depth["usable_near"].sel(camera=key) < end) & (depth["usable_far"].sel(camera=key) > start))
+    ]
+    beside = f"; usable in it, but no candidate: {', '.join(usable)}" if usable else ""
+    chosen = depth.sel(camera=list(among))
     for ends, limits, verb, place in (
         ("usable_near", "near_limit", "begins", end),
         ("usable_far", "far_limit", "ends", start),
     ):
-        found = np.argwhere(depth[ends].transpose("camera", "interval").values == place)
+        found = np.argwhere(chosen[ends].values == place)
         if found.size:
             camera, interval = found[0]
-            limit = str(depth[limits].transpose("camera", "interval").values[camera, interval])
-            title = titles[str(depth["camera"].values[camera])]
-            return f": {title} {verb} at {distance(place)}, limited by {in_words(limit)}"
-    return ""
+            limit = str(chosen[limits].values[camera, interval])
+            title = titles[str(chosen["camera"].values[camera])]
+            return f": {title} {verb} at {distance(place)}, limited by {in_words(limit)}{beside}"
+    return beside
 
 
 def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
@@ -123,22 +140,32 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _ways(tree: xr.DataTree) -> Iterator[Spans]:
     """Whom noise alone and calibration alone favour, at how many of the declared distances."""
-    if not facts.has(tree, "decision", "more_certain"):
+    if not facts.has(tree, "decision", "more_certain", "uncertainty_ratio"):
         return
     decision, titles = facts.dataset(tree, "decision"), facts.titles(tree)
-    favours = []
-    for way in ("noise", "calibration"):
-        names = [str(name) for name in decision["more_certain"].isel(reading=0).sel(way=way).values]
-        best = max(titles, key=names.count)
-        favours.append(f"{way} alone favours {titles[best]} at {names.count(best)} of {len(names)} declared distances")
-    first, second = (titles[decision.attrs[end]] for end in ("first", "second"))
+    pair = [str(decision.attrs[end]) for end in ("first", "second")]
     yield say(
         "Of {first} and {second}, {noise}; {calibration}.",
-        first=first,
-        second=second,
-        noise=favours[0],
-        calibration=favours[1],
+        first=titles[pair[0]],
+        second=titles[pair[1]],
+        noise=_favoured(decision.isel(reading=0).sel(way="noise"), pair, titles, "noise"),
+        calibration=_favoured(decision.isel(reading=0).sel(way="calibration"), pair, titles, "calibration"),
     )
+
+
+def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], way: str) -> str:
+    """Wins, ties and undecided places of one way: equal uncertainties are no loss."""
+    names = [str(name) for name in decision["more_certain"].values]
+    neither = np.asarray(decision["uncertainty_ratio"].values, dtype=np.float64)[[not name for name in names]]
+    undecided = int(np.isnan(neither).sum())
+    wins = {key: names.count(key) for key in pair}
+    parts = [
+        f"favours {titles[key]} at {wins[key]}" for key in sorted(pair, key=lambda key: -wins[key]) if wins[key] > 0
+    ]
+    parts += [f"ties them at {neither.size - undecided}"] if neither.size > undecided else []
+    parts += [f"decides nothing at {undecided}"] if undecided else []
+    parts[0] += f" of {counted(len(names), 'declared distance')}"
+    return f"{way} alone {', '.join(parts)}"
 
 
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:

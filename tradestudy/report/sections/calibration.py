@@ -18,10 +18,11 @@ from tradestudy.report.document import (
     Text,
     say,
 )
-from tradestudy.report.facts import distance, in_words, interval, length, share
+from tradestudy.report.facts import in_words, interval, length, share
 from tradestudy.report.sections.posterior import posteriors
 from tradestudy.report.sections.uncertain_decision import computed_places, crossovers, ranks, stability, verdict
 from tradestudy.units import significant
+from tradestudy.wording import distance
 
 if TYPE_CHECKING:
     import xarray as xr

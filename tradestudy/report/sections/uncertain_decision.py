@@ -9,8 +9,9 @@ import numpy as np
 
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Table, Text, say
-from tradestudy.report.facts import distance, in_words, length, share
+from tradestudy.report.facts import in_words, length, share
 from tradestudy.units import significant
+from tradestudy.wording import distance
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -27,6 +27,7 @@ def decision_group(
     nominal = depth if depth["depth_uncertainty"].ndim == 2 else depth_as_declared(definition)
     rows = {name: i for i, name in enumerate(case.cameras)}
     names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
+    attributes["candidates"] = ", ".join(names)
     usable = {name: nominal["usable"].values[rows[name]] for name in names}
     values["best_camera"] = np.stack(
         [

@@ -1,0 +1,49 @@
+"""How counts and distances read in a sentence."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tradestudy.wording import counted, distance, listed, span
+
+
+@pytest.mark.parametrize(
+    ("number", "text"), [(0, "0 readings"), (1, "1 reading"), (2, "2 readings"), (15, "15 readings")]
+)
+def test_one_is_singular(number: int, text: str) -> None:
+    assert counted(number, "reading") == text
+
+
+def test_a_plural_of_its_own() -> None:
+    assert [counted(number, "entry", "entries") for number in (1, 2)] == ["1 entry", "2 entries"]
+
+
+@pytest.mark.parametrize(
+    ("items", "text"), [([], ""), (["a"], "a"), (["a", "b"], "a and b"), (["a", "b", "c"], "a, b and c")]
+)
+def test_the_last_two_of_a_list_are_joined_by_and(items: list[str], text: str) -> None:
+    assert listed(items) == text
+
+
+@pytest.mark.parametrize(
+    ("start", "end", "text"),
+    [
+        (0.042, 0.0494, "42 mm to 49.4 mm"),
+        (0.05, 0.15, "0.05 to 0.15 m"),
+        (0.391, 10.0, "0.391 to 10 m"),
+        (1.0, math.inf, "1 m to ∞"),
+        # Ends that three digits do not tell apart are no stretch of no width.
+        (0.042, 0.04200383, "42 mm to 42.004 mm"),
+        (1.2341, 1.2344, "1.2341 to 1.2344 m"),
+        (1.0, 1.0, "1 to 1 m"),
+    ],
+)
+def test_both_ends_of_a_stretch_can_be_told_apart(start: float, end: float, text: str) -> None:
+    assert span(start, end).replace("\N{NO-BREAK SPACE}", " ") == text
+
+
+@pytest.mark.parametrize(("value", "text"), [(0.0553, "55.3 mm"), (0.1, "0.1 m"), (2.5, "2.5 m"), (math.inf, "∞")])
+def test_metres_from_a_tenth_on(value: float, text: str) -> None:
+    assert distance(value).replace("\N{NO-BREAK SPACE}", " ") == text
