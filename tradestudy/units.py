@@ -166,6 +166,7 @@ FRACTION = Dimension(
     display=(
         DisplayUnit(label=" ppm", size=1e-6),
         DisplayUnit(label=" %", size=1e-2, used_from=1e-4),
+        DisplayUnit(label=" times", size=1.0, used_from=10.0),
     ),
 )
 NUMBER = Dimension(name="a plain number", unit="", example="3.8", display=_shown_in(""))

@@ -29,6 +29,7 @@ SlotName = Literal[
     "sampling",
 ]
 OFF: Final = "off"
+NOTHING_LEFT_OUT: Final = "nothing is left out"
 
 
 @dataclass(frozen=True, kw_only=True)

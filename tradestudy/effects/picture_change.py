@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import j0, j1
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import Bound
+from tradestudy.effects.base import NOTHING_LEFT_OUT, Bound
 from tradestudy.effects.light_scene import LawDifference, LightScene
 from tradestudy.optics.arrays import FloatArray
 
@@ -169,7 +169,7 @@ def bound_of(
 def complete() -> Mapping[Quantity, Bound]:
     """Of the model that leaves nothing out."""
     return {
-        "pixel_intensity": Bound(relative_change=0.0, criterion="left out", number=0.0, reason="nothing is left out")
+        "pixel_intensity": Bound(relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT)
     }
 
 

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import Bound, Model, Slot
+from tradestudy.effects.base import NOTHING_LEFT_OUT, Bound, Model, Slot
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
@@ -127,7 +127,7 @@ def diffraction_of_points(images: Sequence[PointImage]) -> Slot:
                 name="kirchhoff",
                 bounds={
                     "psf_width": Bound(
-                        relative_change=0.0, criterion="left out", number=0.0, reason="nothing is left out"
+                        relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT
                     )
                 },
                 seconds=SECONDS_PER_IMAGE["kirchhoff"] * len(images),

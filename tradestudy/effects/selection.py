@@ -12,6 +12,7 @@ import numpy as np
 from tradestudy.accuracy import Accuracy, Quantity
 from tradestudy.effects.base import Model, Slot, SlotName
 from tradestudy.errors import UnaffordableError
+from tradestudy.units import FRACTION, pretty
 
 Chosen = Mapping[SlotName, Model]
 _MOST_SETS = 200_000
@@ -265,7 +266,9 @@ def _at_most(value: float) -> str:
 
 
 def _share(value: float) -> str:
-    return "without bound" if math.isinf(value) else f"{100.0 * value:.{2 if value < 0.1 else 3}g} %"
+    if value >= 10.0:
+        return "without bound" if math.isinf(value) else pretty(value, FRACTION)
+    return f"{100.0 * value:.{2 if value < 0.1 else 3}g} %"
 
 
 def _words(quantity: Quantity) -> str:

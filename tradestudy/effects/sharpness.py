@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, Focus
-from tradestudy.effects.base import OFF, Bound, Model, Slot
+from tradestudy.effects.base import NOTHING_LEFT_OUT, OFF, Bound, Model, Slot
 from tradestudy.optics.arrays import FloatArray
 
-_COMPLETE: Final = Bound(relative_change=0.0, criterion="left out", number=0.0, reason="nothing is left out")
+_COMPLETE: Final = Bound(relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT)
 
 
 def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCriterion]) -> Slot:

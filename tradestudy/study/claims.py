@@ -202,10 +202,14 @@ def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
         tried = f"under {every} reading tried ({len(decided)})" if len(met) > 1 else "no other reading was tried"
         return verdict, tried + without
     if len(yes) <= len(no):
-        reason = f"met under {', '.join(yes)}; not under the other {len(no)} readings"
+        reason = f"met under {', '.join(yes)}; not under {_the_other(len(no))}"
     else:
-        reason = f"not met under {', '.join(no)}; met under the other {len(yes)} readings"
+        reason = f"not met under {', '.join(no)}; met under {_the_other(len(yes))}"
     return "cannot be decided from the paper", reason + without
+
+
+def _the_other(count: int) -> str:
+    return "the other reading" if count == 1 else f"the other {count} readings"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,7 @@ from tradestudy.study.plan_text import plan_text
 from tradestudy.study.predicted_time import PredictedStep, predicted_seconds
 from tradestudy.study.situations.every import every_situation
 from tradestudy.study.situations.situation import Situation
+from tradestudy.wording import counted
 
 _ROUNDS = 40
 
@@ -100,7 +101,7 @@ def _pictures(
         if not isinstance(camera.disparity_error_px, float | int)
     ]
     seconds = math.fsum(selections[name].seconds for name in derived) / speed
-    work = f"{len(derived)} cameras whose disparity error is derived"
+    work = f"{counted(len(derived), 'camera')} whose disparity error is derived"
     return (PredictedStep(name="pictures", low=seconds, high=seconds, work=work),) if derived else ()
 
 

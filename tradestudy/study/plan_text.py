@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from tradestudy.effects.base import NOTHING_LEFT_OUT
 from tradestudy.effects.selection import Decision
 from tradestudy.units import DURATION, FRACTION, pretty, significant
 
@@ -62,14 +63,18 @@ def _harmless(decisions: tuple[Decision, ...]) -> Iterator[str]:
         by_reason.setdefault((decision.model.name, bound.reason), []).append(decision)
     for (model, reason), members in by_reason.items():
         yield f"  {_TAKEN} {', '.join(one.slot.replace('_', ' ') for one in members)}: {model}"
-        yield f"      changes nothing: {reason}"
+        yield f"      {reason if reason == NOTHING_LEFT_OUT else f'changes nothing: {reason}'}"
         if numbers := [text for one in members if (text := _number(one))]:
             yield f"      {'; '.join(numbers)}"
 
 
 def _number(decision: Decision) -> str:
     bound = max(decision.model.bounds.values(), key=lambda one: one.relative_change)
-    return "" if math.isnan(bound.number) else f"{bound.criterion} {significant(bound.number)}"
+    return (
+        ""
+        if math.isnan(bound.number) or bound.reason == NOTHING_LEFT_OUT
+        else f"{bound.criterion} {significant(bound.number)}"
+    )
 
 
 def _head(decision: Decision) -> str:

@@ -19,6 +19,7 @@ from tradestudy.study.situations.light_spot import NAME as LIGHT_SPOT
 from tradestudy.study.situations.light_spot import named_spot_models, picture_seconds
 from tradestudy.study.spot_images import SpotModels, compared_models, without_comparison
 from tradestudy.study.sweep import sweep_axes
+from tradestudy.wording import counted
 
 # Seconds per unit of work on the reference machine (speed 1): processor seconds, so that what else ran on it while it
 # was measured does not count. `python tests/benchmarks/step_costs.py` measures them through runs of the shipped
@@ -103,7 +104,9 @@ def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
     file = definition.file
     readings = len(file.readings)
     yield _fixed(
-        "start", f"libraries, the study and {readings} readings of it", {"libraries": 1, "study read again": readings}
+        "start",
+        f"libraries, the study and {counted(readings, 'reading')} of it",
+        {"libraries": 1, "study read again": readings},
     )
     if definition.case.cameras:
         yield from _depth(definition)
@@ -111,7 +114,7 @@ def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
         yield from _calibration(file.calibration)
     if file.depth_of_field is not None:
         cameras = len(definition.case.all_cameras)
-        yield _fixed("depth of field", f"{cameras} cameras", {"camera's depth of field": cameras})
+        yield _fixed("depth of field", counted(cameras, "camera"), {"camera's depth of field": cameras})
     if file.fresnel_validity is not None:
         yield from _fresnel_validity(file.fresnel_validity)
     if file.light_spot is not None:
@@ -142,7 +145,7 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
     designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
     yield _fixed(
         "depth",
-        f"{designs} designs of {cameras} cameras at {distances} distances",
+        f"{counted(designs, 'design')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
         {
             "study read again": designs if file.sweep else 0,
             "camera": designs * cameras,
@@ -154,7 +157,7 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
     trials = sum(_ROOT_TRIALS) / 2 * len(file.solve)
     yield _fixed(
         "decision",
-        f"a pair of cameras under {pairs} readings, {len(file.solve)} inverse questions",
+        f"a pair of cameras under {counted(pairs, 'reading')}, {counted(len(file.solve), 'inverse question')}",
         {"pair of cameras": pairs, "trial of an inverse question": trials, "camera": cameras if file.sweep else 0},
     )
 
@@ -167,7 +170,7 @@ def _calibration(part: CalibrationStudyPart) -> Iterator[PredictedStep]:
     if steps:
         yield _range(
             "calibration",
-            f"{len(steps)} posteriors, {_FIRST_STEPS} to {max(steps)} steps of {_ENSEMBLES} ensembles each",
+            f"{counted(len(steps), 'posterior')}, {_FIRST_STEPS} to {max(steps)} steps of {_ENSEMBLES} ensembles each",
             {"inference step of an ensemble": _ENSEMBLES * len(steps) * _FIRST_STEPS},
             {"inference step of an ensemble": _ENSEMBLES * sum(steps)},
         )
@@ -177,7 +180,7 @@ def _calibration(part: CalibrationStudyPart) -> Iterator[PredictedStep]:
         replicates = 8 * len(part.questions)
         yield _range(
             "comparison",
-            f"{len(part.compare)} pairs of cameras, {len(part.questions)} questions of stability",
+            f"{counted(len(part.compare), 'pair')} of cameras, {counted(len(part.questions), 'question')} of stability",
             {
                 "pair at a field and way": pairs * distances / 17,
                 "stability question, replicate": replicates * _ROOT_TRIALS[0] / 8,
@@ -189,14 +192,15 @@ def _calibration(part: CalibrationStudyPart) -> Iterator[PredictedStep]:
         )
     yield _range(
         "propagation",
-        f"{places} distributions at {distances} distances, {_FIRST_DRAWS} to {part.budget} draws each",
+        f"{counted(places, 'distribution')} at {counted(distances, 'distance')}, "
+        f"{_FIRST_DRAWS} to {part.budget} draws each",
         {"draw at a distance": places * distances * _FIRST_DRAWS},
         {"draw at a distance": places * distances * max(part.budget, _FIRST_DRAWS)},
     )
     sources = _SOURCES * len(FIELDS) * len(part.cameras)
     yield _range(
         "sensitivity",
-        f"{len(part.cameras)} cameras at {distances} distances",
+        f"{counted(len(part.cameras), 'camera')} at {counted(distances, 'distance')}",
         {"draw at a distance": sources * distances * _FIRST_DRAWS},
         {"draw at a distance": 3 * sources * distances * _TORNADO_DRAWS},
     )
@@ -211,16 +215,16 @@ def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
     on_axis = elements * len(part.wavelengths) * (f_numbers + 2)
     yield _fixed(
         "Fresnel against Kirchhoff, on axis",
-        f"{on_axis} pairs of point-spread functions",
+        f"{counted(on_axis, 'pair')} of point-spread functions",
         {"Fresnel against Kirchhoff on axis": on_axis},
     )
     limits = elements * len(part.lens_phases) * len(part.wavelengths) * (1 + 2 * len(part.windows))
-    yield _fixed("f-numbers at the limit", f"{limits} roots", {"root of a limit": limits})
+    yield _fixed("f-numbers at the limit", counted(limits, "root"), {"root of a limit": limits})
     if part.off_axis is not None:
         off_axis = elements * (f_numbers + 1)
         yield _fixed(
             "Fresnel against Kirchhoff, off axis",
-            f"{off_axis} pairs of point-spread functions",
+            f"{counted(off_axis, 'pair')} of point-spread functions",
             {"Fresnel against Kirchhoff off axis": off_axis},
         )
 
@@ -235,7 +239,8 @@ def _light_spot(part: LightSpotPart, chosen: SpotModels | None) -> Iterator[Pred
         name="image of the spot",
         low=seconds,
         high=seconds,
-        work=f"{len(asked)} pictures: {', '.join(f'{models.method} to {models.tolerance:g}' for models in asked)}",
+        work=f"{counted(len(asked), 'picture')}: "
+        + ", ".join(f"{models.method} to {models.tolerance:g}" for models in asked),
     )
     if part.benchmarks:
         yield _fixed(

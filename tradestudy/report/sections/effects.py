@@ -52,6 +52,7 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
         caption="The model of each effect that acts, and what it leaves out.",
         columns=_COLUMNS,
         rows=tuple(_merged([row for row in rows if row["chosen"]], data)),
+        notes=_blur_note(rows),
     )
     others = [row for row in rows if not row["chosen"]]
     if others:
@@ -82,6 +83,17 @@ def _foreseen(run: Mapping[str, Any]) -> Iterator[str]:
         return
     ends = dict.fromkeys(pretty(float(seconds), DURATION, digits=2) for seconds in foreseen)
     yield f"The run was foreseen to take {' to '.join(ends)}, report included; what it took stands under provenance."
+
+
+def _blur_note(rows: list[dict[str, Any]]) -> tuple[str, ...]:
+    """What the number beside defocus is, for studies whose cameras measure depth in a picture."""
+    if not any(str(row["criterion"]) == "blur over pixel" for row in rows):
+        return ()
+    return (
+        "Blur over pixel: diameter of the geometric blur circle on the sensor; diffraction is not in it and has a row "
+        "of its own. It is the largest over the distances at which effects were weighed, which reach a tenth beyond "
+        "the usable range; where the disparity error is declared, that at the nearest of them.",
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +154,7 @@ def _rows(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[_Row]:
             model=model,
             pieces=_of([str(row["situation"]) for row in members], titles),
             changes=(min(changes), max(changes)),
-            number=_number([float(row["number"]) for row in members], str(members[0]["criterion"])),
+            number="" if reason == "nothing is left out" else _number(members),
             because=reason if verdict == "accepted" else told,
         )
 
@@ -155,11 +167,11 @@ def _of(members: list[str], titles: dict[str, str]) -> str:
     return ", ".join(str(titles[name]) for name in members)
 
 
-def _number(values: list[float], criterion: str) -> str:
-    known = [value for value in values if not math.isnan(value)]
+def _number(members: list[dict[str, Any]]) -> str:
+    known = [value for row in members if not math.isnan(value := float(row["number"]))]
     if not known:
         return ""
-    return f"{criterion}: {_range([significant(min(known), 2), significant(max(known), 2)])}"
+    return f"{members[0]['criterion']}: {_range([significant(min(known), 2), significant(max(known), 2)])}"
 
 
 def _range(ends: list[str]) -> str:

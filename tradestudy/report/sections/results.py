@@ -157,7 +157,9 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     """Equivalent baselines and failed measurements, one column per declared distance."""
     depth, places = _at_places(tree), facts.places(tree)
 
-    def table(name: str, variable: str, caption: str, write: Callable[[float], str]) -> Table:
+    def table(
+        name: str, variable: str, caption: str, write: Callable[[float], str], notes: tuple[Text, ...] = ()
+    ) -> Table:
         data = depth[variable].sel(way="both") if "way" in depth[variable].dims else depth[variable]
         return Table(
             name=name,
@@ -170,6 +172,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
                 (title, *(write(float(data.sel(camera=key).sel(distance=p, method="nearest"))) for p in places))
                 for key, title in facts.depth_titles(tree).items()
             ),
+            notes=notes,
         )
 
     if "equivalent_baseline" in depth:
@@ -179,12 +182,30 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
             "Equivalent baseline: that of the stereo rig which, with the same focal length and disparity error, "
             "measures as well.",
             length,
+            _converging_note(tree, depth),
         )
     yield table(
         "failed-table",
         "failed_fraction",
         "Share of measurements that end beyond infinity, noise and calibration together.",
         lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
+    )
+
+
+def _converging_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
+    """Why a rig is not equivalent to its own baseline, for studies that have one whose axes converge."""
+    families = facts.families(tree)
+    rigs = [key for key in facts.depth_titles(tree) if families[key] == "stereo"]
+    values = depth["equivalent_baseline"].sel(camera=rigs)
+    spread = values.max("distance") - values.min("distance")
+    if not bool((spread > _NEGLIGIBLE_SHARE * values.max("distance")).any()):
+        return ()
+    return (
+        say(
+            "The rig of reference has parallel axes. Converging ones at a baseline *B* measure as well as parallel "
+            "ones at *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), with *x* half the disparity: where the axes meet, *x* = 0, "
+            "that is less than *B*, because the lines of sight are longer than the distance *Z*."
+        ),
     )
 
 
