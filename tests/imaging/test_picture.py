@@ -14,15 +14,17 @@ from tests.cameras.builders import F_MAIN, PITCH, r5, stereo
 from tests.cameras.test_unfocused_plenoptic import camera as unfocused
 from tests.imaging.scenes import RAYS, unit_geometry
 from tradestudy.cameras.conventional import ConventionalCamera
-from tradestudy.cameras.depth_camera import declared_disparity_error
+from tradestudy.cameras.depth_camera import ErrorSource, declared_disparity_error
 from tradestudy.cameras.parts import Lens, Sensor
+from tradestudy.cameras.stereo import StereoCalibration
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import Light, SensorNoise
-from tradestudy.imaging.picture import disparity_bound_px, disparity_error_px, window_px
+from tradestudy.imaging.optical_transfer import LensTransfers
+from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px, disparity_error_px, window_px
 from tradestudy.imaging.texture import Texture, texture_spectrum
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
 
@@ -175,6 +177,63 @@ def test_the_bound_alone_is_the_value_of_the_whole_answer() -> None:
     whole = disparity_error_px(geometry, SETTINGS, models).value
     np.testing.assert_allclose(disparity_bound_px(geometry, SETTINGS, models), whole, rtol=1e-12)
     assert np.isfinite(whole).any()
+
+
+@pytest.mark.parametrize("camera", [hand_lens(5.6), hand_lens(22.0), r5()], ids=["f/5.6", "f/22", "r5"])
+def test_models_weighed_one_after_another_have_the_bound_of_each_alone(camera) -> None:
+    distance = np.geomspace(45e-3, 0.5, 14)
+    settings = replace(SETTINGS, spectrum=((500e-9, 1.0), (640e-9, 2.0)))
+    geometry = picture_geometry(camera, distance)
+    weighed = WeighedPicture(geometry=geometry, settings=settings)
+    micro = ("none",) if geometry.microlens is None else ("none", "airy", "fresnel")
+    choices = itertools.product(("off", "disc"), ("none", "airy", "fresnel"), micro, ("point", "square"),
+                                ("central", "weighted"))  # fmt: skip
+    for defocus, main, second, pixel, spectrum in choices:
+        models = replace(CLOSED, defocus_blur=defocus, main_lens_diffraction=main, microlens_diffraction=second,
+                         pixel_integration=pixel, spectrum=spectrum)  # fmt: skip
+        alone = disparity_bound_px(geometry, settings, models)
+        np.testing.assert_array_equal(weighed.bound_px(models), alone)
+        np.testing.assert_array_equal(weighed.bound_px(models), alone)
+
+
+@pytest.mark.parametrize("f_number", [1.4, 5.6, 22.0])
+def test_no_lens_passes_anything_that_is_left_out_beyond_its_cutoff(f_number: float) -> None:
+    geometry = picture_geometry(hand_lens(f_number), np.linspace(45e-3, 70e-3, 7))
+    frequency = np.concatenate([np.linspace(0.0, 0.7, 30), np.linspace(0.5, 5.0, 400)])
+    models = replace(CLOSED, main_lens_diffraction="fresnel")
+    some, everything = (
+        LensTransfers(geometry=geometry, settings=SETTINGS, frequency_px=frequency, always=always).product(models)[0]
+        for always in (30, frequency.size)
+    )
+    reach = some.shape[1]
+    assert reach >= 30
+    np.testing.assert_allclose(some, everything[:, :reach], atol=1e-14)
+    assert not np.any(everything[:, reach:])
+    assert np.any(everything[:, reach - 1]) or reach == 30
+
+
+@pytest.mark.parametrize("f_number", [2.8, 9.8, 22.0])
+def test_the_margin_is_negative_exactly_where_a_matcher_misses_the_bound(f_number: float) -> None:
+    camera = hand_lens(f_number)
+    law = PictureDisparityError(settings=SETTINGS, models=CLOSED)
+    distance = np.append(np.linspace(15e-3, 0.12, 211), [0.3, 1.0])
+    margin, met = law.margin(camera, distance), law.limit(camera, distance).met
+    np.testing.assert_array_equal(margin >= 0.0, met)
+    assert met.any()
+    assert not met.all()
+    np.testing.assert_array_equal(np.isnan(margin), ~camera.images(distance))
+    np.testing.assert_array_equal(met, law.derived(camera, distance).applies)
+
+
+def test_the_error_does_not_know_how_well_the_camera_is_calibrated() -> None:
+    law = PictureDisparityError(settings=SETTINGS, models=CLOSED)
+    distance = np.array([50e-3, 55e-3])
+    off = StereoCalibration(yaw=ErrorSource(standard_deviation=0.1))
+    np.testing.assert_array_equal(
+        law.error_px(hand_lens(), distance),
+        law.error_px(replace(hand_lens(), calibration=off, expansion=0.1), distance),
+    )
+    assert not np.allclose(law.error_px(hand_lens(), distance), law.error_px(hand_lens(5.6), distance))
 
 
 def test_diffraction_and_defocus_in_one_pupil_lose_less_than_their_product() -> None:

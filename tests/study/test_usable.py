@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.cameras.builders import r5, stereo
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.parts import Lens
-from tradestudy.study.usable import END_OF_STUDY, boundaries, usable_intervals
+from tradestudy.study.usable import END_OF_STUDY, all_met, boundaries, evaluate_limits, usable_intervals
 
 GRID = np.geomspace(0.05, 10.0, 401)
 
@@ -30,6 +30,69 @@ def test_boundaries_are_found_to_the_last_digits(edge: float) -> None:
 def test_two_intervals_and_their_ends() -> None:
     found = boundaries(lambda points: (points < 0.3) | (points > 2.0), GRID)
     assert [(pytest.approx(end.distance, rel=1e-12), end.begins) for end in found] == [(0.3, False), (2.0, True)]
+
+
+@given(edge=st.floats(0.06, 9.0), power=st.floats(0.3, 3.0), sign=st.sampled_from([1.0, -1.0]))
+def test_a_condition_that_says_by_how_much_it_is_kept_is_followed_with_fewer_trials(
+    edge: float, power: float, sign: float
+) -> None:
+    trials: dict[bool, int] = {True: 0, False: 0}
+
+    def kept(points: np.ndarray) -> np.ndarray:
+        trials[True] += 1
+        return sign * (points**power - edge**power)
+
+    def holds(points: np.ndarray) -> np.ndarray:
+        trials[False] += 1
+        return sign * (points**power - edge**power) >= 0.0
+
+    (by_amount,), (by_truth,) = boundaries(kept, GRID), boundaries(holds, GRID)
+    assert by_amount.begins == by_truth.begins == (sign > 0.0)
+    assert by_amount.distance == pytest.approx(edge, rel=1e-14)
+    assert by_amount.distance == pytest.approx(by_truth.distance, rel=1e-14)
+    assert trials[True] < trials[False]
+
+
+@pytest.mark.parametrize("below", [-1.0, -np.inf, np.nan, -1e-300])
+@pytest.mark.parametrize("above", [1.0, np.inf, 1e-300])
+def test_an_amount_that_jumps_is_followed_all_the_same(below: float, above: float) -> None:
+    edges = np.array([0.3, 2.0, 7.0])
+
+    def kept(points: np.ndarray) -> np.ndarray:
+        return np.where(np.searchsorted(edges, points, side="right") % 2 == 1, above, below)
+
+    found = boundaries(kept, GRID, held=kept(GRID) > 0.0)
+    assert [end.begins for end in found] == [True, False, True]
+    np.testing.assert_allclose([end.distance for end in found], edges, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "criteria",
+    [
+        UsableCriteria(overlap=0.5, blur_px=5.0, relative_uncertainty=0.2),
+        UsableCriteria(overlap=0.5, disparity_step_px=4.0, failed_fraction=1e-3),
+        UsableCriteria(relative_uncertainty=0.03),
+    ],
+)
+def test_following_the_broken_limits_alone_finds_what_all_limits_say(criteria: UsableCriteria) -> None:
+    rig = stereo(lens=Lens(focal_length=30.5e-3, f_number=8.0), focus_distance=2.0)
+    intervals = usable_intervals(rig, criteria, GRID)
+    assert intervals
+    plain = boundaries(lambda points: all_met(evaluate_limits(rig, criteria, points), points.shape), GRID)
+    inside = [end for one in intervals for end in (one.near, one.far) if GRID[0] < end < GRID[-1]]
+    np.testing.assert_allclose(inside, [end.distance for end in plain], rtol=1e-13)
+
+
+def test_limits_asked_for_by_name_are_those_of_all() -> None:
+    criteria = UsableCriteria(overlap=0.8, blur_px=2.0, relative_uncertainty=0.02, failed_fraction=0.01)
+    rig = stereo(lens=Lens(focal_length=30.5e-3, f_number=8.0), focus_distance=2.0)
+    everything = evaluate_limits(rig, criteria, GRID)
+    for names in (["focus"], ["closed_form", "relative_uncertainty"], ["overlap", "failed_fraction"]):
+        found = evaluate_limits(rig, criteria, GRID, names)
+        assert set(found) == set(names)
+        for name in names:
+            np.testing.assert_array_equal(found[name].value, everything[name].value)
+            np.testing.assert_array_equal(found[name].met, everything[name].met)
 
 
 def test_overlap_ends_the_stereo_range_near_and_focus_far() -> None:

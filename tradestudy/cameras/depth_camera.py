@@ -120,6 +120,10 @@ class DisparityErrorLaw(Protocol):
         """Where a matcher can reach that error."""
         ...
 
+    def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """By how much the nearest condition of `limit` holds; negative where one is broken, NaN without a picture."""
+        ...
+
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Electrons of the brightest pixels over what a pixel holds: at most 1."""
         ...

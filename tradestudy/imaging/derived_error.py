@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
+from tradestudy.cameras.stereo import StereoCalibration, StereoRig
+from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
 from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.picture import (
     LARGEST_ERROR_PX,
     DerivedDisparityError,
+    disparity_bound_px,
     disparity_error_px,
+    filled_share,
+    matching_margin,
+    violated_conditions,
 )
 from tradestudy.optics.arrays import FloatArray
 
@@ -42,7 +50,7 @@ class PictureDisparityError:
 
     def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """The bound [samples] at distances [m]; NaN where the camera forms no picture or that shows nothing."""
-        value = self.derived(camera, distance).value
+        value = self._bound(camera, distance)
         return np.where(np.isinf(value), np.nan, value).reshape(np.shape(distance))
 
     def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
@@ -51,25 +59,44 @@ class PictureDisparityError:
 
     def derived(self, camera: DepthCamera, distance: ArrayLike) -> DerivedDisparityError:
         """The bound with its numerical error and the conditions that it breaks, over the distances in one row."""
-        a = np.ascontiguousarray(distance, dtype=np.float64)
-        return _derived(camera, self.settings, self.models, a.tobytes())
+        return disparity_error_px(picture_geometry(camera, np.ravel(distance)), self.settings, self.models)
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Where a matcher can reach the bound: all of its conditions hold, not only that on the value shown."""
-        found, shape = self.derived(camera, distance), np.shape(distance)
-        return Limit(value=found.value.reshape(shape), bound=LARGEST_ERROR_PX, met=found.applies.reshape(shape))
+        value, shape = self._bound(camera, distance), np.shape(distance)
+        broken = violated_conditions(picture_geometry(camera, np.ravel(distance)), self.settings, value)
+        met = ~np.any(list(broken.values()), axis=0)
+        return Limit(value=value.reshape(shape), bound=LARGEST_ERROR_PX, met=met.reshape(shape))
+
+    def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """By how much the nearest condition of `limit` holds; negative where one is broken, NaN without a picture."""
+        found = matching_margin(picture_geometry(camera, np.ravel(distance)), self.settings, self.models)
+        return found.reshape(np.shape(distance))
 
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Electrons of the brightest texture over the full well: at most 1."""
-        share = self.derived(camera, distance).filled_share.reshape(np.shape(distance))
+        share = filled_share(picture_geometry(camera, np.asarray(distance)), self.settings, self.models)
         return Limit(value=share, bound=1.0, met=share <= 1.0)
+
+    def _bound(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """In one row; infinite where the picture shows nothing."""
+        a = np.ascontiguousarray(distance, dtype=np.float64)
+        return _bound_px(_as_pictured(camera), self.settings, self.models, a.tobytes())
+
+
+def _as_pictured(camera: DepthCamera) -> DepthCamera:
+    """The camera without what its picture does not know of: how well it is calibrated, and how its errors are found."""
+    match camera:
+        case StereoRig():
+            return replace(camera, disparity_error_px=1.0, calibration=StereoCalibration(), expansion=0.0)
+        case FocusedPlenoptic() | UnfocusedPlenoptic():
+            return replace(camera, disparity_error_px=1.0, calibration=PlenopticCalibration(), expansion=0.0)
+        case _:
+            return camera  # picture_geometry says that it knows no picture of it
 
 
 @lru_cache(maxsize=_REMEMBERED)
-def _derived(
-    camera: DepthCamera, settings: PictureSettings, models: PictureModels, distance: bytes
-) -> DerivedDisparityError:
-    found = disparity_error_px(picture_geometry(camera, np.frombuffer(distance)), settings, models)
-    for array in (found.value, found.error, *found.violated.values()):
-        array.setflags(write=False)
+def _bound_px(camera: DepthCamera, settings: PictureSettings, models: PictureModels, distance: bytes) -> FloatArray:
+    found = disparity_bound_px(picture_geometry(camera, np.frombuffer(distance)), settings, models)
+    found.setflags(write=False)
     return found

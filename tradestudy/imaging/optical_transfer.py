@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import assert_never
 
 import numpy as np
@@ -14,32 +16,88 @@ from tradestudy.optics.arrays import FloatArray
 _MOST_BLUR_OF_WAVES = 200.0
 
 
-def optical_transfer(
-    geometry: PictureGeometry, settings: PictureSettings, models: PictureModels, frequency_px: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Transfer of the lenses, without the pixel, at |ν| [cycles/sample]; shape (distances, frequencies), and its error.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LensTransfers:
+    """Transfer of the lenses, without the pixel, under one model after another; each lens's own is computed once.
 
-    With the model ``weighted`` it is the mean over the spectrum of the product of all stages; thin lenses focus all
-    colours alike.
+    Parameters
+    ----------
+    geometry, settings
+        The picture, and the light.
+    frequency_px
+        |ν| [cycles/sample], shape (frequencies,), rising behind the first so many.
+    always
+        For so many of the first frequencies a transfer is given in any case; of the others only for those below the
+        cut-off, beyond which it is exactly 0.
     """
-    spectrum = settings.spectrum if models.spectrum == "weighted" else ((settings.wavelength, 1.0),)
-    total = sum(weight for _, weight in spectrum)
-    shape = (geometry.distance.size, frequency_px.size)
-    transfer, error = np.zeros(shape), np.zeros(shape[0])
-    for wavelength, weight in spectrum:
-        passed = np.ones(shape)
-        for stage, model in (
-            (geometry.main_lens, models.main_lens_diffraction),
-            (geometry.microlens, models.microlens_diffraction),
-        ):
-            if stage is not None:
-                found, off = _stage_transfer(
-                    stage, model, models.defocus_blur, settings, wavelength, frequency_px / geometry.sample_pitch
-                )
-                passed *= found
-                error += weight / total * off
-        transfer += weight / total * passed
-    return transfer, error
+
+    geometry: PictureGeometry
+    settings: PictureSettings
+    frequency_px: FloatArray
+    always: int
+
+    def product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
+        """Transfer, shape (distances, first frequencies), and its error over distance.
+
+        With the model ``weighted`` it is the mean over the spectrum of the product of all stages; thin lenses focus all
+        colours alike.
+        """
+        key = (models.main_lens_diffraction, models.microlens_diffraction, models.defocus_blur, models.spectrum)
+        if key not in self._products:
+            self._products[key] = self._product(models)
+        return self._products[key]
+
+    def _product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
+        spectrum = self.settings.spectrum if models.spectrum == "weighted" else ((self.settings.wavelength, 1.0),)
+        total = sum(weight for _, weight in spectrum)
+        error = np.zeros(self.geometry.distance.size)
+        products = []
+        for wavelength, weight in spectrum:
+            passed, off = self._at(wavelength, models)
+            products.append(weight / total * passed)
+            error += weight / total * off
+        transfer = np.zeros((error.size, max(one.shape[1] for one in products)))
+        for one in products:
+            transfer[:, : one.shape[1]] += one
+        return transfer, error
+
+    def _at(self, wavelength: float, models: PictureModels) -> tuple[FloatArray, FloatArray]:
+        """The product of all stages in light of one wavelength, and its error."""
+        transfer, error = self._of_stage(
+            self.geometry.main_lens, wavelength, models.main_lens_diffraction, models.defocus_blur
+        )
+        if self.geometry.microlens is None:
+            return transfer, error
+        second, off = self._of_stage(
+            self.geometry.microlens, wavelength, models.microlens_diffraction, models.defocus_blur
+        )
+        reach = min(transfer.shape[1], second.shape[1])
+        return transfer[:, :reach] * second[:, :reach], error + off
+
+    def _of_stage(
+        self, stage: LensStage, wavelength: float, model: DiffractionModel, defocus: DefocusModel
+    ) -> tuple[FloatArray, FloatArray]:
+        key = (stage, wavelength, model, defocus)
+        if key not in self._known:
+            columns = self.frequency_px.size if model == "none" else self._below_cutoff(stage, wavelength)
+            frequency = self.frequency_px[:columns] / self.geometry.sample_pitch
+            self._known[key] = _stage_transfer(stage, model, defocus, self.settings, wavelength, frequency)
+        return self._known[key]
+
+    @cached_property
+    def _products(self) -> dict[tuple[str, ...], tuple[FloatArray, FloatArray]]:
+        return {}
+
+    @cached_property
+    def _known(self) -> dict[tuple[LensStage, float, DiffractionModel, DefocusModel], tuple[FloatArray, FloatArray]]:
+        return {}
+
+    def _below_cutoff(self, stage: LensStage, wavelength: float) -> int:
+        """How many of the frequencies pass at some distance."""
+        period = wavelength * stage.f_number * stage.relay
+        finest = np.min(period, initial=np.inf, where=period > 0.0)
+        cutoff = self.geometry.sample_pitch / finest
+        return self.always + int(np.searchsorted(self.frequency_px[self.always :], cutoff))
 
 
 def _stage_transfer(
@@ -50,10 +108,12 @@ def _stage_transfer(
     wavelength: float,
     frequency: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Of one lens at frequencies on the sensor [cycles/m], and its error over distance."""
-    nu = frequency * stage.relay[:, np.newaxis]
-    N = stage.f_number[:, np.newaxis]
-    blur = (stage.blur_diameter if defocus == "disc" else np.zeros_like(stage.blur_diameter))[:, np.newaxis]
+    """Of one lens at frequencies on the sensor [cycles/m], and its error over distance.
+
+    The transfer has one row for all distances where it is the same for all.
+    """
+    nu, N = frequency * _column(stage.relay), _column(stage.f_number)
+    blur = _column(stage.blur_diameter if defocus == "disc" else np.zeros_like(stage.blur_diameter))
     exact = np.zeros(stage.relay.size)
     blurred = np.any(blur != 0.0)
     # Far out of focus rays err by less than 0.2 √(λN/c), and waves would take ever more nodes for what is not matched.
@@ -67,19 +127,25 @@ def _stage_transfer(
         case "fresnel":
             value, error = fresnel_transfer(nu, wavelength, N, np.where(by_rays, 0.0, blur)), exact
         case "kirchhoff":
+            defocused = np.broadcast_to((blur != 0.0) & ~by_rays, (exact.size, 1))[:, 0]
             value, error = kirchhoff_transfers(
-                nu,
+                np.broadcast_to(nu, (exact.size, frequency.size)),
                 wavelength=wavelength,
                 aperture_diameter=stage.aperture_diameter,
                 focal_length=stage.focal_length,
                 plane_distance=stage.plane_distance,
-                defocus_waves=np.where((blur == 0.0) | by_rays, 0.0, stage.defocus(wavelength)[:, np.newaxis])[:, 0],
+                defocus_waves=np.where(defocused, stage.defocus(wavelength), 0.0),
                 lens_phase=settings.lens_phase,
             )
         case _:
             assert_never(model)
-    far = by_rays[:, 0]
-    if np.any(far):
-        value[far] *= disc_transfer(nu[far], blur[far])
-        error = np.where(far, error + 0.2 * np.sqrt(wavelength * N[:, 0] / np.where(far, blur[:, 0], 1.0)), error)
-    return value, error
+    if not np.any(by_rays):
+        return value, error
+    spot_over_blur = wavelength * N / np.where(by_rays, blur, np.inf)
+    return value * np.where(by_rays, disc_transfer(nu, blur), 1.0), error + 0.2 * np.sqrt(spot_over_blur)[:, 0]
+
+
+def _column(values: FloatArray) -> FloatArray:
+    """Over distance as a column; one number where all are the same."""
+    column = values[:, np.newaxis]
+    return column[:1] if values.size and np.all(values == values[0]) else column

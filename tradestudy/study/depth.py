@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import (
     DepthCamera,
@@ -14,7 +15,7 @@ from tradestudy.cameras.depth_camera import (
     disparity_error_at,
     numerical_error_of_disparity_error,
 )
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.sum_of_errors import SumOfErrors
 
 WAYS: Final = ("noise", "calibration", "both")
@@ -141,7 +142,8 @@ def _half_width(low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _uncertainty(camera: DepthCamera, distance: FloatArray, errors: SumOfErrors) -> FloatArray:
-    low, high = (_depth_quantile(camera, distance, errors, probability) for probability in ONE_SIGMA)
+    disparity, reach = camera.disparity(distance), errors.quantile(ONE_SIGMA[1])  # the sum is symmetric
+    low, high = (camera.depth_of_disparity(disparity + sign * reach, distance) for sign in (1.0, -1.0))
     return _half_width(low, high)
 
 
@@ -155,23 +157,40 @@ def _linearisation_error(camera: DepthCamera, distance: FloatArray, parts: tuple
     Both the half difference (the width of the interval) and the half sum (its middle) of the two ends count; NaN where
     an end is infinite, where the uncertainty is infinite or about to be.
     """
-    disparity = camera.disparity(distance)
     directions = camera.error_directions(distance)
-    total = np.zeros_like(distance)
-    for name, errors in directions.items():
-        exact_width, exact_shift = np.zeros_like(distance), np.zeros_like(distance)
-        for error in errors:
-            plus, minus = (
-                camera.depth_with_errors(distance, {key: sign * np.asarray(value) for key, value in error.items()})
-                for sign in (1.0, -1.0)
-            )
-            finite = np.isfinite(plus) & np.isfinite(minus)
-            plus, minus = np.where(finite, plus, np.nan), np.where(finite, minus, np.nan)
-            exact_width = np.hypot(exact_width, (plus - minus) / 2.0)
-            exact_shift = exact_shift + (plus + minus) / 2.0 - distance
-        linear = next((part.disparity_error for part in parts if part.name == name), np.zeros_like(distance))
-        far, near = (camera.depth_of_disparity(disparity + sign * linear, distance) for sign in (-1.0, 1.0))
-        both = np.isfinite(far)
-        far = np.where(both, far, np.nan)
-        total = total + np.abs(exact_width - (far - near) / 2.0) + np.abs(exact_shift - ((far + near) / 2.0 - distance))
+    linear = {part.name: part.disparity_error for part in parts}
+    errors = np.stack([np.broadcast_to(linear.get(name, 0.0), distance.shape) for name in directions])
+    disparity = camera.disparity(distance)
+    far, near = (camera.depth_of_disparity(disparity + sign * errors, distance) for sign in (-1.0, 1.0))
+    linear_width, linear_shift = _half_difference_and_sum(far, near, np.isfinite(far))
+    plus, minus = _read_with_each(camera, distance, [error for group in directions.values() for error in group])
+    exact_width, exact_shift = _half_difference_and_sum(plus, minus, np.isfinite(plus) & np.isfinite(minus))
+    total, first = np.zeros_like(distance), 0
+    for k, group in enumerate(directions.values()):
+        own = slice(first, first + len(group))
+        width = np.hypot.reduce(exact_width[own], axis=0)
+        shift = np.sum(exact_shift[own] - distance, axis=0)
+        total = total + np.abs(width - linear_width[k]) + np.abs(shift - (linear_shift[k] - distance))
+        first += len(group)
     return total
+
+
+def _half_difference_and_sum(high: FloatArray, low: FloatArray, known: BoolArray) -> tuple[FloatArray, FloatArray]:
+    high, low = np.where(known, high, np.nan), np.where(known, low, np.nan)
+    return (high - low) / 2.0, (high + low) / 2.0
+
+
+def _read_with_each(
+    camera: DepthCamera, distance: FloatArray, errors: Sequence[Mapping[str, ArrayLike]]
+) -> tuple[FloatArray, FloatArray]:
+    """Depth read with every one of some errors alone, added and taken away [m]; shape (errors, distances)."""
+    names = dict.fromkeys(name for error in errors for name in error)
+    rows: dict[str, FloatArray] = {}
+    for name in names:
+        own = [np.asarray(error.get(name, 0.0), dtype=np.float64) for error in errors]
+        shape = distance.shape if any(value.ndim for value in own) else (1,)
+        rows[name] = np.stack([np.broadcast_to(value, shape) for value in own])
+    plus, minus = (
+        camera.depth_with_errors(distance, {name: sign * row for name, row in rows.items()}) for sign in (1.0, -1.0)
+    )
+    return plus, minus

@@ -48,23 +48,20 @@ def fresnel_transfer(
     ----------
     H. H. Hopkins, "The frequency response of a defocused optical system", Proc. R. Soc. A 231, 91 (1955).
     """
-    nu, N, c = np.broadcast_arrays(
-        *(np.asarray(value, dtype=np.float64) for value in (frequency, f_number, blur_diameter))
-    )
+    nu, N, c = (np.asarray(value, dtype=np.float64) for value in (frequency, f_number, blur_diameter))
     with np.errstate(invalid="ignore"):  # 0 ∞ is NaN, which is the answer there
-        transfer = np.where(np.isnan(nu * N * c), np.nan, 0.0)
-    passed = (wavelength * N * nu < 1.0) & ~np.isnan(transfer)
-    transfer[passed] = _within_the_cutoff((wavelength * N * nu)[passed], np.pi * (c * nu)[passed])
-    return transfer
+        # At the cut-off the two sheared pupils part and the integral is empty; so it is beyond.
+        s, alpha = np.minimum(wavelength * N * nu, 1.0), np.pi * (c * nu)
+    return _within_the_cutoff(s, alpha)
 
 
 def _within_the_cutoff(s: FloatArray, alpha: FloatArray) -> FloatArray:
-    """The integral for flat s < 1.
+    """The integral for s ≤ 1, broadcast; what depends on s alone is computed in its own shape.
 
     The phase between the two sheared pupils is k (W(x + s) − W(x − s)) = 4 k W₂₀ s x = α x.
     """
     phase = alpha * (1.0 - s)
-    count = _LEAST_NODES + math.ceil(0.6 * float(np.max(phase, initial=0.0)))
+    count = _LEAST_NODES + math.ceil(0.6 * float(np.max(phase, initial=0.0, where=~np.isnan(phase))))
     if count > _MOST_NODES:
         raise UnaffordableError(
             "nodes of the transfer function of a defocused pupil",
@@ -73,8 +70,8 @@ def _within_the_cutoff(s: FloatArray, alpha: FloatArray) -> FloatArray:
             remedy="use the disc of rays, which is exact for so large a blur",
         )
     span = np.arccos(s)
-    total = np.zeros_like(s)
+    total = np.zeros_like(phase)
     for node, weight in zip(*gauss_legendre(count), strict=True):
         cosine = np.cos(span * node)
-        total += weight * (1.0 - cosine * cosine) * np.cos(alpha * (cosine - s))
+        total += (weight * (1.0 - cosine * cosine)) * np.cos(alpha * (cosine - s))
     return np.asarray((4.0 / np.pi) * span * total)

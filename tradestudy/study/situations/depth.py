@@ -6,11 +6,12 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
 
-from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, declared_disparity_error
+from tradestudy.cameras.depth_camera import Limit, UsableCriteria, declared_disparity_error
 from tradestudy.effects.base import OFF, Slot, SlotName
 from tradestudy.effects.calibration import calibration_slot
 from tradestudy.effects.picture.trial import MARGIN
@@ -18,16 +19,16 @@ from tradestudy.effects.temperature import temperature_slot
 from tradestudy.effects.unused import declared_reason, unused_slots
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import PictureGeometry, picture_geometry
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.psf_difference import FIRST_DARK_RING
 from tradestudy.study.acting import AnyDepthCamera, acting
 from tradestudy.study.decision import question_ends
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.depth import closed_form_error, depth_uncertainty
+from tradestudy.study.depth import depth_uncertainty
 from tradestudy.study.situations.pictures import PictureCase, picture_slots
 from tradestudy.study.situations.situation import Situation
 from tradestudy.study.sweep import sweep_axes
-from tradestudy.study.usable import all_met, evaluate_limits, usable_intervals
+from tradestudy.study.usable import all_met, evaluate_limits, usable_stretches
 
 # Bounds are looked for at this many of the study's distances; they change slowly in between.
 _MOST_DISTANCES: Final = 401
@@ -46,12 +47,32 @@ _SECONDS_PER_DISTANCE: Final = 4e-5
 class _Variant:
     """A camera as one reading or one design of the study has it."""
 
-    camera: DepthCamera
+    camera: AnyDepthCamera
     criteria: UsableCriteria
     distance: FloatArray
     asked: tuple[float, ...]
     wavelength: float
     forced: Mapping[SlotName, str]
+
+    @cached_property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the usable range, over the distances."""
+        return evaluate_limits(self.camera, self.criteria, self.distance)
+
+    @cached_property
+    def usable(self) -> BoolArray:
+        """At which of the distances the camera is usable."""
+        return all_met(self.limits, self.distance.shape)
+
+    @cached_property
+    def imaged(self) -> FloatArray:
+        """Distances where the camera forms a picture: curves are shown there, usable or not."""
+        return self.distance[self.camera.images(self.distance)]
+
+    @cached_property
+    def uncertainty(self) -> FloatArray:
+        """Depth uncertainty there, with everything that is not forced otherwise."""
+        return depth_uncertainty(self.camera, self.imaged)
 
 
 def depth_situations(definition: StudyDefinition, forced: Mapping[SlotName, str]) -> tuple[Situation, ...]:
@@ -139,12 +160,6 @@ def _same(one: _Variant, other: _Variant) -> bool:
     )
 
 
-def _usable(variant: _Variant) -> FloatArray:
-    """Distances where the camera is usable."""
-    met = all_met(evaluate_limits(variant.camera, variant.criteria, variant.distance), variant.distance.shape)
-    return variant.distance[met]
-
-
 def _times_asked(definition: StudyDefinition, name: str) -> int:
     """At how many distances a run asks for the uncertainty of a camera, roughly: curves, ends, and the decision."""
     asked = 8 * definition.case.distance.size + _ASKED_FOR_ENDS
@@ -202,9 +217,9 @@ def _trial_places(variant: _Variant) -> FloatArray:
     """Across every usable interval and a tenth beyond, as leaving blur out would extend it, and wherever is asked."""
     camera, distance = variant.camera, variant.distance
     found = [np.asarray(variant.asked)]
-    for interval in usable_intervals(camera, variant.criteria, distance):
-        found.append(np.geomspace(0.9 * interval.near, 1.1 * interval.far, _TRIAL_DISTANCES))
-        found.append(np.array([interval.near, interval.far]))
+    for near, far in zip(*usable_stretches(camera, variant.criteria, distance, variant.limits), strict=True):
+        found.append(np.geomspace(0.9 * near.distance, 1.1 * far.distance, _TRIAL_DISTANCES))
+        found.append(np.array([near.distance, far.distance]))
     if len(found) == 1:
         found.append(distance[np.unique(np.linspace(0, distance.size - 1, _TRIAL_DISTANCES).astype(int))])
     places = np.unique(np.concatenate(found))
@@ -213,13 +228,8 @@ def _trial_places(variant: _Variant) -> FloatArray:
 
 def _places(variant: _Variant) -> FloatArray:
     """Where the camera is usable; where it forms a picture at all, if it is usable nowhere."""
-    usable = _usable(variant)
-    return usable if usable.size else _imaged(variant)
-
-
-def _imaged(variant: _Variant) -> FloatArray:
-    """Where the camera forms a picture: curves are shown there, usable or not."""
-    return variant.distance[variant.camera.images(variant.distance)]
+    usable = variant.distance[variant.usable]
+    return usable if usable.size else variant.imaged
 
 
 def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
@@ -236,7 +246,7 @@ def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
         ),
         temperature_slot(
             share_of_uncertainty=max(_bound_of(variant, "temperature") for variant in variants),
-            expansion=max(_depth_camera(variant).expansion for variant in variants),
+            expansion=max(variant.camera.expansion for variant in variants),
             error=linear_error,
             seconds=seconds,
             is_declared="temperature" in names,
@@ -246,8 +256,7 @@ def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
 
 def _linear_error(variant: _Variant) -> float:
     """Largest stated error of errors added up in disparity, as a share of the uncertainty, where it counts."""
-    places = _usable(variant)
-    return float(np.nanmax(closed_form_error(variant.camera, places), initial=0.0)) if places.size else 0.0
+    return float(np.nanmax(variant.limits["closed_form"].value[variant.usable], initial=0.0))
 
 
 def _bound_of(variant: _Variant, slot: SlotName) -> float:
@@ -258,19 +267,12 @@ def _bound_of(variant: _Variant, slot: SlotName) -> float:
 
 def _share_of(variant: _Variant, slot: SlotName) -> float:
     """1 − u(without)/u(with), the largest where a picture is formed; a lost far end counts as the whole."""
-    places = _imaged(variant)
     others: dict[SlotName, str] = {
         other: variant.forced[other] for other in _LENGTHS if other in variant.forced and other != slot
     }
-    camera = acting(_depth_camera(variant), others)
-    without = depth_uncertainty(acting(camera, {slot: OFF}), places)
-    everything = depth_uncertainty(camera, places)
+    camera = acting(variant.camera, others)
+    everything = depth_uncertainty(camera, variant.imaged) if others else variant.uncertainty
+    without = depth_uncertainty(acting(camera, {slot: OFF}), variant.imaged)
     with np.errstate(invalid="ignore"):  # infinite over infinite: the far end is lost without it as well
         share = 1.0 - np.where(np.isinf(without), 1.0, without / everything)
     return float(np.nanmax(share, initial=0.0))
-
-
-def _depth_camera(variant: _Variant) -> AnyDepthCamera:
-    camera = variant.camera
-    assert isinstance(camera, AnyDepthCamera)  # a case holds no others
-    return camera

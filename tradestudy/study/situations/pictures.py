@@ -25,7 +25,7 @@ from tradestudy.effects.picture.vignetting import vignetting
 from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import mean_electrons, noise_variance
-from tradestudy.imaging.picture import disparity_bound_px
+from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.psf_difference import FIRST_DARK_RING
@@ -59,6 +59,10 @@ class _Scaled:
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """As the law."""
         return self.law.limit(camera, distance)
+
+    def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """As the law."""
+        return self.law.margin(camera, distance)
 
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """As the law."""
@@ -96,23 +100,20 @@ class PictureCase:
         """Relative change of the disparity error if one slot takes another model, the largest over the places."""
         standing = self._standing(slot)
         models = with_models(standing, {slot: name})
-        return 0.0 if models == standing else self._departure(standing, self.geometry, models)
+        return 0.0 if models == standing else _departure(self._bound_px(standing), self._bound_px(models))
 
     def _standing(self, slot: SlotName) -> PictureModels:
         """What a slot is weighed beside: the models that are forced elsewhere, and the most complete of the others."""
         return with_models(self.complete, {other: name for other, name in self.forced.items() if other != slot})
 
-    def _departure(self, standing: PictureModels, geometry: PictureGeometry, models: PictureModels) -> float:
-        reference, value = self._errors(standing), disparity_bound_px(geometry, self.settings, models)
-        with np.errstate(divide="ignore", invalid="ignore"):  # where nothing passes either is infinite
-            found = np.abs(value / reference - 1.0)
-        found = np.where(np.isinf(reference) & np.isfinite(value), np.inf, found)
-        return float(np.max(np.where(np.isnan(found), 0.0, found), initial=0.0))
-
-    def _errors(self, models: PictureModels) -> FloatArray:
+    def _bound_px(self, models: PictureModels) -> FloatArray:
         if models not in self._known:
-            self._known[models] = disparity_bound_px(self.geometry, self.settings, models)
+            self._known[models] = self._weighed.bound_px(models)
         return self._known[models]
+
+    @cached_property
+    def _weighed(self) -> WeighedPicture:
+        return WeighedPicture(geometry=self.geometry, settings=self.settings)
 
     @cached_property
     def _known(self) -> dict[PictureModels, FloatArray]:
@@ -162,17 +163,18 @@ class PictureCase:
         """
         if stage is None:
             return 0.0
+        is_main = stage is self.geometry.main_lens
+        standing = self._standing("main_lens_diffraction" if is_main else "microlens_diffraction")
         width = 8.0 * self.settings.wavelength * stage.f_number * self.aberration_waves(stage)
-        found = 0.0
-        standing = self._standing(
-            "main_lens_diffraction" if stage is self.geometry.main_lens else "microlens_diffraction"
-        )
-        for sign in (1.0, -1.0):
-            moved = replace(stage, blur_diameter=np.abs(stage.blur_diameter + sign * width))
-            is_main = stage is self.geometry.main_lens
-            geometry = replace(self.geometry, main_lens=moved) if is_main else replace(self.geometry, microlens=moved)
-            found = max(found, self._departure(standing, geometry, standing))
-        return found
+        blur = np.abs(np.concatenate([stage.blur_diameter + width, stage.blur_diameter - width]))
+        twice = self.geometry.at(np.tile(np.arange(self.places.size), 2))
+        if is_main:
+            moved = replace(twice, main_lens=replace(twice.main_lens, blur_diameter=blur))
+        else:
+            assert twice.microlens is not None  # the stage is one of the two
+            moved = replace(twice, microlens=replace(twice.microlens, blur_diameter=blur))
+        moved_px = disparity_bound_px(moved, self.settings, standing)
+        return _departure(np.tile(self._bound_px(standing), 2), moved_px)
 
     @property
     def amplification(self) -> float:
@@ -196,6 +198,14 @@ class PictureCase:
             return 0.0
         half = stage.aperture_diameter / 2.0
         return float(np.nanmax(half**2 / (half**2 + stage.plane_distance**2)))
+
+
+def _departure(reference: FloatArray, value: FloatArray) -> float:
+    """Relative change of a disparity error, the largest over the places."""
+    with np.errstate(divide="ignore", invalid="ignore"):  # where nothing passes either is infinite
+        found = np.abs(value / reference - 1.0)
+    found = np.where(np.isinf(reference) & np.isfinite(value), np.inf, found)
+    return float(np.max(np.where(np.isnan(found), 0.0, found), initial=0.0))
 
 
 def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ...]:

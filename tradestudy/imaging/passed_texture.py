@@ -1,0 +1,159 @@
+"""What arrives of a texture at the nodes of its band, and what the bound of matching makes of it.
+
+Pictures of one surface under several models share nodes, texture and transfers of lenses: each is computed once.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tradestudy.imaging.aliasing import REPLICAS, alias_radii, alias_weights, ring_weights
+from tradestudy.imaging.geometry import PictureGeometry
+from tradestudy.imaging.matching_bound import BandNodes, matching_bound_px
+from tradestudy.imaging.models import PictureModels, PictureSettings
+from tradestudy.imaging.noise import mean_electrons, noise_variance
+from tradestudy.imaging.optical_transfer import LensTransfers
+from tradestudy.imaging.texture import share_beyond, texture_spectrum
+from tradestudy.imaging.transfer import disc_transfer, square_transfer
+from tradestudy.imaging.vignetting import field_illumination
+from tradestudy.optics.arrays import FloatArray
+
+
+def picture_electrons(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
+    """Mean per pixel over distance."""
+    left = 1.0
+    if models.vignetting == "cos4":
+        left = field_illumination(
+            settings.field_angle, pupil_diameter=geometry.pupil_diameter, stop_separation=settings.stop_separation
+        )
+    return mean_electrons(settings.light, geometry.light_f_number, geometry.pixel_pitch, left)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PassedTexture:
+    """All that the bound follows from under some models, by some rules of falling order.
+
+    Attributes
+    ----------
+    rules
+        Nodes of the band.
+    inside, beyond
+        Power density of the picture at the nodes of each rule, and at the radii that alias, as far as any light passes.
+    tail
+        Aliased power from beyond those radii.
+    floor
+        Power density of noise.
+    sample_width, window
+        Side of a square sample and of the window [samples].
+    transfer, transfer_error
+        Of lenses and round samples at the nodes of the first rule; how far it is off, over distance.
+    """
+
+    rules: tuple[BandNodes, ...]
+    inside: tuple[FloatArray, ...]
+    beyond: FloatArray
+    tail: FloatArray
+    floor: FloatArray
+    sample_width: float
+    window: FloatArray
+    transfer: FloatArray
+    transfer_error: FloatArray
+
+    def bound(self, k: int, aliased: FloatArray, every: int = 1) -> FloatArray:
+        """By the k-th rule, with so much power from far beyond, and every n-th radius of what aliases."""
+        rule = self.rules[k]
+        signal = self.inside[k] * np.square(square_transfer(rule.x, rule.y, self.sample_width))
+        passed = self.beyond[:, ::every]
+        replicas = passed @ alias_weights(rule, self.sample_width, every)[: passed.shape[1]]
+        return matching_bound_px(rule, signal=signal, noise=self.floor + replicas + aliased, window_px=self.window)
+
+    def moved_by_transfer(self, value: FloatArray) -> FloatArray:
+        """A transfer off by δ everywhere moves the bound by about δ over its root mean square where it matters."""
+        slope = self.rules[0].weight * np.square(self.rules[0].radius)
+        strength = np.sqrt(np.square(self.transfer) @ (slope / slope.sum()))
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # nothing passed: the bound is infinite
+            return np.where(self.transfer_error > 0.0, value * self.transfer_error / strength, 0.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TextureBand:
+    """A texture at distances that share the nodes of their band, before the models are known that pass it.
+
+    Parameters
+    ----------
+    geometry, settings
+        The picture and what is looked at.
+    window
+        Side of the window that is matched [samples], over distance.
+    rules
+        Nodes of the band, of falling order.
+    """
+
+    geometry: PictureGeometry
+    settings: PictureSettings
+    window: FloatArray
+    rules: tuple[BandNodes, ...]
+
+    def passed(self, models: PictureModels) -> PassedTexture:
+        """Pass the texture through every step."""
+        geometry, settings = self.geometry, self.settings
+        transfer, transfer_error = self._lenses.product(models)
+        width = _sample_width(geometry, settings, models)
+        frequency = self._frequency[: transfer.shape[1]]
+        if geometry.sample_shape == "disc":  # a microlens collects from a disc: rotationally symmetric, like the lenses
+            transfer = transfer * disc_transfer(frequency, width)
+            width = 0.0
+        n = picture_electrons(geometry, settings, models)[:, np.newaxis]
+        power = np.square(transfer)
+        *inside, beyond = np.split(n**2 * self._texture[:, : frequency.size] * power, self._ends, axis=1)
+        # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.
+        outermost = power[:, self._ends[-1] :] @ ring_weights(width)[: beyond.shape[1]]
+        share = share_beyond(REPLICAS + 0.5, self._length)
+        return PassedTexture(
+            rules=self.rules,
+            inside=tuple(inside),
+            beyond=beyond,
+            tail=(n * settings.texture.contrast) ** 2 * share * outermost[:, np.newaxis],
+            floor=np.asarray(noise_variance(n, settings.sensor_noise, models.sensor_noise)),
+            sample_width=width,
+            window=self.window,
+            transfer=transfer[:, : self._ends[0]],
+            transfer_error=transfer_error,
+        )
+
+    @cached_property
+    def _ends(self) -> tuple[int, ...]:
+        """Where the nodes of each rule end among the frequencies; the radii that alias come after."""
+        return tuple(itertools.accumulate(rule.x.size for rule in self.rules))
+
+    @cached_property
+    def _frequency(self) -> FloatArray:
+        return np.concatenate([*(rule.radius for rule in self.rules), alias_radii()])
+
+    @cached_property
+    def _length(self) -> FloatArray:
+        """The correlation length on the sensor [samples]."""
+        found = self.settings.texture.correlation_length * self.geometry.magnification / self.geometry.sample_pitch
+        return np.asarray(found[:, np.newaxis])
+
+    @cached_property
+    def _texture(self) -> FloatArray:
+        return texture_spectrum(self._frequency, self.settings.texture.contrast, self._length)
+
+    @cached_property
+    def _lenses(self) -> LensTransfers:
+        return LensTransfers(
+            geometry=self.geometry, settings=self.settings, frequency_px=self._frequency, always=self._ends[-1]
+        )
+
+
+def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> float:
+    """Side or diameter of what a sample collects from [samples]; 0 for a point."""
+    if models.pixel_integration == "point":
+        return 0.0
+    fill = settings.pixel_fill if geometry.sample_shape == "square" else 1.0
+    return fill * geometry.sample_width / geometry.sample_pitch
