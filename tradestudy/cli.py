@@ -198,18 +198,7 @@ def compare(
     with _answering(debug=debug):
         from tradestudy import api
 
-        comparison = api.compare(directories)
-        for title, differences in (
-            ("Inputs that differ", comparison.inputs),
-            ("Results that moved", comparison.results),
-        ):
-            _say(title)
-            if not differences:
-                _say("  none")
-            for difference in differences:
-                _say(f"  {difference.what}")
-                for name, value in zip(comparison.names, difference.values, strict=True):
-                    _say(f"    {name}: {value}")
+        _say(str(api.compare(directories)))
 
 
 @app.command()
