@@ -32,9 +32,10 @@ def legs_of(method: str) -> tuple[str, str]:
 
 
 _MOST_COMPLETE_FIRST: Final = (
-    "kirchhoff", "boundary-wave-kirchhoff", "fresnel-kirchhoff", "kirchhoff-fresnel", "boundary-wave-fresnel",
-    "fresnel",
-    "geometric-kirchhoff", "geometric-fresnel", "kirchhoff-geometric", "boundary-wave-geometric", "fresnel-geometric",
+    "kirchhoff", "boundary-wave-kirchhoff", "kirchhoff-boundary-wave", "boundary-wave",
+    "fresnel-kirchhoff", "fresnel-boundary-wave", "kirchhoff-fresnel", "boundary-wave-fresnel", "fresnel",
+    "geometric-kirchhoff", "geometric-boundary-wave", "geometric-fresnel",
+    "kirchhoff-geometric", "boundary-wave-geometric", "fresnel-geometric",
     "exact-rays", "geometric",
 )  # fmt: skip
 

@@ -36,16 +36,18 @@ def measured() -> tuple[Changes, dict[str, str]]:
 
 
 def measure(cases: int) -> None:
-    """Measure the cases that are missing, keeping each as it is done."""
+    """Measure the cases that are missing, and effects that are missing in a case, keeping each case as it is done."""
     changes, refused = measured()
     for index in range(cases):
-        if str(index) in changes or str(index) in refused:
+        key, case = str(index), random_case(np.random.default_rng([0, index]))
+        missing = bounds_of(case).keys() - changes.get(key, {}).keys()
+        if key in refused or not missing:
             continue
         try:
-            found = changes_of(random_case(np.random.default_rng([0, index])), TOLERANCE)
-            changes[str(index)] = {name: float(f"{value:.4g}") for name, value in found.items()}
+            found = changes_of(case, TOLERANCE, sorted(missing))
+            changes[key] = changes.get(key, {}) | {name: float(f"{value:.4g}") for name, value in found.items()}
         except TradestudyError as error:
-            refused[str(index)] = str(error)
+            refused[key] = str(error)
         keep(changes, refused)
         print(f"{index + 1} of {cases}", flush=True)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,10 +35,12 @@ from tradestudy.optics.chain import (
 from tradestudy.optics.propagation import CircularLens
 
 FRESNEL_KIRCHHOFF = Legs(to_array="fresnel", to_detector="kirchhoff")
-BOUNDARY_WAVE = Legs(to_array="boundary_wave", to_detector="kirchhoff")
+TO_ARRAY = Legs(to_array="boundary_wave", to_detector="kirchhoff")
+BEHIND_ARRAY = Legs(to_array="kirchhoff", to_detector="boundary_wave")
 PHASES = ("parabolic", "stigmatic", "perfect")
 _MOST_POINTS = 4  # resolved points across the source
 RAYS = "diffraction: rays on both legs"
+MICROLENS_EDGES = "microlens_diffraction: boundary_wave"
 _POINT = 1e-3
 LINES = 2  # wavelengths of a spectrum
 
@@ -111,10 +114,11 @@ def random_case(rng: np.random.Generator) -> LightCase:
 
 
 def bounds_of(case: LightCase) -> dict[str, float]:
-    """What leaving each effect out may change at most, as its slot has it."""
+    """What leaving each effect out may change at most, as its slot has it; only effects that the case has."""
     scene = case.scene
     main, micro = main_lens_diffraction_in_picture(scene), microlens_diffraction_in_picture(scene)
-    return {
+    edges = {MICROLENS_EDGES: _bound(micro, "boundary_wave")} if "boundary_wave" in micro.model_names else {}
+    return edges | {
         RAYS: _bound(main, OFF) + _bound(micro, OFF),
         "main_lens_diffraction: boundary_wave": _bound(main, "boundary_wave"),
         "main_lens_diffraction: fresnel": _bound(main, "fresnel"),
@@ -128,8 +132,11 @@ def bounds_of(case: LightCase) -> dict[str, float]:
     }  # fmt: skip
 
 
-def changes_of(case: LightCase, tolerance: float) -> dict[str, float]:
-    """What leaving each effect out changes: forced on, one at a time, against the picture of the complete models."""
+def changes_of(case: LightCase, tolerance: float, names: Collection[str]) -> dict[str, float]:
+    """What leaving each of the effects named out changes, against the picture of the complete models.
+
+    Each is forced on, one at a time. None is named that the case does not have.
+    """
     scene = case.scene
     path, accuracy = scene.path, ChainAccuracy(tolerance=tolerance)
 
@@ -140,27 +147,33 @@ def changes_of(case: LightCase, tolerance: float) -> dict[str, float]:
             path, source, wavelength=scene.wavelength, legs=legs, accuracy=accuracy, rng=np.random.default_rng(0)
         ).pixels
 
+    def alone() -> FloatArray:
+        return separate_image(
+            path, scene.source, wavelength=scene.wavelength, legs=KIRCHHOFF, accuracy=accuracy,
+            rng=np.random.default_rng(0),
+        ).pixels  # fmt: skip
+
+    def colours() -> FloatArray:
+        return spectral_image(
+            path, scene.source, wavelengths=case.wavelengths, weights=np.ones(LINES), legs=KIRCHHOFF,
+            accuracy=accuracy, rng=np.random.default_rng(0),
+        ).pixels  # fmt: skip
+
     whole = picture()
-    alone = separate_image(
-        path, scene.source, wavelength=scene.wavelength, legs=KIRCHHOFF, accuracy=accuracy,
-        rng=np.random.default_rng(0),
-    ).pixels  # fmt: skip
-    colours = spectral_image(
-        path, scene.source, wavelengths=case.wavelengths, weights=np.ones(LINES), legs=KIRCHHOFF, accuracy=accuracy,
-        rng=np.random.default_rng(0),
-    ).pixels  # fmt: skip
-    return {
-        RAYS: _relative(picture(legs=EXACT_RAYS), whole),
-        "main_lens_diffraction: boundary_wave": _relative(picture(legs=BOUNDARY_WAVE), whole),
-        "main_lens_diffraction: fresnel": _relative(picture(legs=FRESNEL_KIRCHHOFF), whole),
-        "microlens_diffraction: fresnel": _relative(picture(legs=KIRCHHOFF_FRESNEL), whole),
-        "crosstalk: off": _relative(alone, whole),
-        "pixel_integration: off": _relative(
+    changes: dict[str, Callable[[], float]] = {
+        RAYS: lambda: _relative(picture(legs=EXACT_RAYS), whole),
+        "main_lens_diffraction: boundary_wave": lambda: _relative(picture(legs=TO_ARRAY), whole),
+        "main_lens_diffraction: fresnel": lambda: _relative(picture(legs=FRESNEL_KIRCHHOFF), whole),
+        MICROLENS_EDGES: lambda: _relative(picture(legs=BEHIND_ARRAY), whole),
+        "microlens_diffraction: fresnel": lambda: _relative(picture(legs=KIRCHHOFF_FRESNEL), whole),
+        "crosstalk: off": lambda: _relative(alone(), whole),
+        "pixel_integration: off": lambda: _relative(
             picture(replace(path, pixels=replace(path.pixels, integrated=False))), whole
         ),
-        "source_extent: off": _relative(picture(point=True), whole),
-        "spectrum: off": _relative(whole, colours),
+        "source_extent: off": lambda: _relative(picture(point=True), whole),
+        "spectrum: off": lambda: _relative(whole, colours()),
     }
+    return {name: changes[name]() for name in names}
 
 
 def _bound(slot: Slot, model: str) -> float:

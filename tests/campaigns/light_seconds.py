@@ -17,7 +17,7 @@ import numpy as np
 
 from tradestudy import load
 from tradestudy.machine import machine_speed
-from tradestudy.optics.chain import FRESNEL, GEOMETRIC, KIRCHHOFF, ChainAccuracy, Legs, chain_image
+from tradestudy.optics.chain import FRESNEL, GEOMETRIC, KIRCHHOFF, ChainAccuracy, Legs, LightPath, chain_image
 from tradestudy.study.point_spreads import SpreadMethod, every_case, point_spread_of
 from tradestudy.study.situations.coherent_cost import pupil_nodes
 from tradestudy.study.situations.light_cost import LightWork
@@ -25,6 +25,8 @@ from tradestudy.study.situations.light_spot import light_scene
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 COARSE, FINE, DOUBLE = 0.1, 0.01, 9e-4
+BEHIND_ARRAY = Legs(to_array="kirchhoff", to_detector="boundary_wave")
+_DEFOCUS = 0.8  # of the focal lengths: about three Fresnel zones
 
 
 def least(task: Callable[[], object], repeats: int = 3) -> float:
@@ -46,10 +48,15 @@ def main() -> None:
     scene, speed = light_scene(part), machine_speed()
     path, source = scene.path, scene.source
 
-    def picture(legs: Legs, tolerance: float, *, point: bool = False, repeats: int = 3) -> float:
+    lenses = replace(path.microlenses, focal_lengths=_DEFOCUS * path.microlenses.focal_lengths)
+    defocused = replace(path, microlenses=lenses)
+
+    def picture(
+        legs: Legs, tolerance: float, *, light: LightPath = path, point: bool = False, repeats: int = 3
+    ) -> float:
         def task() -> object:
             return chain_image(
-                path, source.centre if point else source, wavelength=part.mean_wavelength, legs=legs,
+                light, source.centre if point else source, wavelength=part.mean_wavelength, legs=legs,
                 accuracy=ChainAccuracy(tolerance=tolerance), rng=np.random.default_rng(0),
             )  # fmt: skip
 
@@ -74,11 +81,15 @@ def main() -> None:
     point = {legs: picture(legs, FINE, point=True) for legs in (FRESNEL, KIRCHHOFF)}
     disc = {legs: picture(legs, COARSE) for legs in (FRESNEL, KIRCHHOFF)}
     patch = (picture(KIRCHHOFF, FINE) - disc[KIRCHHOFF]) / (samples(FINE) - samples(COARSE))
+    behind = LightWork(scene=replace(scene, path=defocused), tolerance=FINE)
+    edges = picture(BEHIND_ARRAY, FINE, light=defocused, repeats=1) - picture(KIRCHHOFF, FINE, light=defocused)
     measured = {
         "rays of a disc: pixel behind a microlens": picture(GEOMETRIC, FINE) / pixels,
         "rays of a point: pixel behind a microlens": picture(GEOMETRIC, FINE, point=True) / pixels,
         "sample of a patch": patch,
         "sample of a patch in double precision": picture(KIRCHHOFF, DOUBLE, repeats=1) / samples(DOUBLE),
+        "sample of a patch, boundary wave": edges
+        / (behind.source_points * behind.lit_microlenses * behind.patch_side**2),
         "sample of the detector": point[FRESNEL] / LightWork(scene=scene, tolerance=FINE).detector_side ** 2,
         "node of a coherent disc, Fresnel": coherent_node(FRESNEL),
         "node of a coherent disc, Kirchhoff": coherent_node(KIRCHHOFF),

@@ -54,6 +54,39 @@ def test_rays_and_waves_cannot_be_combined() -> None:
     assert rays.bounds["pixel_intensity"] > 0.05  # what was forced is told, not held against the accuracy
 
 
+def test_boundary_waves_stand_on_both_legs_where_they_are_insisted_on() -> None:
+    """Never chosen behind the array, for they cost more than Kirchhoff's integral there and err more."""
+    situation = light_spot_situation(spot("light_spot.microlenses.focal_length=0.35 mm"))
+    both = {"main_lens_diffraction": "boundary_wave", "microlens_diffraction": "boundary_wave"}
+    forced = situation.select(Accuracy.of_all(0.05), both)
+    assert spot_models(forced).method == "boundary-wave"
+    assert 0.0 < forced.chosen["microlens_diffraction"].change_of("pixel_intensity") < 0.1
+    edges, integral = (
+        situation.select(
+            Accuracy.of_all(0.01),
+            {"main_lens_diffraction": "kirchhoff", "microlens_diffraction": law, "sampling": "1 %"},
+        )
+        for law in ("boundary_wave", "kirchhoff")
+    )
+    assert edges.seconds > integral.seconds
+    part = spot(*SMALL, "light_spot.microlenses.focal_length=0.35 mm", "light_spot.spot.diameter=0 mm")
+    pictures = [
+        spot_picture(part, SpotModels(method=method, tolerance=0.01, point=True))
+        for method in ("kirchhoff-boundary-wave", "kirchhoff")
+    ]
+    change = np.linalg.norm(pictures[0].pixels - pictures[1].pixels) / np.linalg.norm(pictures[1].pixels)
+    assert 1e-6 < change < pictures[0].numerical_error + pictures[1].numerical_error < 0.05
+    assert pictures[0].handed_over < 0.5
+
+
+def test_boundary_waves_run_around_circles() -> None:
+    square = "light_spot.microlenses.aperture=square"
+    for wrong in (["light_spot.methods=[kirchhoff-boundary-wave]"], ["effects={microlens_diffraction: boundary_wave}"]):
+        with pytest.raises(StudyError, match="run around circles"):
+            spot(square, "claims={}", *wrong)
+    assert "boundary_wave" not in light_spot_situation(spot(square)).slots[1].model_names
+
+
 def test_a_spot_below_resolution_is_a_point() -> None:
     situation = light_spot_situation(spot(*SMALL, "light_spot.spot.diameter=0.1 um"))
     chosen = situation.select(Accuracy.of_all(0.05), {})

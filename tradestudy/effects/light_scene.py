@@ -11,7 +11,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import DiscSource, LightPath
-from tradestudy.optics.propagation import PointSource
+from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
 
 _PUPIL_POINTS: Final = 400
@@ -206,17 +206,30 @@ class LightScene:
         other = self._main_error(at_rim, np.broadcast_to(x[:, None], at_rim.shape))
         return float(np.sqrt(np.mean((other - own[:, None]) ** 2))) / self.wavelength
 
+    @cached_property
+    def microlens_rim_path_waves(self) -> float:
+        """The same behind the array: of light from the rim of a microlens, against that of the ray [waves]."""
+        rays, path = self._rays, self.path
+        acting = np.flatnonzero(np.isfinite(rays.focal_length))
+        if not acting.size:
+            return math.inf
+        angle = 2.0 * math.pi * np.arange(_RIM_POINTS) / _RIM_POINTS
+        rim = path.microlenses.aperture_width / 2.0 * np.column_stack([np.cos(angle), np.sin(angle)])
+        squares = []
+        for ray in acting[:: max(1, acting.size // _FEW_RAYS)]:
+            lens = path.microlenses.lens(int(rays.lens[ray]))
+            seen = PointSource(
+                x=float(rays.object_offset[ray, 0]), y=float(rays.object_offset[ray, 1]), distance=self.depth
+            )
+            at = np.vstack([rays.offset[ray], rim])
+            towards = at - (rays.landing[ray] - path.microlenses.centres[int(rays.lens[ray])])
+            error = _path_error(seen, lens, at, towards, path.detector_distance)
+            squares.append(np.mean((error[1:] - error[0]) ** 2))
+        return math.sqrt(float(np.mean(squares))) / self.wavelength
+
     def _main_error(self, pupil: FloatArray, x: FloatArray) -> FloatArray:
         """Exact less paraxial path from the middle of the source through pupil points to array points [m]."""
-        z, towards = self.path.array_distance, pupil - x
-        exact, paraxial = (
-            lens_paths(self.source.centre, self.path.main_lens, paraxial=law).value(pupil[..., 0], pupil[..., 1])
-            for law in (False, True)
-        )
-        squared = np.sum(towards**2, axis=-1)
-        # √(z² + d²) − z − d²/2z without the difference of large numbers
-        leg = squared / (z + np.sqrt(z**2 + squared)) - squared / (2.0 * z)
-        return np.asarray(exact - paraxial + leg)
+        return _path_error(self.source.centre, self.path.main_lens, pupil, pupil - x, self.path.array_distance)
 
     def _behind_array(self, rays: _Rays) -> LawDifference:
         b = self.path.detector_distance
@@ -313,6 +326,17 @@ class LightScene:
             landing=landing[passing],
             lens=lens[passing].astype(float),
         )
+
+
+def _path_error(
+    source: PointSource, lens: CircularLens, at: FloatArray, towards: FloatArray, distance: float
+) -> FloatArray:
+    """Exact less paraxial path from a source through points of a lens to others, ``towards`` beside them [m]."""
+    exact, paraxial = (lens_paths(source, lens, paraxial=law).value(at[..., 0], at[..., 1]) for law in (False, True))
+    squared = np.sum(towards**2, axis=-1)
+    # √(z² + d²) − z − d²/2z without the difference of large numbers
+    leg = squared / (distance + np.sqrt(distance**2 + squared)) - squared / (2.0 * distance)
+    return np.asarray(exact - paraxial + leg)
 
 
 def _cosines(towards: FloatArray, distance: FloatArray | float) -> FloatArray:

@@ -12,7 +12,7 @@ from tradestudy.effects.picture_change import bound_of, complete, law_change, li
 
 _SAFETY: Final = {"rays": 1.5, "fresnel": 1.8}  # see `picture_change`
 _HARDLY_ANY: Final = 1e-9  # Fresnel zones: the array in the main image, for which no bound is stated
-_LEADING_TERM: Final = (6.0, 4e-3)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md
+_LEADING_TERM: Final = (2.0, 1e-3)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md
 
 
 def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:

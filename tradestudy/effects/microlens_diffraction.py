@@ -1,4 +1,4 @@
-"""Diffraction at the microlenses: none, Fresnel's law or Kirchhoff's."""
+"""Diffraction at the microlenses: none, the boundary wave, Fresnel's law or Kirchhoff's."""
 
 from __future__ import annotations
 
@@ -18,18 +18,22 @@ from tradestudy.effects.picture_change import (
     rim_light,
     source_transfer,
 )
+from tradestudy.optics.chain.microlens_edges import LEAST_ZONES
 
 _SAFETY: Final = 1.5  # see `picture_change`
+_LEADING_TERM: Final = (0.8, 1e-3)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md
 
 
 def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
     """Law of the leg from the array to the detector, and what it may change in the pixels of a picture.
 
-    The boundary wave is not offered: microlenses in focus, or cut by the shadow of the pupil, have none of use.
     Rays leave out the finite width of the lens: the transfer function loses at most 1 − T(f), T that of the lit width
     without aberration (for any defocus, as the ray sum runs over the whole aperture and the wave's over its overlap);
     far from focus it is the wave from the rim, η of the field at either side. Fresnel's law moves rays, and those that
-    the rim of the main pupil diffracts by more than others, for they arrive at steeper angles.
+    the rim of the main pupil diffracts by more than others, for they arrive at steeper angles. The boundary wave of
+    circular microlenses is the leading term of the wave from their rims, which aberration of W waves over N Fresnel
+    zones spoils; in focus it is Kirchhoff's integral itself, and nowhere it is cheaper, for light that is no sphere is
+    left to that.
     """
     law = scene.detector_law
     rim = rim_light(scene)
@@ -39,6 +43,17 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
     spread = picture_change(scene, lost)
     if scene.microlens_fresnel_number > 1.0:
         spread = min(spread, 2.0 * edge_wave(scene.microlens_fresnel_number))
+    per_zone = scene.microlens_rim_path_waves / max(scene.microlens_fresnel_number, LEAST_ZONES)
+    edges = Model(
+        name="boundary_wave",
+        bounds=bound_of(
+            scene,
+            min(1.0, _LEADING_TERM[0] * per_zone + _LEADING_TERM[1]) * spread,
+            criterion="waves of aberration per Fresnel zone",
+            number=per_zone,
+            reason="the wave from the rim of a microlens is its leading term for many Fresnel zones",
+        ),
+    )
     return Slot(
         name="microlens_diffraction",
         models=(
@@ -52,6 +67,7 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                     reason="rays leave out the spread by the aperture of a microlens",
                 ),
             ),
+            *((edges,) if scene.path.microlenses.aperture == "circular" else ()),
             Model(
                 name="fresnel",
                 bounds=bound_of(

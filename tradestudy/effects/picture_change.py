@@ -168,9 +168,7 @@ def bound_of(
 
 def complete() -> Mapping[Quantity, Bound]:
     """Of the model that leaves nothing out."""
-    return {
-        "pixel_intensity": Bound(relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT)
-    }
+    return {"pixel_intensity": Bound(relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT)}
 
 
 def _finite(displacement: float) -> float:

@@ -126,9 +126,7 @@ def diffraction_of_points(images: Sequence[PointImage]) -> Slot:
             Model(
                 name="kirchhoff",
                 bounds={
-                    "psf_width": Bound(
-                        relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT
-                    )
+                    "psf_width": Bound(relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT)
                 },
                 seconds=SECONDS_PER_IMAGE["kirchhoff"] * len(images),
             ),

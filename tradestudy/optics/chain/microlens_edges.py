@@ -2,7 +2,8 @@
 
 The light of a microlens is split into the sphere about the main lens's image that is most like it and the rest, which
 is nothing where rays brought it. The sphere has closed forms, the rest is left to Kirchhoff's integral; so is all light
-of microlenses that the shadow of the pupil cuts, which no single edge surrounds.
+of microlenses that the shadow of the pupil cuts, which no single edge surrounds, and of those whose rays meet or cross
+on the detector.
 """
 
 from __future__ import annotations
@@ -27,9 +28,11 @@ from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, SphericalPath
+from tradestudy.optics.propagation.rays import one_ray_per_target
 from tradestudy.optics.propagation.sampling import Limits
 from tradestudy.optics.propagation.targets import TargetGrid
 
+LEAST_ZONES = 0.5  # Fresnel zones across a microlens below which rays and edge nearly cancel: the focus
 _LOOSER = 10.0  # boundary waves err by a hundredth of their tolerance in the intensity: a tenth of the image's is left
 
 
@@ -48,7 +51,7 @@ class Spheres:
     Attributes
     ----------
     which
-        Microlenses that the source lights as a whole.
+        Microlenses that have a sphere to carry on.
     strength
         Field of each one's sphere at its vertex, shape (which,).
     rest
@@ -98,10 +101,11 @@ def split_spheres(
     """
     x, y = path.chief_point(wave.source)
     shadow = Disc(x=x, y=y, radius=blur_radius(path, wave.source))
-    whole = np.flatnonzero(lit_share(path.microlenses, shadow)[which] == 1.0)
+    lit = np.flatnonzero(lit_share(path.microlenses, shadow)[which] == 1.0)
+    rows = [row for row in lit if _has_rays(path, _through(path, wave, int(which[row])))]
     rest = field.copy()
-    strength = np.zeros(whole.size, dtype=np.complex128)
-    for n, row in enumerate(whole):
+    strength = np.zeros(len(rows), dtype=np.complex128)
+    for n, row in enumerate(rows):
         u, v, weights, in_lens = (c[row] if c.ndim > 1 else c for c in (cell.x, cell.y, cell.weights, cell.in_lens))
         centre = path.object_before(int(which[row]), wave.source)
         arriving = SphericalPath(x=centre.x, y=centre.y, distance=centre.distance)
@@ -109,7 +113,26 @@ def split_spheres(
         strength[n] = np.sum(weights * np.conj(sphere) * field[row]) / np.sum(weights * in_lens)
         rest[row] = 0.0 if isinstance(wave, RayWave) and in_lens.all() else field[row] - strength[n] * sphere
     power = float(np.sum(np.abs(field) ** 2 * cell.weights))
-    return Spheres(which=which[whole], strength=strength, rest=rest, power=power)
+    return Spheres(which=which[rows], strength=strength, rest=rest, power=power)
+
+
+def _through(path: LightPath, wave: PupilWave | RayWave, index: int) -> _EvenWave:
+    """Sphere of the source's image behind a microlens."""
+    return _EvenWave(
+        source=path.object_before(index, wave.source),
+        lens=path.microlenses.lens(index),
+        wavelength=wave.wavelength,
+        paraxial=False,
+        obliquity="paper",
+    )
+
+
+def _has_rays(path: LightPath, through: _EvenWave) -> bool:
+    """Whether the detector lies out of focus behind a microlens, and one ray leads to each of its points."""
+    lens, b = through.lens, path.detector_distance
+    defocus = abs(1 / through.source.distance + 1 / b - 1 / lens.focal_length)
+    zones = lens.radius**2 / through.wavelength * defocus
+    return zones >= LEAST_ZONES and one_ray_per_target(through, np.array([b]))
 
 
 def add_spheres(
@@ -165,13 +188,7 @@ def add_spheres(
             continue
         first = start + low * spacing - centre
         done = unchecked_hybrid_field(
-            wave=_EvenWave(
-                source=path.object_before(index, wave.source),
-                lens=path.microlenses.lens(index),
-                wavelength=wave.wavelength,
-                paraxial=False,
-                obliquity="paper",
-            ),
+            wave=_through(path, wave, index),
             kernel=KirchhoffKernel(wavelength=wave.wavelength, obliquity="paper"),
             targets=TargetGrid(
                 x_start=float(first[0]),

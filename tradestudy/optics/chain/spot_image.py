@@ -28,6 +28,7 @@ from tradestudy.optics.chain.spot_points import Spot, point_light, prepare_spot,
 
 _THREADS = 2
 _CHECKED_POINTS = 2
+_SAFETY_OF_TWO = 1.5  # so few points may err by less than the others do
 _MOST_DRAWN = 40
 _HARDLY_ANY = 0.1  # of what a point brings on average
 _RESOLVED = 0.5  # error of a quarter of the angles below which its further fall can be told
@@ -177,7 +178,7 @@ def _radial_error(nodes: SourceNodes, rings: FloatArray) -> float:
 
 
 def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.Generator) -> float:
-    """Relative L2 difference of random source points' pixels from the single-point computation, root mean square.
+    """Relative L2 difference of random source points' pixels from the single-point computation, and half as much more.
 
     Points that bring hardly any of the light say nothing of the picture and are passed over, unless all do. A boundary
     wave is compared with Kirchhoff's integral: what its leading term leaves out is stated, not refused.
@@ -204,7 +205,7 @@ def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.G
         truth = compute_point(reference, law, finer).pixels / wave.power()
         squares.append(float(np.sum((fast - truth) ** 2)))
         sizes.append(float(np.sum(truth**2)))
-    error = math.sqrt(sum(squares) / sum(sizes))
+    error = _SAFETY_OF_TWO * math.sqrt(sum(squares) / sum(sizes))
     if error > 0.3 and "boundary_wave" not in (spot.legs.to_array, spot.legs.to_detector):
         raise NotConvergedError(
             "points of the spot disagree with the single-point computation",

@@ -29,11 +29,11 @@ from tradestudy.units import LENGTH, pretty
 
 # Of both legs, or of the leg to the array and the leg behind it.
 MethodName = Literal[
-    "geometric", "exact-rays", "fresnel", "kirchhoff",
-    "geometric-fresnel", "geometric-kirchhoff",
+    "geometric", "exact-rays", "boundary-wave", "fresnel", "kirchhoff",
+    "geometric-boundary-wave", "geometric-fresnel", "geometric-kirchhoff",
     "boundary-wave-geometric", "boundary-wave-fresnel", "boundary-wave-kirchhoff",
-    "fresnel-geometric", "fresnel-kirchhoff",
-    "kirchhoff-geometric", "kirchhoff-fresnel",
+    "fresnel-geometric", "fresnel-boundary-wave", "fresnel-kirchhoff",
+    "kirchhoff-geometric", "kirchhoff-boundary-wave", "kirchhoff-fresnel",
 ]  # fmt: skip
 # What the propagators accept; double precision ends below, and beyond a picture is no result.
 ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=0.2)]
@@ -46,6 +46,10 @@ _NO_RAYS: Final = (
 _NO_EDGE: Final = (
     "boundary waves are those of single points, and light_spot.spot is coherent; take fresnel or kirchhoff, or leave "
     "coherent out"
+)
+_NO_SQUARE_EDGE: Final = (
+    "boundary waves run around circles, and light_spot.microlenses.aperture is square; take kirchhoff, which is the "
+    "same integral"
 )
 _WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, sides along the rows
 
@@ -238,6 +242,8 @@ class LightSpotPart(Part):
         for index, method in enumerate(self.methods):
             if self.spot.coherent and (laws := set(legs_of(method))) - {"fresnel", "kirchhoff"}:
                 yield MistakeAt(("methods", index), _NO_EDGE if "boundary-wave" in laws else _NO_RAYS)
+            elif self.microlenses.aperture == "square" and legs_of(method)[1] == "boundary-wave":
+                yield MistakeAt(("methods", index), _NO_SQUARE_EDGE)
 
     def _mistakes_of_light(self) -> Iterator[MistakeAt]:
         if (self.wavelength is None) == (self.spectrum is None):
@@ -275,10 +281,14 @@ class LightSpotPart(Part):
         return math.fsum(share * wavelength for wavelength, share in self.lines)
 
 
-def ray_mistakes(spot: LightSpotPart, effects: EffectsPart) -> list[MistakeAt]:
-    """Effects that make rays of a spot which has none."""
-    if not spot.spot.coherent:
-        return []
-    slots = ("main_lens_diffraction", "microlens_diffraction")
-    words = {"off": _NO_RAYS, "boundary_wave": _NO_EDGE}
-    return [MistakeAt(("effects", slot), words[name]) for slot in slots if (name := getattr(effects, slot)) in words]
+def law_mistakes(spot: LightSpotPart, effects: EffectsPart) -> list[MistakeAt]:
+    """Laws that effects force on a spot or an array which does not have them."""
+    if spot.spot.coherent:
+        slots = ("main_lens_diffraction", "microlens_diffraction")
+        words = {"off": _NO_RAYS, "boundary_wave": _NO_EDGE}
+        return [
+            MistakeAt(("effects", slot), words[name]) for slot in slots if (name := getattr(effects, slot)) in words
+        ]
+    if spot.microlenses.aperture == "square" and effects.microlens_diffraction == "boundary_wave":
+        return [MistakeAt(("effects", "microlens_diffraction"), _NO_SQUARE_EDGE)]
+    return []

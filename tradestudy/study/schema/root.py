@@ -14,7 +14,7 @@ from tradestudy.study.schema.calibration import CalibrationStudyPart, calibratio
 from tradestudy.study.schema.cameras import CameraPart, ConventionalPart, measures_depth
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
 from tradestudy.study.schema.hard_cases import HardCasesPart
-from tradestudy.study.schema.light_spot import LightSpotPart, ray_mistakes
+from tradestudy.study.schema.light_spot import LightSpotPart, law_mistakes
 from tradestudy.study.schema.questions import (
     ClaimPart,
     DecisionPart,
@@ -104,7 +104,7 @@ class StudyFile(Part):
                 if not isinstance(part, ConventionalPart) and part.thermal_expansion is not None
             ]
         if self.light_spot is not None and not self.cameras:  # of which forced effects may speak instead
-            mistakes += ray_mistakes(self.light_spot, self.effects)
+            mistakes += law_mistakes(self.light_spot, self.effects)
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
         if self.depth_of_field is not None and not self.cameras:
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))

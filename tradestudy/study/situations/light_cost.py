@@ -14,9 +14,10 @@ from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.exact_rays import is_wide, ray_count
+from tradestudy.optics.chain.microlens_edges import LEAST_ZONES
 from tradestudy.optics.chain.point_image import plan_waves
 from tradestudy.optics.chain.rays import ray_reach
-from tradestudy.optics.chain.scene import LegMethod
+from tradestudy.optics.chain.scene import Legs
 from tradestudy.optics.chain.source_tables import table_count
 from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
@@ -35,6 +36,8 @@ SECONDS: Final[Mapping[str, float]] = {
     "exact ray from the source": 2.5e-8,
     "sample of a patch": 4.5e-8,
     "sample of a patch in double precision": 1.2e-7,
+    "sample of a patch, boundary wave": 1.0e-7,
+    "sample of a patch, boundary wave in focus": 5e-9,
     "sample of the detector": 3.0e-7,
     "microlens field, Kirchhoff": 0.6,
     "microlens field, Fresnel": 0.1,
@@ -101,7 +104,7 @@ class LightWork:
         seen = np.linalg.norm(lenses.centres - at[:, None], axis=-1) <= within
         return float(np.mean(np.maximum(seen.sum(axis=1), 1)))
 
-    def seconds_of_disc(self, *, to_array: LegMethod, separate: bool) -> float:
+    def seconds_of_disc(self, *, laws: Legs, separate: bool) -> float:
         """A picture of the whole disc; of every microlens alone, without the symmetry of the array, if separate."""
         points, lit = self.source_points, self.lit_microlenses
         repeats = 1.0
@@ -112,9 +115,9 @@ class LightWork:
         fields = table_count(self._accuracy)
         samples = points * lit * self.patch_side**2
         return repeats * (
-            SECONDS[unit] * samples
-            + self._seconds_of_field(to_array) * fields
-            + self.seconds_of_point(to_array=to_array)
+            (SECONDS[unit] + self._seconds_of_edges(laws)) * samples
+            + self._seconds_of_field(laws) * fields
+            + self.seconds_of_point(laws=laws)
         )
 
     def seconds_of_exact_rays(self, *, point: bool) -> float:
@@ -124,16 +127,24 @@ class LightWork:
         unit = "exact ray from the source" if forwards else "exact ray from the detector"
         return SECONDS[unit] * ray_count(self.scene.path, source, self._accuracy)
 
-    def seconds_of_point(self, *, to_array: LegMethod) -> float:
+    def seconds_of_point(self, *, laws: Legs) -> float:
         """A picture of a single point, computed twice to state its error."""
-        return SECONDS["sample of the detector"] * self.detector_side**2 + self._seconds_of_field(to_array)
+        behind = self._seconds_of_edges(laws) * self.lit_microlenses * self.patch_side**2
+        return SECONDS["sample of the detector"] * self.detector_side**2 + self._seconds_of_field(laws) + behind
 
-    def _seconds_of_field(self, to_array: LegMethod) -> float:
-        if to_array == "boundary_wave":
+    def _seconds_of_field(self, laws: Legs) -> float:
+        if laws.to_array == "boundary_wave":
             fine = self.tolerance < _FINE_BOUNDARY_WAVE
             return SECONDS["microlens field, boundary wave" + (" to a thousandth" if fine else "")]
         # Rays need no table, about as good as nothing to Fresnel's.
-        return SECONDS["microlens field, Kirchhoff" if to_array == "kirchhoff" else "microlens field, Fresnel"]
+        return SECONDS["microlens field, Kirchhoff" if laws.to_array == "kirchhoff" else "microlens field, Fresnel"]
+
+    def _seconds_of_edges(self, laws: Legs) -> float:
+        """What a boundary wave behind the array adds to each sample; in focus it finds that it has none to add."""
+        if laws.to_detector != "boundary_wave":
+            return 0.0
+        in_focus = self.scene.microlens_fresnel_number < LEAST_ZONES
+        return SECONDS["sample of a patch, boundary wave" + (" in focus" if in_focus else "")]
 
 
 def seconds_of_rays(path: LightPath, *, point: bool) -> float:

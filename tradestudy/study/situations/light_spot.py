@@ -23,7 +23,6 @@ from tradestudy.effects.source_extent import source_extent_in_picture
 from tradestudy.effects.spectrum import spectrum_in_picture
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.chain import DiscSource
-from tradestudy.optics.chain.scene import LegMethod
 from tradestudy.optics.propagation import PointSource
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.situations.coherent_cost import seconds_of_coherent_wave
@@ -37,9 +36,11 @@ _POINT_DIAMETER: Final = 1e-12  # far below every wavelength; no bound divides b
 # Mixtures with rays are for comparisons: beside waves rays are paraxial, and no bound of a slot alone holds for them.
 METHODS: Final[dict[tuple[str, str], MethodName]] = {
     (OFF, OFF): "exact-rays",
+    ("boundary_wave", "boundary_wave"): "boundary-wave",
     ("boundary_wave", "fresnel"): "boundary-wave-fresnel",
     ("boundary_wave", "kirchhoff"): "boundary-wave-kirchhoff",
     ("fresnel", "fresnel"): "fresnel",
+    ("kirchhoff", "boundary_wave"): "kirchhoff-boundary-wave",
     ("kirchhoff", "fresnel"): "kirchhoff-fresnel",
     ("kirchhoff", "kirchhoff"): "kirchhoff",
 }
@@ -95,23 +96,24 @@ def picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
         return seconds_of_rays(work.scene.path, point=models.point)
     if models.method == "exact-rays":
         return work.seconds_of_exact_rays(point=models.point)
-    wavelengths, to_array = 1 if models.monochromatic else len(part.lines), legs(models.method).to_array
+    wavelengths = 1 if models.monochromatic else len(part.lines)
     try:
-        return wavelengths * _seconds_of_waves(part, models, work, to_array)
+        return wavelengths * _seconds_of_waves(part, models, work)
     except UnaffordableError:
         return math.inf
 
 
-def _seconds_of_waves(part: LightSpotPart, models: SpotModels, work: LightWork, to_array: LegMethod) -> float:
+def _seconds_of_waves(part: LightSpotPart, models: SpotModels, work: LightWork) -> float:
     """Seconds of a picture by waves in light of one wavelength."""
+    laws = legs(models.method)
     if models.point:
-        one = work.seconds_of_point(to_array=to_array)
+        one = work.seconds_of_point(laws=laws)
     elif part.spot.coherent:
         repeats = work.scene.path.microlenses.count if models.separate else 1  # on the pupil, for each microlens anew
-        wave = seconds_of_coherent_wave(work.scene, paraxial=to_array == "fresnel")
-        one = work.seconds_of_point(to_array=to_array) + repeats * wave
+        wave = seconds_of_coherent_wave(work.scene, paraxial=laws.to_array == "fresnel")
+        one = work.seconds_of_point(laws=laws) + repeats * wave
     else:
-        one = work.seconds_of_disc(to_array=to_array, separate=models.separate)
+        one = work.seconds_of_disc(laws=laws, separate=models.separate)
     return one
 
 
