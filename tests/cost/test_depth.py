@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from tradestudy.cost.depth import INVERSE, LINEAR, Case, propagation_cost
+from tradestudy.cost.case import Case
+from tradestudy.cost.depth import INVERSE, LINEAR, QUADRATURE, propagation_cost
+from tradestudy.cost.depth_reference import reference_of
 from tradestudy.cost.draws_saved import PLAIN, SOBOL, DrawsSaved, draws_saved
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance
@@ -67,14 +69,21 @@ def test_the_line_in_depth_errs_by_what_the_closed_form_says(table: Measured) ->
     standard = DISTANCE**2 / BASELINE_TIMES_FOCAL_LENGTH * SPREAD
     expected = np.max(np.abs(standard / exact_half_width() - 1.0))
     assert expected > 5e-3
-    assert line.error == pytest.approx(expected, abs=3.0 * table.reference_error)
+    assert line.error == pytest.approx(expected, rel=1e-6)  # the line's difference quotients cost it some digits
 
 
 def test_the_line_in_inverse_depth_is_exact_here_and_chosen(table: Measured) -> None:
     (line,) = of(table, INVERSE)
-    assert line.error < 4.0 * table.reference_error < 2e-3
+    assert line.error < 1e-8
     assert line.chosen
     assert [entry.model for entry in table.entries if entry.chosen] == [INVERSE]
+
+
+def test_the_reference_is_within_its_error_of_the_closed_form() -> None:
+    found = reference_of([stereo()], Allowance(seconds=1e4), 2**12)
+    assert found.relative_error < 1e-10
+    assert np.all(np.abs(found.half_width / exact_half_width() - 1.0) <= found.relative_error)
+    assert "agree with it" in found.words
 
 
 def test_plain_draws_err_by_the_standard_error_of_their_quantiles(table: Measured) -> None:
@@ -104,8 +113,8 @@ def test_places_without_a_far_end_are_left_out_and_counted(distance: tuple[float
     assert math.isnan(found.reference_error) == (endless == 2)
     assert bool(found.entries) == (endless == 1)
     assert all(math.isfinite(entry.error) for entry in found.entries)
-    # At 2 m s Z/f B = 3.75 % of the distance.
-    said = [f"What a run takes, {LINEAR}, errs most for s at 2 m, where the uncertainty is 3.75 % of the distance."]
+    # At 2 m r = s Z/f B = 3.75 % of the distance, and half of 1/(1 − r) − 1/(1 + r) is r/(1 − r²).
+    said = [f"What a run takes, {LINEAR}, errs most for s at 2 m, where the uncertainty is 3.76 % of the distance."]
     assert [note for note in found.notes if "errs most" in note] == said * bool(found.entries)
 
 
@@ -117,7 +126,7 @@ def test_sobol_draws_need_at_least_eight_times_fewer_evaluations(table: Measured
 
 
 def test_every_entry_was_timed_and_its_memory_traced(table: Measured) -> None:
-    assert {entry.model for entry in table.entries} == {LINEAR, INVERSE, SOBOL, PLAIN}
+    assert {entry.model for entry in table.entries} == {LINEAR, INVERSE, QUADRATURE, SOBOL, PLAIN}
     for entry in table.entries:
         assert 0.0 < entry.least_seconds <= entry.seconds
         assert entry.repeats >= 1

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from tradestudy.cost.depth import Case, propagation_cost
+from tradestudy.cost.case import Case
+from tradestudy.cost.depth import propagation_cost
 from tradestudy.cost.draws_saved import SOBOL
 from tradestudy.cost.entries import Measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance

@@ -1,21 +1,21 @@
-"""Depth uncertainty: what every way of propagating errors costs, and how far it is from many quasi-random draws."""
+"""Depth uncertainty: what every way of propagating errors costs, and how far it is from a code of its own."""
 
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtri
 
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cost.case import Case
+from tradestudy.cost.depth_reference import SUPERSCRIPTS, reference_of
 from tradestudy.cost.draws_saved import PLAIN, SOBOL, gain
 from tradestudy.cost.entries import Entry, Measured
-from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, Timed, entry_of, measure
+from tradestudy.cost.interval_quadrature import half_width
+from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
@@ -23,7 +23,7 @@ from tradestudy.study.depth import ONE_SIGMA, depth_uncertainty
 from tradestudy.study.progress import Progress
 from tradestudy.study.usable import all_met, evaluate_limits
 from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.evaluation import Model, Outcome, ranked
+from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.linear import linear
 from tradestudy.uncertainty.monte_carlo import FEWEST_REPLICATES, Sampling, propagate
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
@@ -33,34 +33,7 @@ from tradestudy.units import FRACTION, LENGTH, pretty
 _SAMPLERS: Final[Mapping[str, Sampler]] = {SOBOL: scrambled_sobol, PLAIN: plain_random}
 _POWERS: Final = range(9, 20, 2)
 _MOST_POWER: Final = {SOBOL: 17, PLAIN: 19}
-_SUPERSCRIPTS: Final = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
-_SCRAMBLES: Final = 8
-_MOST_REFERENCE_DRAWS, _FEWEST_REFERENCE_DRAWS = 2**20, 2**15
-_BATCH: Final = 2**13
 _REFERENCE_SHARE: Final = 0.25  # of the time allowed
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Case:
-    """One camera whose depth is asked for.
-
-    Parameters
-    ----------
-    name
-        Its key in the study.
-    model, sources
-        Its exact model of inverse depth, and what is uncertain.
-    distance
-        Where it is asked for [m].
-    closed_form
-        The uncertainty by the closed form of ``/depth`` [m]; None where the errors have none.
-    """
-
-    name: str
-    model: Model
-    sources: Sources
-    distance: FloatArray
-    closed_form: Callable[[], FloatArray] | None
 
 
 def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Progress) -> Measured | None:
@@ -83,9 +56,9 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
 
 CLOSED_FORM: Final = "closed form"
 LINEAR, INVERSE = "linear in depth", "linear in inverse depth"
-
-
-_ORDER: Final = (LINEAR, INVERSE, CLOSED_FORM, SOBOL, PLAIN)
+QUADRATURE: Final = "quadrature"
+_NODES: Final = {1: "steepest direction alone", 3: "3 nodes per dimension", 5: "5 nodes per dimension"}
+_ORDER: Final = (LINEAR, INVERSE, CLOSED_FORM, QUADRATURE, SOBOL, PLAIN)
 
 
 def propagation_cost(
@@ -120,9 +93,8 @@ def propagation_cost(
         Of any way; the reference takes at most eight times as many.
     """
     progress(f"cost: {name}", 0.0)
-    reference, reference_error, reference_seconds, words = _reference(
-        cases, allowance.share(_REFERENCE_SHARE), most_draws
-    )
+    found = reference_of(cases, allowance.share(_REFERENCE_SHARE), most_draws)
+    reference, reference_error = found.half_width, found.relative_error
     progress(f"cost: {name}", _REFERENCE_SHARE)
     entries: list[Entry] = []
     left_out: list[str] = []
@@ -134,9 +106,9 @@ def propagation_cost(
             name=name,
             title=title,
             says=says,
-            reference=words,
+            reference=found.words,
             reference_error=reference_error,
-            reference_seconds=reference_seconds,
+            reference_seconds=found.seconds,
             entries=(),
             left_out=tuple(left_out),
         )
@@ -150,12 +122,25 @@ def propagation_cost(
         entries.append(_entry(model, "", evaluations, timed, reference, chosen=model == chosen))
         if model == chosen:
             notes.append(_where_worst(cases, model, timed, reference))
+    took_last = 0.0
+    for nodes, setting in _NODES.items():
+        # The nodes of up to five dimensions grow by less than a hundredfold from one setting to the next.
+        if not allowance.allows(2.0 * took_last):
+            left_out.append(f"{QUADRATURE}, {setting}: no time left")
+            continue
+        try:
+            timed = measure(partial(_by_quadrature, cases, nodes), allowance)
+        except OutOfRangeError as error:
+            left_out.append(f"{QUADRATURE}: {error}")
+            break
+        took_last = timed.seconds
+        entries.append(_entry(QUADRATURE, setting, math.nan, timed, reference))
     took = dict.fromkeys(_SAMPLERS, 0.0)
     for power in _POWERS:
         for model, sampler in _SAMPLERS.items():
             if power > _MOST_POWER[model] or 2**power > most_draws:
                 continue
-            setting = f"2{str(power).translate(_SUPERSCRIPTS)} draws"
+            setting = f"2{str(power).translate(SUPERSCRIPTS)} draws"
             # Four times the draws take four times as long; one run for the memory, and at least one for the time.
             if not allowance.allows(2.0 * 4.0 * took[model]):
                 left_out.append(f"{model}, {setting}: no time left")
@@ -174,9 +159,9 @@ def propagation_cost(
         name=name,
         title=title,
         says=says,
-        reference=words,
+        reference=found.words,
         reference_error=reference_error,
-        reference_seconds=reference_seconds,
+        reference_seconds=found.seconds,
         entries=tuple(sorted(entries, key=lambda entry: _ORDER.index(entry.model))),
         left_out=tuple(left_out),
         notes=(*notes, *gain(entries, reference_error)),
@@ -265,6 +250,10 @@ def fixed_sampling(sampler: Sampler, draws: int) -> Sampling:
     )
 
 
+def _by_quadrature(cases: Sequence[Case], nodes: int, _run: int) -> FloatArray:
+    return _joined(half_width(case.model, case.sources, ONE_SIGMA, nodes) for case in cases)
+
+
 def _sampled(cases: Sequence[Case], sampling: Sampling, run: int) -> FloatArray:
     return _joined(
         propagate(
@@ -313,51 +302,3 @@ def _where_worst(cases: Sequence[Case], words: str, timed: Timed[FloatArray], re
         f"What a run takes, {words}, errs most for {name} at {pretty(distance, LENGTH)}, where the uncertainty is "
         f"{pretty(float(reference[worst]) / distance, FRACTION)} of the distance."
     )
-
-
-def _reference(cases: Sequence[Case], allowance: Allowance, most_draws: int) -> tuple[FloatArray, float, float, str]:
-    """Half-widths from many draws, their relative standard error, what they took, and the words for all.
-
-    NaN where the interval of some scramble has no far end.
-
-    Written apart from what is measured: the draws come from scipy's own scrambled Sobol sequence, unaligned, and the
-    quantiles from numpy over all draws of a scramble.
-    """
-    draws = _FEWEST_REFERENCE_DRAWS
-    found = _scrambles(cases, draws)
-    while draws < min(_MOST_REFERENCE_DRAWS, 8 * most_draws) and allowance.allows(2.5 * found[1]):
-        draws *= 2
-        found = _scrambles(cases, draws)
-    widths = np.where(np.isfinite(found[0]).all(axis=0), found[0], np.nan)
-    mean = widths.mean(axis=0)
-    errors = widths.std(axis=0, ddof=1) / math.sqrt(_SCRAMBLES) / mean
-    error = math.nan if np.isnan(errors).all() else float(np.nanmax(errors))
-    power = str(draws.bit_length() - 1).translate(_SUPERSCRIPTS)
-    words = (
-        f"2{power} scrambled Sobol draws in {_SCRAMBLES} scrambles of a seed of their own through the exact models, "
-        "quantiles by a code of their own"
-    )
-    return mean, error, found[1], words
-
-
-def _scrambles(cases: Sequence[Case], draws: int) -> tuple[FloatArray, float]:
-    """Half-widths of every scramble, shape (scrambles, places), and the seconds they took."""
-    from scipy.stats.qmc import Sobol
-
-    begin = time.perf_counter()
-    rows = []
-    for scramble in range(_SCRAMBLES):
-        parts = []
-        for number, case in enumerate(cases):
-            rng = np.random.default_rng((REFERENCE_SEED, scramble, number))
-            engine = Sobol(case.sources.dimensions, scramble=True, bits=52, rng=rng)
-            depths = []
-            for _ in range(max(1, draws // _SCRAMBLES // _BATCH)):
-                uniform = engine.random(min(_BATCH, draws // _SCRAMBLES)).T + 2.0**-53
-                found = case.model(case.sources.draw(ndtri(uniform)))
-                depths.append(ranked(found, inverse_depth=True, draws=uniform.shape[1])[0])
-            with np.errstate(invalid="ignore"):  # between two infinite depths: NaN, no far end
-                low, high = np.quantile(np.concatenate(depths, axis=1), ONE_SIGMA, axis=1, method="hazen")
-            parts.append((high - low) / 2.0)
-        rows.append(np.concatenate(parts))
-    return np.stack(rows), time.perf_counter() - begin
