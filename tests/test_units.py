@@ -181,6 +181,7 @@ def test_any_text_is_a_number_or_a_unit_error(text: str, dimension: Dimension) -
         (math.radians(0.01), units.ANGLE, "36″"),
         (0.025, units.FRACTION, "2.5 %"),
         (4.48, units.FRACTION, "448 %"),
+        (0.0, units.FRACTION, "0 %"),
         (44.8, units.FRACTION, "44.8 times"),  # not 4480 %, which nobody reads as a share
         (23e-6, units.FRACTION, "23 ppm"),
         (293.15, units.TEMPERATURE, "20 °C"),

@@ -284,7 +284,7 @@ def display_unit(value: float, dimension: Dimension) -> DisplayUnit:
     """Choose the unit in which a report shows this SI magnitude; for an axis, pass its typical value."""
     units = dimension.display
     if value == 0.0:
-        return max((unit for unit in units if unit.size <= 1.0), key=lambda unit: unit.size)
+        return max((unit for unit in units if unit.used_from <= unit.size <= 1.0), key=lambda unit: unit.size)
     return next((unit for unit in reversed(units) if abs(value) >= unit.used_from), units[0])
 
 

@@ -50,8 +50,50 @@ def test_limits(name: str, accepted: object, refused: object) -> None:
 @pytest.mark.parametrize("slip", ["1e31 m", "-1e31 m", "1e-31 m"])
 def test_what_no_study_can_hold_is_a_slip(slip: str) -> None:
     assert message(quantities.Length, slip) == (
-        f"'{slip}' is out of range; nothing in a study is below 1e-30 or beyond 1e30 in SI units"
+        f"'{slip}' is out of range; a number from 1e-30 to 1e30 in SI units is expected"
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "smallest", "largest", "slip", "words"),
+    [
+        ("PixelPitch", "10 nm", "10 mm", "1e6 m", "pixel pitch of a sensor, check its unit; 10 nm to 10 mm"),
+        ("FocalLength", "1 um", "10 km", "1e6 m", "focal length of a lens, check its unit; 1 µm to 10 km"),
+        ("MicrolensPitch", "100 nm", "10 m", "1 nm", "size of a microlens, check its unit; 100 nm to 10 m"),
+        ("LensToSensor", "100 nm", "10 km", "10 nm", "distance inside a camera, check its unit; 100 nm to 10 km"),
+        ("Baseline", "1 um", "1e9 km", "1e-9 m", "baseline of two cameras, check its unit; 1 µm to 1×10⁹ km"),
+        ("ObjectDistance", "1 um", "1e10 km", "1 nm", "distance of an object, check its unit; 1 µm to 1×10¹⁰ km"),
+        ("DetailSize", "1 nm", "1e6 km", "1 angstrom", "detail of an object, check its unit; 1 nm to 1000000 km"),
+        ("FNumber", 0.05, 1e5, 1e6, "f-number of a lens, check its unit; 0.05 to 100000"),
+    ],
+)
+def test_sizes_that_nothing_has_are_slips_of_the_unit(
+    name: str, smallest: object, largest: object, slip: object, words: str
+) -> None:
+    adapter = TypeAdapter(getattr(quantities, name))
+    assert adapter.validate_python(smallest) < adapter.validate_python(largest)
+    assert message(getattr(quantities, name), slip) == f"'{slip}' is no {words} is expected"
+    zero = "0" if name == "FNumber" else "0 m"
+    assert "above 0" in message(getattr(quantities, name), zero)  # what is no size at all keeps its own words
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("PixelPitch", "0.5 um"),  # of the densest sensors
+        ("PixelPitch", "2 mm"),  # of a detector array
+        ("FocalLength", "5 um"),  # of a microlens on a pixel
+        ("FocalLength", "420 m"),  # of a radio telescope's prime focus, and more
+        ("Baseline", "300e6 km"),  # of a parallax from both sides of the orbit of the Earth
+        ("ObjectDistanceOrInfinity", "infinity"),
+        ("ObjectDistance", "4.5e9 km"),  # Neptune from the Earth
+        ("DetailSize", "0.1 um"),
+        ("FNumber", 0.33),  # of an immersion objective
+        ("FNumber", 500),  # of a pinhole
+    ],
+)
+def test_what_exists_is_not_refused(name: str, value: object) -> None:
+    assert TypeAdapter(getattr(quantities, name)).validate_python(value) > 0.0
 
 
 @pytest.mark.parametrize("refused", [3.0, "3", True, -1, None])

@@ -32,6 +32,10 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
         ("claims.C2.over=[10 m, 0.5 m]", "from near to far"),
         ("usable.overlap=120 %", "from 0 % to 100 %"),
         ("raytrix-r5.calibration.correlation=true", "correlation"),
+        ("stereo-short.sensor.pixel_pitch=1e6 m", "'1e6 m' is no pixel pitch of a sensor, check its unit; 10 nm to 10"),
+        ("stereo-short.baseline=1e-9 m", "is no baseline of two cameras"),
+        ("stereo-short.lenses.f_number=1e-300", "'1e-300' is out of range; a number from 1e-30 to 1e30 in SI units is"),
+        ("scene.distances=[0.4 m]", "1 value stands here; at least 2 are expected"),
     ],
 )
 def test_check_refuses(override: str, told: str) -> None:

@@ -27,6 +27,8 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import midpoint_depth, stereo_depth, stereo_disparity
 
+# Ten times that of the strongest objectives of microscopes: no sensor stands so far behind its lens.
+_LARGEST_MAGNIFICATION = 1000.0
 NO_ERROR = ErrorSource(standard_deviation=0.0)
 PrincipalDistanceRule = Literal["focal_length", "focused"]
 
@@ -89,7 +91,8 @@ class StereoRig:
     Raises
     ------
     OutOfRangeError
-        For lengths that are not positive, a focus distance inside the focal length, axes that converge by 180° or more;
+        For lengths that are not positive, a focus distance inside the focal length or so little beyond it that the
+        lenses would magnify more than a thousand times, axes that converge by 180° or more;
         lenses that refocus on every object and have no one focused principal distance.
     """
 
@@ -125,6 +128,14 @@ class StereoRig:
                 limit=f"beyond the focal length, {self.lens.focal_length * 1e3:g} mm",
                 remedy="increase the focus distance",
             )
+        if self.focus_distance is not None and self._magnification > _LARGEST_MAGNIFICATION:
+            raise OutOfRangeError(
+                f"focused at {self.focus_distance * 1e3:.9g} mm, just beyond the focal length, the lenses magnify",
+                value=f"{self._magnification:.3g} times, with the sensors "
+                f"{self.sensor_distance(self.focus_distance):.3g} m behind them",
+                limit=f"at most {_LARGEST_MAGNIFICATION:g} times",
+                remedy="increase the focus distance",
+            )
         if self.principal_distance_rule == "focused" and self.focus_distance is None:
             raise OutOfRangeError(
                 "the principal distance of lenses that refocus on every object",
@@ -132,6 +143,12 @@ class StereoRig:
                 limit="focal_length: every focus setting has a calibration of its own",
                 remedy="give a focus distance, or take the focal length as the principal distance",
             )
+
+    @property
+    def _magnification(self) -> float:
+        """Image over object at the focus distance a, ``f/(a − f)``."""
+        assert self.focus_distance is not None
+        return self.lens.focal_length / (self.focus_distance - self.lens.focal_length)
 
     @property
     def principal_distance(self) -> float:

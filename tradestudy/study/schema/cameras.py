@@ -11,14 +11,21 @@ from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.quantities import (
     Angle,
+    Baseline,
     Count,
+    DetailSize,
+    FNumber,
+    FocalLength,
     Length,
+    LensToSensor,
+    MicrolensPitch,
+    ObjectDistance,
+    ObjectDistanceOrInfinity,
+    PixelPitch,
     PositiveAngle,
     PositiveCount,
     PositiveDuration,
     PositiveLength,
-    PositiveLengthOrInfinity,
-    PositiveNumber,
     PositivePixels,
     ThermalExpansion,
 )
@@ -30,14 +37,14 @@ PixelCount = Annotated[int, Field(ge=1, le=100_000, strict=True)]
 class LensPart(Part):
     """A lens: its focal length, or the field of view that gives it, and its f-number."""
 
-    focal_length: PositiveLength | None = Field(default=None, description="Focal length f.")
+    focal_length: FocalLength | None = Field(default=None, description="Focal length f.")
     field_of_view: PositiveAngle | None = Field(
         default=None, description="Full angle when focused at infinity, instead of a focal length."
     )
     across: Literal["width", "diagonal"] | None = Field(
         default=None, description="What of the sensor the field of view covers."
     )
-    f_number: PositiveNumber = Field(description="Focal length over pupil diameter.")
+    f_number: FNumber = Field(description="Focal length over pupil diameter.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -54,24 +61,24 @@ class SensorPart(Part):
     """A pixel array."""
 
     pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.")
-    pixel_pitch: PositiveLength = Field(description="Distance of neighbouring pixel centres.")
+    pixel_pitch: PixelPitch = Field(description="Distance of neighbouring pixel centres.")
 
 
 class MicrolensesPart(Part):
     """The microlens array."""
 
     layout: Literal["hexagonal", "square"]
-    pitch: PositiveLength = Field(description="Distance of neighbouring microlens centres.")
-    gap: PositiveLength | Literal["f-number-matching"] = Field(
+    pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres.")
+    gap: LensToSensor | Literal["f-number-matching"] = Field(
         description="Array to sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
     )
     types: Literal[1, 3] = Field(default=1, description="Kinds of microlenses, by focal length.")
-    focal_lengths: tuple[PositiveLength, ...] | None = Field(
+    focal_lengths: tuple[FocalLength, ...] | None = Field(
         default=None,
         description="One per type; left out, they are designed so that their depths of field touch, at one "
         "pixel of blur, from the total covering plane on.",
     )
-    aperture_diameter: PositiveLength | None = Field(default=None, description="Of one microlens; default: the pitch.")
+    aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
@@ -90,8 +97,8 @@ class MicrolensesPart(Part):
 class FocusPart(Part):
     """Where the array stands: directly, or by the plane from which a pair of microlenses sees every point."""
 
-    mla_distance: PositiveLength | None = Field(default=None, description="Main lens to array z.")
-    total_covering_plane: PositiveLengthOrInfinity | None = Field(
+    mla_distance: LensToSensor | None = Field(default=None, description="Main lens to array z.")
+    total_covering_plane: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Object distance at which |virtual depth| is 2; may be infinity."
     )
     relay: Literal["keplerian", "galilean"] | None = Field(
@@ -138,12 +145,12 @@ class UnfocusedMicrolensesPart(Part):
     """The microlens array of an unfocused plenoptic camera, one focal length before the sensor."""
 
     layout: Literal["hexagonal", "square"]
-    pitch: PositiveLength = Field(description="Distance of neighbouring microlens centres: the lateral sample.")
-    focal_length: PositiveLength | Literal["f-number-matching"] = Field(
+    pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres: the lateral sample.")
+    focal_length: FocalLength | Literal["f-number-matching"] = Field(
         description="Also the distance to the sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
     )
-    aperture_diameter: PositiveLength | None = Field(default=None, description="Of one microlens; default: the pitch.")
-    f_number: PositiveNumber | None = Field(
+    aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
+    f_number: FNumber | None = Field(
         default=None, description="Of one microlens, focal length over aperture diameter, instead of that diameter."
     )
 
@@ -157,21 +164,21 @@ class UnfocusedMicrolensesPart(Part):
 class UnfocusedFocusPart(Part):
     """Where an unfocused plenoptic camera is focused."""
 
-    distance: PositiveLength = Field(description="Object distance whose image falls on the microlenses.")
+    distance: ObjectDistance = Field(description="Object distance whose image falls on the microlenses.")
 
 
 class ReferenceScalePart(Part):
     """What a data sheet says of one focus: it tells where the principal plane lies behind the front of the lens."""
 
-    working_distance: PositiveLength = Field(description="From the front of the lens.")
-    image_scale: PositiveLength = Field(description="Size that one pixel covers on the object.")
+    working_distance: ObjectDistance = Field(description="From the front of the lens.")
+    image_scale: DetailSize = Field(description="Size that one pixel covers on the object.")
 
 
 class FocusStackPart(Part):
     """A stack of images at different focus, as few as cover the range but no more than it may have."""
 
-    start: PositiveLength = Field(alias="from", description="Nearest distance to cover.")
-    stop: PositiveLengthOrInfinity = Field(alias="to", description="Farthest distance to cover; may be infinity.")
+    start: ObjectDistance = Field(alias="from", description="Nearest distance to cover.")
+    stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance to cover; may be infinity.")
     images: PositiveCount = Field(description="The most images of one stack.")
     time_per_image: PositiveDuration | None = Field(
         default=None, description="From one image to the next, refocusing included."
@@ -187,13 +194,13 @@ class FocusStackPart(Part):
 class ConventionalFocusPart(Part):
     """Where a conventional camera is focused: by distance, by image scale, or by a working distance of a data sheet."""
 
-    distance: PositiveLengthOrInfinity | None = Field(
+    distance: ObjectDistanceOrInfinity | None = Field(
         default=None, description="Object to the principal plane of the lens."
     )
-    image_scale: PositiveLength | None = Field(
+    image_scale: DetailSize | None = Field(
         default=None, description="Size that one pixel covers on the object in focus."
     )
-    working_distance: PositiveLength | None = Field(
+    working_distance: ObjectDistance | None = Field(
         default=None, description="Object to the front of the lens; needs a reference."
     )
     reference: ReferenceScalePart | None = None
@@ -370,9 +377,9 @@ class StereoPart(_CameraPart):
     kind: Literal["stereo"]
     lenses: LensPart
     sensor: SensorPart
-    baseline: PositiveLength
-    axes_meet_at: PositiveLengthOrInfinity = Field(description="Where the optical axes meet; infinity is parallel.")
-    focus_distance: PositiveLengthOrInfinity | Literal["every-object"] = Field(
+    baseline: Baseline
+    axes_meet_at: ObjectDistanceOrInfinity = Field(description="Where the optical axes meet; infinity is parallel.")
+    focus_distance: ObjectDistanceOrInfinity | Literal["every-object"] = Field(
         description="Where the lenses are focused; every-object: a mechanism refocuses them."
     )
     principal_distance: Literal["focal_length", "focused"] = Field(

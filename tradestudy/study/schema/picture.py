@@ -10,16 +10,19 @@ from tradestudy import units
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.quantities import (
+    DETAIL,
+    DetailSize,
+    FNumber,
     NonNegativeElectrons,
     NonNegativeLength,
+    PixelPitch,
     PositiveElectrons,
     PositiveFraction,
-    PositiveLength,
     PositiveNumber,
     PositiveWavelength,
     quantity,
 )
-from tradestudy.units import UnitError, parse
+from tradestudy.units import UnitError, parse, pretty
 
 
 class Window(NamedTuple):
@@ -37,11 +40,15 @@ def _window(value: Any) -> Window:
         try:
             window = Window(parse(value, units.LENGTH), "object")
         except UnitError:
+            shown = "a list" if isinstance(value, list | tuple) else f"'{value}'"
             raise UnitError(
-                f"'{value}' is no window; pixels such as 9 px, or a length on the object such as 1 mm, are expected"
+                f"{shown} is no window; pixels such as 9 px, or a length on the object such as 1 mm, are expected"
             ) from None
     if not 0.0 < window.size < float("inf"):
         raise UnitError(f"'{value}' is out of range; a window above 0 px or 0 m is expected")
+    if window.of == "object" and not DETAIL.smallest <= window.size <= DETAIL.largest:
+        ends = f"{pretty(DETAIL.smallest, units.LENGTH)} to {pretty(DETAIL.largest, units.LENGTH)}"
+        raise UnitError(f"'{value}' is no {DETAIL.name}, check its unit; {ends} is expected")
     return window
 
 
@@ -65,7 +72,7 @@ class TexturePart(Part):
     """The surface: a random texture whose autocorrelation falls off exponentially."""
 
     contrast: PositiveFraction = Field(description="Standard deviation of the radiance over its mean.")
-    correlation_length: PositiveLength = Field(
+    correlation_length: DetailSize = Field(
         description="On the object: where the autocorrelation of the radiance is down to 1/e."
     )
 
@@ -74,8 +81,8 @@ class LightPart(Part):
     """Scene and exposure, the same for all cameras."""
 
     electrons: PositiveElectrons = Field(description="Mean electrons of a pixel at that f-number, on the axis.")
-    at_f_number: PositiveNumber = Field(description="Working f-number: image distance over pupil diameter.")
-    at_pixel_pitch: PositiveLength | None = Field(
+    at_f_number: FNumber = Field(description="Working f-number: image distance over pupil diameter.")
+    at_pixel_pitch: PixelPitch | None = Field(
         default=None, description="Of such a pixel; left out, every pixel collects that, whatever its size."
     )
 

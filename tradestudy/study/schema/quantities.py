@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
@@ -16,6 +17,15 @@ _SMALLEST, _LARGEST = 1e-30, 1e30
 _NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 
 
+@dataclass(frozen=True, kw_only=True)
+class Known:
+    """The sizes [SI] that a thing has from microscopes to spacecraft, with room to spare on both sides."""
+
+    name: str
+    smallest: float
+    largest: float
+
+
 def quantity(
     dimension: Dimension,
     *,
@@ -23,6 +33,7 @@ def quantity(
     at_least: float = -math.inf,
     at_most: float = math.inf,
     infinite: bool = False,
+    known: Known | None = None,
 ) -> tuple[BeforeValidator, WithJsonSchema]:
     """Make the annotations that turn ``float`` into a quantity of a study file.
 
@@ -34,6 +45,8 @@ def quantity(
         Limits in SI [`dimension.unit`]; ``above`` excludes its own value.
     infinite
         Whether ``infinity`` is a legal value.
+    known
+        What sizes such a thing has; a finite value far from them is a slip of the unit.
 
     Returns
     -------
@@ -48,9 +61,12 @@ def quantity(
         if math.isinf(number) and not (infinite and number > 0.0):
             raise UnitError(f"infinity is not possible here; {dimension.name} is expected, such as {dimension.example}")
         if math.isfinite(number) and number != 0.0 and not _SMALLEST <= abs(number) <= _LARGEST:
-            raise UnitError(f"'{value}' is out of range; nothing in a study is below 1e-30 or beyond 1e30 in SI units")
+            raise UnitError(f"'{value}' is out of range; a number from 1e-30 to 1e30 in SI units is expected")
         if not (above < number and at_least <= number <= at_most):
             raise UnitError(f"'{value}' is out of range; {dimension.name} {limits} is expected")
+        if known is not None and math.isfinite(number) and not known.smallest <= number <= known.largest:
+            ends = f"{pretty(known.smallest, dimension)} to {pretty(known.largest, dimension)}"
+            raise UnitError(f"'{value}' is no {known.name}, check its unit; {ends} is expected")
         return number
 
     return BeforeValidator(read), WithJsonSchema(_json_schema(dimension, limits, infinite=infinite))
@@ -87,6 +103,33 @@ NonNegativeLength = Annotated[float, *quantity(units.LENGTH, at_least=0.0)]
 PositiveLengthOrInfinity = Annotated[float, *quantity(units.LENGTH, above=0.0, infinite=True)]
 # Outside of these ends a wavelength is a slip of the unit ("550 mm"), not light.
 PositiveWavelength = Annotated[float, *quantity(units.WAVELENGTH, at_least=1e-8, at_most=1e-2)]
+
+# Far beyond what exists, so that no camera is refused, and near enough to catch a slip of the unit.
+PixelPitch = Annotated[
+    float,
+    *quantity(units.LENGTH, above=0.0, known=Known(name="pixel pitch of a sensor", smallest=1e-8, largest=1e-2)),
+]
+FocalLength = Annotated[
+    float, *quantity(units.LENGTH, above=0.0, known=Known(name="focal length of a lens", smallest=1e-6, largest=1e4))
+]
+MicrolensPitch = Annotated[
+    float, *quantity(units.LENGTH, above=0.0, known=Known(name="size of a microlens", smallest=1e-7, largest=10.0))
+]
+LensToSensor = Annotated[
+    float,
+    *quantity(units.LENGTH, above=0.0, known=Known(name="distance inside a camera", smallest=1e-7, largest=1e4)),
+]
+Baseline = Annotated[
+    float, *quantity(units.LENGTH, above=0.0, known=Known(name="baseline of two cameras", smallest=1e-6, largest=1e12))
+]
+_OBJECTS = Known(name="distance of an object", smallest=1e-6, largest=1e13)
+ObjectDistance = Annotated[float, *quantity(units.LENGTH, above=0.0, known=_OBJECTS)]
+ObjectDistanceOrInfinity = Annotated[float, *quantity(units.LENGTH, above=0.0, infinite=True, known=_OBJECTS)]
+DETAIL = Known(name="detail of an object", smallest=1e-9, largest=1e9)
+DetailSize = Annotated[float, *quantity(units.LENGTH, above=0.0, known=DETAIL)]
+FNumber = Annotated[
+    float, *quantity(units.NUMBER, above=0.0, known=Known(name="f-number of a lens", smallest=0.05, largest=1e5))
+]
 
 Angle = Annotated[float, *quantity(units.ANGLE)]
 PositiveAngle = Annotated[float, *quantity(units.ANGLE, above=0.0)]

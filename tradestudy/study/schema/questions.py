@@ -11,6 +11,8 @@ from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
 from tradestudy.study.schema.light_spot import MethodName
 from tradestudy.study.schema.quantities import (
+    FNumber,
+    ObjectDistance,
     PositiveFraction,
     PositiveLength,
     PositiveNumber,
@@ -37,7 +39,7 @@ def different(pair: tuple[str, ...]) -> tuple[str, ...]:
 
 
 Way = Literal["noise", "calibration", "both"]
-Span = Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=2), AfterValidator(increasing)]
+Span = Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=2), AfterValidator(increasing)]
 Text = Annotated[str, Field(min_length=1, max_length=2000)]
 CameraName = Annotated[str, Field(min_length=1, max_length=80)]
 Pair = Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2), AfterValidator(different)]
@@ -70,7 +72,7 @@ class DecisionPart(Part):
     """The headline pair and the distances at which it is decided."""
 
     between: Pair
-    at: Annotated[tuple[PositiveLength, ...], Field(min_length=1, max_length=20)]
+    at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20)]
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
         description="Cameras among which the best is named; default: all. Other readings of one device are none.",
@@ -92,7 +94,7 @@ class SolvePart(Part):
     low: Text
     high: Text
     equal: Pair
-    at: PositiveLength
+    at: ObjectDistance
     way: Way = "both"
 
 
@@ -201,7 +203,7 @@ class PsfErrorClaim(_ClaimPart):
 
     of: Literal["psf_error"]
     element: ElementName
-    f_number: PositiveNumber
+    f_number: FNumber
     wavelength: PositiveWavelength
     lens_phase: LensPhaseName
     metric: PsfMetric

@@ -13,7 +13,7 @@ from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.quantities import (
     NonNegativeTemperatureDifference,
-    PositiveLength,
+    ObjectDistance,
     PositiveWavelength,
     ThermalExpansion,
 )
@@ -24,8 +24,8 @@ MOST_DISTANCES = 100_000
 class DistanceRangePart(Part):
     """Distances on a scale."""
 
-    start: PositiveLength = Field(alias="from")
-    stop: PositiveLength = Field(alias="to")
+    start: ObjectDistance = Field(alias="from")
+    stop: ObjectDistance = Field(alias="to")
     points: Annotated[int, Field(ge=2, le=MOST_DISTANCES, strict=True)]
     spacing: Literal["log", "linear"] = "log"
 
@@ -51,7 +51,7 @@ class TemperaturePart(Part):
 class ScenePart(Part):
     """What is looked at."""
 
-    distances: DistanceRangePart | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
+    distances: DistanceRangePart | Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
     wavelength: PositiveWavelength
     picture: PicturePart | None = Field(
         default=None, description="Texture, light and sensor: what derived disparity errors follow from."

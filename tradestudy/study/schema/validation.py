@@ -273,7 +273,8 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
     if kind in ("too_short", "too_long"):
         bound, words = ("min_length", "at least") if kind == "too_short" else ("max_length", "at most")
         count = len(finding.entry.items) if isinstance(finding.entry, ListEntry) else len(list(_members(finding.entry)))
-        return f"{count} values stand here", f"{words} {context[bound]} are expected", ""
+        here = "1 value stands here" if count == 1 else f"{count} values stand here"
+        return here, f"{words} {context[bound]} {'is' if context[bound] == 1 else 'are'} expected", ""
     if kind == "string_too_short":
         return "the text is empty", "some text", ""
     if kind == "string_too_long":

@@ -12,10 +12,13 @@ from tradestudy import units
 from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.quantities import (
+    FNumber,
+    FocalLength,
     NonNegativeAngle,
+    ObjectDistance,
+    PixelPitch,
     PositiveAngle,
     PositiveFraction,
-    PositiveLength,
     PositiveNumber,
     PositiveWavelength,
     Waves,
@@ -33,8 +36,8 @@ PositiveWaves = Annotated[Waves, Field(gt=0)]
 class FNumberRangePart(Part):
     """F-numbers on a logarithmic scale."""
 
-    start: PositiveNumber = Field(alias="from")
-    stop: PositiveNumber = Field(alias="to")
+    start: FNumber = Field(alias="from")
+    stop: FNumber = Field(alias="to")
     points: Annotated[int, Field(ge=2, le=200, strict=True)]
 
     @model_validator(mode="after")
@@ -51,7 +54,7 @@ class FNumberRangePart(Part):
 class PublishedErrorPart(Part):
     """An error that somebody read off for this lens."""
 
-    f_number: PositiveNumber
+    f_number: FNumber
     error: PositiveFraction
 
 
@@ -59,9 +62,9 @@ class ElementPart(Part):
     """One lens and the object it images, in focus."""
 
     title: Annotated[str, Field(min_length=1, max_length=80)]
-    focal_length: PositiveLength
-    object_distance: PositiveLength
-    f_number: PositiveNumber = Field(description="At which the camera uses it.")
+    focal_length: FocalLength
+    object_distance: ObjectDistance
+    f_number: FNumber = Field(description="At which the camera uses it.")
     published_error: PublishedErrorPart | None = Field(default=None, description="A published point to compare with.")
     published_minimum: PositiveNumber | None = Field(
         default=None, description="A published least f-number for Fresnel to compare with."
@@ -119,10 +122,10 @@ class PointSpreadPart(Part):
 
     elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)]
     lens_phase: LensPhaseName
-    pixel_pitch: PositiveLength = Field(description="Of the pixels whose neighbours are counted.")
+    pixel_pitch: PixelPitch = Field(description="Of the pixels whose neighbours are counted.")
     window: PositiveNumber = Field(description="Half the side of the sampled window, in Airy radii of each lens.")
     rms_radius: PositiveNumber = Field(description="Radius within which the rms width is taken, in Airy radii.")
-    f_numbers: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=20)]
+    f_numbers: Annotated[tuple[FNumber, ...], Field(min_length=1, max_length=20)]
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)]
     field_angles: Annotated[tuple[NonNegativeAngle, ...], Field(min_length=1, max_length=20)]
     standing_wavelength: PositiveWavelength = Field(description="While something else is varied.")
