@@ -80,7 +80,7 @@ class Study:
         """Of what the study says, with its cameras and overrides in place, and of the data files that it names."""
         document = self.definition.document
         notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
-        notes |= {".".join(map(str, one.path)): ["set for this run", one.text, one.before] for one in document.overrides}
+        notes |= {".".join(map(str, one.path)): ["set for this run", one.before] for one in document.overrides}
         files = {name: provenance.file_hash(path) for name, path in self.definition.data_files.items()}
         return provenance.study_hash({"says": document.tree, "notes": notes, "files": files})
 
@@ -98,6 +98,26 @@ class Study:
         ]
         words = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for count, word in counted if count)
         return f"{self.name}: {words or 'in order'}{ends}"
+
+    def check(self) -> str:
+        """Refuse what no run would answer, as `plan` does; one line on what the study would compute.
+
+        Its models are weighed where it declares an accuracy or forces effects, not where nothing but calibration is
+        forced, which every camera that measures depth has. How long a run takes is not asked.
+
+        Raises
+        ------
+        UnaffordableError
+            Where nothing is accurate enough.
+        StudyError
+            Where the study forces a model that acts nowhere in it.
+        """
+        forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
+        if forced or self.definition.document.entry("accuracy") is not None:
+            from tradestudy.study.choice import choose
+
+            choose(self.definition)
+        return self.check_summary()
 
     def with_values(self, values: Mapping[str, str]) -> Study:
         """The same study with other values by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""

@@ -150,7 +150,7 @@ def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = Fal
     with _answering(debug=debug):
         from tradestudy import api
 
-        _say(api.load(study, set_ or ()).check_summary())
+        _say(api.load(study, set_ or ()).check())
 
 
 @app.command()

@@ -169,3 +169,31 @@ def test_calibration_is_weighed_beside_the_models_that_are_forced() -> None:
         return slot.model("off").change_of("depth_uncertainty")
 
     assert share(forced) > 3.0 * share(free)
+
+
+@pytest.mark.parametrize(
+    ("study", "override"),
+    [
+        ("close_range", "effects.crosstalk=coherent"),
+        ("close_range", "effects.main_lens_diffraction=boundary_wave"),
+        ("close_range", "accuracy.relative=0.0001 %"),
+        ("plenoptic_vs_stereo", "effects.spectrum=weighted"),
+        ("hand_lens", "effects.sensor_noise=shot"),
+        ("light_spot", "effects.calibration=linear"),
+        ("light_spot", "effects.main_lens_diffraction=off"),
+    ],
+)
+def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override: str) -> None:
+    loaded = tradestudy.load(STUDIES / f"{study}.yaml", [override])
+    with pytest.raises((StudyError, UnaffordableError)) as by_plan:
+        loaded.plan()
+    with pytest.raises(type(by_plan.value)) as by_check:
+        loaded.check()
+    assert str(by_check.value) == str(by_plan.value)
+
+
+@pytest.mark.parametrize("override", ["effects.main_lens_diffraction=kirchhoff", "accuracy.relative=1 %"])
+def test_check_passes_what_plan_passes(override: str) -> None:
+    loaded = tradestudy.load(STUDIES / "close_range.yaml", [override])
+    assert loaded.check() == loaded.check_summary()
+    assert loaded.plan().selections

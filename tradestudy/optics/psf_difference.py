@@ -13,9 +13,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import jn_zeros
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import (
     Accuracy,
@@ -30,7 +30,6 @@ from tradestudy.optics.propagation import (
 )
 from tradestudy.optics.quadrature import gauss_legendre
 
-FIRST_DARK_RING = float(jn_zeros(1, 1)[0]) / math.pi  # 1.2197: of the Airy pattern, in λ N_w
 _INTERVALS = 16  # of a panel at most one Airy radius long; its 1.2 periods then are resolved to 1e-9
 _FINE_POINTS = 64  # Gauss nodes in a panel for the kinked absolute difference
 _ANGLE_MARGIN = 1.2  # angles over the least that resolve the outermost ring

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from tradestudy.accuracy import Accuracy
 from tradestudy.effects.base import SlotName
 from tradestudy.effects.selection import Selection, offered
-from tradestudy.errors import Problem, StudyError, UnaffordableError
+from tradestudy.errors import UnaffordableError
 from tradestudy.machine import machine_speed
+from tradestudy.study.choice import choose
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.plan_text import plan_text
 from tradestudy.study.predicted_time import PredictedStep, predicted_seconds
-from tradestudy.study.situations.every import every_situation
 from tradestudy.study.situations.situation import Situation
 from tradestudy.wording import counted
 
@@ -74,10 +74,7 @@ def plan_of(definition: StudyDefinition) -> Plan:
     accuracy = definition.file.accuracy.wanted()
     forced = definition.file.effects.forced()
     speed = machine_speed()
-    situations = every_situation(definition, forced)
-    _check_forced(definition, situations, forced)
-    timeless = Accuracy(relative=accuracy.relative)
-    selections = {one.name: one.select(timeless, forced) for one in situations}
+    situations, selections = choose(definition)
     acting = definition.with_models(_models(selections))
     plan = Plan(
         definition=acting,
@@ -103,24 +100,6 @@ def _pictures(
     seconds = math.fsum(selections[name].seconds for name in derived) / speed
     work = f"{counted(len(derived), 'camera')} whose disparity error is derived"
     return (PredictedStep(name="pictures", low=seconds, high=seconds, work=work),) if derived else ()
-
-
-def _check_forced(
-    definition: StudyDefinition, situations: tuple[Situation, ...], forced: Mapping[SlotName, str]
-) -> None:
-    """Refuse a forced model that nothing in the study has: it would be ignored."""
-    problems = []
-    for slot, name in forced.items():
-        offered = [model for one in situations for own in one.slots if own.name == slot for model in own.model_names]
-        if name not in offered:
-            file, line, column = definition.document.locate(("effects", slot))
-            known = ", ".join(dict.fromkeys(offered)) or "nothing"
-            what = f"'{name}' acts nowhere in this study, which offers {known} in this slot"
-            if offered == ["off"] * len(offered) and offered:
-                what += "; what happens in a picture reaches depth only where disparity_error is derived"
-            problems.append(Problem(file=file, line=line, column=column, path=f"effects.{slot}", what=what))
-    if problems:
-        raise StudyError(problems)
 
 
 def _too_long(

@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.point_spread import (
     diffraction_limited_peak,
     encircled_energy_radius,
@@ -29,7 +30,7 @@ from tradestudy.optics.propagation import (
     aperture_field,
     lens_wave,
 )
-from tradestudy.optics.psf_difference import FIRST_DARK_RING, airy_radius
+from tradestudy.optics.psf_difference import airy_radius
 from tradestudy.optics.quadrature import disc_nodes
 from tradestudy.optics.sampled_point_spread import Measured, PointSpread
 from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart

@@ -19,8 +19,8 @@ from tradestudy.effects.temperature import temperature_slot
 from tradestudy.effects.unused import declared_reason, unused_slots
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import PictureGeometry, picture_geometry
+from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.psf_difference import FIRST_DARK_RING
 from tradestudy.study.acting import AnyDepthCamera, acting
 from tradestudy.study.decision import question_ends
 from tradestudy.study.definition import StudyDefinition

@@ -6,10 +6,6 @@ from collections.abc import Iterator, Mapping
 
 from tradestudy.effects.base import SlotName
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.situations.depth import depth_situations
-from tradestudy.study.situations.depth_of_field import depth_of_field_situation
-from tradestudy.study.situations.light_spot import light_spot_situation
-from tradestudy.study.situations.point_spread import point_spread_situation
 from tradestudy.study.situations.situation import Situation
 
 
@@ -22,12 +18,21 @@ def every_situation(definition: StudyDefinition, forced: Mapping[SlotName, str])
 
 
 def _situations(definition: StudyDefinition, forced: Mapping[SlotName, str]) -> Iterator[Situation]:
+    # Each kind is imported where it is asked for: a study file is checked with them, and few ask for light.
     file = definition.file
     if definition.case.cameras:
+        from tradestudy.study.situations.depth import depth_situations
+
         yield from depth_situations(definition, forced)
     if file.depth_of_field is not None:
+        from tradestudy.study.situations.depth_of_field import depth_of_field_situation
+
         yield depth_of_field_situation(definition, file.depth_of_field)
     if file.light_spot is not None:
+        from tradestudy.study.situations.light_spot import light_spot_situation
+
         yield light_spot_situation(file.light_spot)
     if file.point_spread is not None:
+        from tradestudy.study.situations.point_spread import point_spread_situation
+
         yield point_spread_situation(file.point_spread)

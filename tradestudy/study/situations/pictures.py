@@ -27,8 +27,8 @@ from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import mean_electrons, noise_variance
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.imaging.vignetting import field_illumination
+from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.psf_difference import FIRST_DARK_RING
 from tradestudy.study.acting import AnyDepthCamera, with_models
 from tradestudy.study.depth import depth_uncertainty
 

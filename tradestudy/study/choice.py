@@ -1,0 +1,48 @@
+"""The models of every piece of a study: weighed, chosen, or refused; nothing is simulated for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tradestudy.accuracy import Accuracy
+from tradestudy.effects.base import SlotName
+from tradestudy.effects.selection import Selection
+from tradestudy.errors import Problem, StudyError
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.situations.every import every_situation
+from tradestudy.study.situations.situation import Situation
+
+
+def choose(definition: StudyDefinition) -> tuple[tuple[Situation, ...], Mapping[str, Selection]]:
+    """Weigh the models of every piece of a study, and choose the cheapest that are accurate enough, by its name.
+
+    Raises
+    ------
+    UnaffordableError
+        Where nothing is accurate enough; with the nearest accuracy that can be had.
+    StudyError
+        Where the study forces a model that no piece of it has.
+    """
+    forced = definition.file.effects.forced()
+    situations = every_situation(definition, forced)
+    _check_forced(definition, situations, forced)
+    timeless = Accuracy(relative=definition.file.accuracy.wanted().relative)
+    return situations, {one.name: one.select(timeless, forced) for one in situations}
+
+
+def _check_forced(
+    definition: StudyDefinition, situations: tuple[Situation, ...], forced: Mapping[SlotName, str]
+) -> None:
+    """Refuse a forced model that nothing in the study has: it would be ignored."""
+    problems = []
+    for slot, name in forced.items():
+        offered = [model for one in situations for own in one.slots if own.name == slot for model in own.model_names]
+        if name not in offered:
+            file, line, column = definition.document.locate(("effects", slot))
+            known = ", ".join(dict.fromkeys(offered)) or "nothing"
+            what = f"'{name}' acts nowhere in this study, which offers {known} in this slot"
+            if offered == ["off"] * len(offered) and offered:
+                what += "; what happens in a picture reaches depth only where disparity_error is derived"
+            problems.append(Problem(file=file, line=line, column=column, path=f"effects.{slot}", what=what))
+    if problems:
+        raise StudyError(problems)
