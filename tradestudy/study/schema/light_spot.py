@@ -16,16 +16,20 @@ from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.schema.accuracy import EffectsPart
 from tradestudy.study.schema.base import Part
 from tradestudy.study.schema.quantities import (
+    FNumber,
+    FocalLength,
     Length,
+    LensToSensor,
+    MicrolensPitch,
     NonNegativeLength,
+    ObjectDistance,
+    PixelPitch,
     PositiveDuration,
-    PositiveLength,
-    PositiveNumber,
     PositiveWavelength,
     quantity,
 )
 from tradestudy.study.schema.wave_optics import LensPhaseName
-from tradestudy.units import LENGTH, pretty
+from tradestudy.units import LENGTH, UnitError, pretty
 
 # Of both legs, or of the leg to the array and the leg behind it.
 MethodName = Literal[
@@ -57,18 +61,20 @@ _WIDEST_SQUARE_IN_HEXAGON: Final = math.sqrt(3.0) - 1.0  # side over pitch, side
 def _no_list(value: object) -> object:
     """Let a list be judged as a list alone, not also as a length."""
     if isinstance(value, list | tuple):
+        if len(value) == 1:
+            raise UnitError("a list of one value stands here; the value without brackets")
         raise PydanticKnownError("float_type")
     return value
 
 
-OneLength = Annotated[PositiveLength, BeforeValidator(_no_list)]
+OneLength = Annotated[FocalLength, BeforeValidator(_no_list)]
 
 
 class MainLensPart(Part):
     """The main lens of the light path."""
 
-    focal_length: PositiveLength
-    f_number: PositiveNumber
+    focal_length: FocalLength
+    f_number: FNumber
     lens_phase: LensPhaseName
 
 
@@ -79,19 +85,19 @@ class SpotMicrolensesPart(Part):
     across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(
         description="Microlenses along a side of a square; along the middle row of a hexagon, an odd number."
     )
-    pitch: PositiveLength = Field(description="Distance of neighbouring microlens centres.")
-    focal_length: OneLength | Annotated[tuple[PositiveLength, ...], Field(min_length=2, max_length=4)] = Field(
+    pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres.")
+    focal_length: OneLength | Annotated[tuple[FocalLength, ...], Field(min_length=2, max_length=4)] = Field(
         description="One, or one for each type: along a row the types take turns, and from row to row they shift by "
         "one; the first is on the axis."
     )
     aperture: Literal["circular", "square"] = "circular"
-    f_number: PositiveNumber | None = Field(
+    f_number: FNumber | None = Field(
         default=None, description="Focal length over width of the aperture, where there is one focal length."
     )
-    aperture_width: PositiveLength | None = Field(
+    aperture_width: MicrolensPitch | None = Field(
         default=None, description="Diameter, or side along x and y, instead of the f-number."
     )
-    gap: PositiveLength = Field(description="Array to detector.")
+    gap: LensToSensor = Field(description="Array to detector.")
     gaps: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
     lens_phase: LensPhaseName
 
@@ -146,14 +152,14 @@ class SpotDetectorPart(Part):
     """The pixels, centred on the axis."""
 
     pixels: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(description="Pixels along a side.")
-    pixel_pitch: PositiveLength
+    pixel_pitch: PixelPitch
 
 
 class SpotSourcePart(Part):
     """A uniformly bright disc, or a point."""
 
     diameter: NonNegativeLength = Field(description="0 mm is a point.")
-    distance: PositiveLength
+    distance: ObjectDistance
     x: Length = 0.0
     y: Length = 0.0
     coherent: bool = Field(
@@ -208,7 +214,7 @@ class LightSpotPart(Part):
     """A spot of light through main lens and microlenses, by several methods."""
 
     main_lens: MainLensPart
-    array_distance: PositiveLength = Field(description="Main lens to microlens array.")
+    array_distance: LensToSensor = Field(description="Main lens to microlens array.")
     microlenses: SpotMicrolensesPart
     detector: SpotDetectorPart
     spot: SpotSourcePart
