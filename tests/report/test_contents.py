@@ -7,6 +7,7 @@ import pytest
 import xarray as xr
 
 from tradestudy import figures
+from tradestudy.figures.depth_data import winners
 from tradestudy.report.contents import compose
 from tradestudy.report.document import Bullets, Document, Heading, Picture, Table, Text, flattened, spans
 
@@ -102,6 +103,30 @@ def test_who_is_usable_without_being_a_candidate_is_told(make_tree: Callable[...
     drawing = figures.build(tree)["whole_range"]
     assert "of the candidates Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across" in drawing.caption
     assert "Smallest uncertainty of the candidates: 0.05 to 0.15\N{NO-BREAK SPACE}m no candidate, " in drawing.alt
+
+
+def test_a_sliver_of_the_range_is_not_told(make_tree: Callable[..., xr.DataTree]) -> None:
+    tree = make_tree()
+    depth = tree["depth"].to_dataset().copy(deep=True)
+    decision = tree["decision"].to_dataset().copy(deep=True)
+    depth["usable_near"][0] = 0.05000001  # the first distance, 50 mm, lies just before it
+    decision["best_camera"][1:] = "r5"
+    decision["best_camera"][0] = ""
+    tree["depth"], tree["decision"] = xr.DataTree(depth), xr.DataTree(decision)
+    assert [key for _, _, key in winners(tree)] == ["", "r5"]
+    found = list(sentences(document_of(tree)))
+    assert found[0].startswith("0.05 to 10 m: Raytrix R5, Keplerian, ±")
+    assert "Smallest uncertainty: 0.05 to 10\u00a0m Raytrix" in figures.build(tree)["whole_range"].alt
+    # A study of so narrow a range is told all the same, with more digits.
+    narrow = np.linspace(1.0, 1.0004, decision.sizes["distance"])
+    depth["usable_near"][:], depth["usable_far"][:] = 1.0001, 1.0004
+    tree["depth"] = xr.DataTree(depth.assign_coords(distance=narrow))
+    decision["best_camera"][:] = np.where(narrow < 1.0001, "", "r5")[:, None]
+    tree["decision"] = xr.DataTree(decision.assign_coords(distance=narrow))
+    assert [text.split(":")[0] for text in list(sentences(document_of(tree)))[:2]] == [
+        "1 to 1.0001 m",
+        "1.0001 to 1.0004 m",
+    ]
 
 
 def test_equal_uncertainties_are_no_loss(make_tree: Callable[..., xr.DataTree]) -> None:

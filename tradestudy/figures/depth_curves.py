@@ -17,6 +17,7 @@ from tradestudy.figures.depth_data import (
     has_winners,
     nominal,
     of_camera,
+    told_winners,
     usable_intervals,
     winners,
 )
@@ -189,7 +190,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[Camera, ...]) -
 
 def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
     """A vertical line wherever the best camera changes, with its distance."""
-    stretches = list(winners(tree))
+    stretches = list(told_winners(tree))
     for _, edge, _ in stretches[:-1]:
         for axes in panels:
             axes.axvline(edge, color=INK, linewidth=0.6, linestyle=(0, (2, 2)), zorder=0.8)

@@ -10,11 +10,13 @@ import numpy as np
 import numpy.typing as npt
 
 from tradestudy.figures.style import LineStyle, line_style
+from tradestudy.wording import distance
 
 if TYPE_CHECKING:
     import xarray as xr
 
 FloatArray = npt.NDArray[np.float64]
+_SLIVER = 0.01  # of the range of the study
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,18 +106,25 @@ def winners(tree: xr.DataTree, way: str = "both") -> Iterator[tuple[float, float
     """
     best = tree["decision"].to_dataset()["best_camera"].sel(way=way)
     names = [str(name) for name in best.values]
-    distance = np.asarray(best["distance"].values, dtype=np.float64)
+    every = np.asarray(best["distance"].values, dtype=np.float64)
     exact = _exact_ends(tree, way)
-    start, start_distance = 0, float(distance[0])
+    start, start_distance = 0, float(every[0])
     for index in range(1, len(names) + 1):
         if index == len(names):
-            yield start_distance, float(distance[-1]), names[start]
+            yield start_distance, float(every[-1]), names[start]
         elif names[index] != names[start]:
-            low, high = float(distance[index - 1]), float(distance[index])
+            low, high = float(every[index - 1]), float(every[index])
             between = exact[(exact >= low) & (exact <= high)]
             end = float(between[0]) if between.size else float(np.sqrt(low * high))
             yield start_distance, end, names[start]
             start, start_distance = index, end
+
+
+def told_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
+    """The stretches of `winners` without slivers: hundredths of the range whose ends read the same in three digits."""
+    found = list(winners(tree))
+    whole = found[-1][1] - found[0][0]
+    return (one for one in found if distance(one[0]) != distance(one[1]) or one[1] - one[0] > _SLIVER * whole)
 
 
 def _exact_ends(tree: xr.DataTree, way: str) -> FloatArray:

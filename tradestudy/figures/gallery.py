@@ -27,8 +27,8 @@ from tradestudy.figures.depth_data import (
     nominal,
     of_camera,
     swept,
+    told_winners,
     usable_intervals,
-    winners,
 )
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
@@ -117,7 +117,7 @@ def _winner_words(tree: xr.DataTree, shown: tuple[Camera, ...]) -> str:
         return ""
     chosen = candidates(tree)
     titles = {camera.key: camera.title for camera in shown} | {"": "no candidate" if chosen else "no camera"}
-    stretches = [f"{span(a, b)} {titles[key]}" for a, b, key in winners(tree)]
+    stretches = [f"{span(a, b)} {titles[key]}" for a, b, key in told_winners(tree)]
     return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {', '.join(stretches)}."
 
 

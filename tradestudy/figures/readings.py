@@ -53,7 +53,7 @@ def readings(tree: xr.DataTree) -> StudyFigure:
         panels[0].get_yticklabels()[0].set_fontweight("bold")
         panels[0].set_ylim(len(names) - 0.4, -0.6)
         first, second = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
-        panels[0].set_xlabel(f"uncertainty of {first} / uncertainty of {second}")
+        panels[0].set_xlabel(f"uncertainty of {first}\nover that of {second}")
         for axes in panels[1:]:
             axes.set_xlabel("the same ratio")
         handles = [_mark(order, len(places), filled=True) for order in range(len(places))]
@@ -87,10 +87,10 @@ def _mark(order: int, count: int, *, filled: bool) -> Line2D:
 
 def _panel(axes: Axes, ratio: FloatArray, flips: npt.NDArray[np.bool_]) -> None:
     """All marks of one way; `ratio` and `flips` have shape (reading, place)."""
-    log_axis(axes, "x")
     finite = ratio[np.isfinite(ratio) & (ratio > 0)]
     low, high = (min(float(finite.min()), 0.5), max(float(finite.max()), 2.0)) if finite.size else (0.5, 2.0)
     low, high = low / 1.4, high * 1.4
+    log_axis(axes, "x", ends=(low, high))
     axes.set_xlim(low, high)
     axes.axvspan(low, 1, color=FAINT, alpha=0.5, linewidth=0, zorder=0)
     axes.axvline(1, color=INK, linewidth=0.9, zorder=0.9)

@@ -48,10 +48,10 @@ def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block
 
 def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
     """One sentence per stretch of distance with one best camera."""
-    from tradestudy.figures.depth_data import candidates, nominal, nominal_is_declared, winners
+    from tradestudy.figures.depth_data import candidates, nominal, nominal_is_declared, told_winners
 
     titles, depth, declared = facts.titles(tree), nominal(tree), nominal_is_declared(tree)
-    for start, end, key in winners(tree):
+    for start, end, key in told_winners(tree):
         where = span(start, end)
         if not key:
             yield say(

@@ -135,8 +135,8 @@ def _stereo() -> Iterator[Block]:
             "yaw eats the whole disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with "
             "*W* = 2 *Z* tan(FOV/2), bounds the near range. *c* is the distance of the sensor behind the lens: the "
             "focal length *f*, as where that comes from a calibration in pixels, or, where the study says “focused”, "
-            "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a* − *f*). The table of the cameras "
-            "states *c* beside that image distance, which is longer than *f* by the share *f*/(*a* − *f*)."
+            "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a*\u00a0−\u00a0*f*). The table of the "
+            "cameras states *c* beside that image distance, which is longer than *f* by the share *f*/(*a* − *f*)."
         )
     )
 

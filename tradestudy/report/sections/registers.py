@@ -85,7 +85,8 @@ def contradictions(tree: xr.DataTree) -> Iterator[Block]:
         "Inputs that are given more than once were checked against each other. Where they disagree, nothing was "
         "resolved silently: this is what was stated, what the other inputs imply, and what this study uses."
     )
-    columns = tuple(Column(title=t, weight=2) for t in ("Camera", "What", "Stated", "Implied", "Used"))
+    weights = {"Camera": 4, "What": 5, "Stated": 4, "Implied": 7, "Used": 9}
+    columns = tuple(Column(title=title, weight=weight) for title, weight in weights.items())
     titles = facts.titles(tree)
     yield Table(
         name="contradiction-table",

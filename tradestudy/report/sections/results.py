@@ -230,13 +230,18 @@ def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bl
         decision, titles = facts.dataset(tree, "decision"), facts.titles(tree)
         pair = {end: titles[decision.attrs[end]] for end in ("first", "second")}
         yield Heading(text="The decision under every reading", anchor="decision", level=2)
-        yield Paragraph(
-            say(
-                "The sources leave questions open. Each reading answers one of them differently from the study as "
-                "declared; everything else stays. The pair compared is {first} and {second}.",
-                **pair,
+        if decision.sizes["reading"] > 1:
+            yield Paragraph(
+                say(
+                    "The sources leave questions open. Each reading answers one of them differently from the study as "
+                    "declared; everything else stays. The pair compared is {first} and {second}.",
+                    **pair,
+                )
             )
-        )
+        else:
+            yield Paragraph(
+                say("The study declares no other reading. The pair compared is {first} and {second}.", **pair)
+            )
         yield _ratio_table(decision, pair)
         yield from _pictures(drawings, "readings")
         yield from _crossovers(decision)
