@@ -80,7 +80,9 @@ class Study:
         """Of what the study says, with its cameras and overrides in place, and of the data files that it names."""
         document = self.definition.document
         notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
-        notes |= {".".join(map(str, one.path)): ["set for this run", one.text, one.before] for one in document.overrides}
+        notes |= {
+            ".".join(map(str, one.path)): ["set for this run", one.text, one.before] for one in document.overrides
+        }
         files = {name: provenance.file_hash(path) for name, path in self.definition.data_files.items()}
         return provenance.study_hash({"says": document.tree, "notes": notes, "files": files})
 
