@@ -94,7 +94,7 @@ def test_diffraction_on_the_object_is_that_of_the_part_of_the_pupil_behind_one_m
     for distance in (0.15, 0.2, 1.0):
         b = 1 / (1 / f - 1 / distance)
         part_of_pupil = D * b / (z - b)
-        expected = 1.0289939759553986 * 550e-9 * distance / part_of_pupil
+        expected = 1.028993969962188 * 550e-9 * distance / part_of_pupil
         assert camera.focus.diffraction_width(distance, 550e-9, "fwhm") == pytest.approx(expected, rel=1e-9)
 
 

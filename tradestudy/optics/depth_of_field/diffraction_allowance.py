@@ -15,11 +15,11 @@ from tradestudy.optics.depth_of_field.limits import as_floats, require
 DiffractionMeasure = Literal["none", "airy-diameter", "fwhm"]
 
 # Diameters of the diffraction pattern of a circular pupil in λ N: (2 J₁(x)/x)² with x = π r/(λ N) has its first zero at
-# x = 3.8317059702075125 and half its peak at x = 1.6163399561827614; the diameter is 2x/π.
+# x = 3.8317059702075125 and half its peak at x = 1.6163399483107032; the diameter is 2x/π.
 _DIAMETER_IN_WAVELENGTHS_PER_F_NUMBER: Final[dict[DiffractionMeasure, float]] = {
     "none": 0.0,
-    "airy-diameter": 2.4393398087557926,
-    "fwhm": 1.0289939759553986,
+    "airy-diameter": 2.439339782533009,
+    "fwhm": 1.028993969962188,
 }
 
 
