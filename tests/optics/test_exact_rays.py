@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.optics.test_chain_mixed import PITCH, camera, image, relative
+from tests.optics.small_chain import PITCH, camera, relative
+from tests.optics.test_chain_mixed import image
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import (
@@ -145,6 +146,16 @@ def test_the_stated_error_holds_the_true_one_and_shrinks_with_the_tolerance(sour
         found = image(path, source, EXACT_RAYS, accuracy=ChainAccuracy(tolerance=tolerance))
         assert relative(found.pixels, truth) <= found.numerical_error < before
         before = found.numerical_error
+
+
+def test_rays_are_refined_where_the_first_ones_miss_the_tolerance() -> None:
+    """A disc far wider than its few pixels; perfect lenses have its picture by exact areas of the pupil."""
+    perfect = CircularLens(radius=0.1e-3, focal_length=2e-3, lens_phase="perfect")
+    path, disc = camera(lens_phase="perfect", main_lens=perfect), DiscSource(diameter=2e-3, distance=24e-3)
+    wanted = ChainAccuracy(tolerance=1e-2)
+    found = image(path, disc, EXACT_RAYS, accuracy=wanted)
+    assert found.effort["rays"] > 1.5 * exact_rays.ray_count(path, disc, wanted)
+    assert relative(found.pixels, image(path, disc, GEOMETRIC).pixels) < found.numerical_error <= wanted.tolerance
 
 
 def test_what_rays_cannot_do_is_refused() -> None:
