@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 import xarray as xr
 
-from tradestudy import report
 from tradestudy.report import html
 from tradestudy.report.document import (
     Bullets,
@@ -68,13 +67,6 @@ class Page(HTMLParser):
     @property
     def text(self) -> str:
         return re.sub(r"\s+", " ", "".join(self.texts))
-
-
-@pytest.fixture(scope="module")
-def written(tree: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    directory = tmp_path_factory.mktemp("html")
-    report.write(tree, {"versions": {"numpy": "2.0"}, "seconds": {"depth": 0.25}}, directory, pdf=False)
-    return directory
 
 
 @pytest.fixture(scope="module")

@@ -45,14 +45,16 @@ def pixels(content: bytes, page: int, scale: float = 2.0) -> npt.NDArray[np.int6
 
 
 @pytest.fixture(scope="module")
-def written(tree: xr.DataTree, tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    directory = tmp_path_factory.mktemp("pdf")
-    report.write(tree, {"date": "2026-01-01"}, directory)
-    return (directory / "report.pdf").read_bytes()
+def printed(written: Path) -> bytes:
+    return (written / "report.pdf").read_bytes()
 
 
-def test_headings_stand_on_their_pages_in_order(written: bytes) -> None:
-    pages = texts(written)
+@pytest.fixture(scope="module")
+def pages(printed: bytes) -> list[str]:
+    return texts(printed)
+
+
+def test_headings_stand_on_their_pages_in_order(pages: list[str]) -> None:
     assert "1 The answer" in pages[0]
     body = " ".join(pages[1:]).partition("Assumptions register")[2]  # behind the contents
     names = ["Method", "Results", "What accuracy costs", "Claims", "Requirements", "Contradictions found", "Provenance"]
@@ -64,20 +66,22 @@ def test_headings_stand_on_their_pages_in_order(written: bytes) -> None:
         assert f"{number} of {len(pages)}" in text
 
 
-def test_the_outline_and_the_tags_serve_readers_who_do_not_see(written: bytes) -> None:
-    with pdfium.PdfDocument(written) as document:
+def test_the_outline_and_the_tags_serve_readers_who_do_not_see(printed: bytes) -> None:
+    with pdfium.PdfDocument(printed) as document:
         titles = [bookmark.get_title() for bookmark in document.get_toc()]
     assert any("The answer" in title for title in titles)
-    assert b"pdfuaid:part" in written
-    assert b"/Lang" in written
+    assert b"pdfuaid:part" in printed
+    assert b"/Lang" in printed
 
 
 @pytest.mark.parametrize("name", ["whole_range", "close_range", "mid_range"])
-def test_the_curve_of_every_camera_is_on_the_page(tree: xr.DataTree, written: bytes, name: str) -> None:
+def test_the_curve_of_every_camera_is_on_the_page(
+    tree: xr.DataTree, printed: bytes, pages: list[str], name: str
+) -> None:
     """Each camera's colour runs across the plotting area of the figure, also in the page as printed."""
     caption = figures.build(tree)[name].caption[:60].rstrip()
-    number = next(i for i, text in enumerate(texts(written)) if caption in text)
-    image = pixels(written, number, scale=3.0)
+    number = next(i for i, text in enumerate(pages) if caption in text)
+    image = pixels(printed, number, scale=3.0)
     for camera in cameras(tree):
         depth = tree["depth"].to_dataset().sel(camera=camera.key)
         span = {"whole_range": (0.05, 10.0), "close_range": (0.0, 1.0), "mid_range": (1.0, 10.0)}[name]
@@ -157,7 +161,7 @@ def test_equations_come_one_per_page() -> None:
     assert pages[0] != pages[1]
 
 
-def test_the_same_bytes_again(tree: xr.DataTree, written: bytes, tmp_path: Path) -> None:
-    report.write(tree, {"date": "2026-01-01"}, tmp_path)
-    assert (tmp_path / "report.pdf").read_bytes() == written
-    assert io.BytesIO(written).read(5) == b"%PDF-"
+def test_the_same_bytes_again(tree: xr.DataTree, printed: bytes, record: dict[str, object], tmp_path: Path) -> None:
+    report.write(tree, record, tmp_path)
+    assert (tmp_path / "report.pdf").read_bytes() == printed
+    assert io.BytesIO(printed).read(5) == b"%PDF-"
