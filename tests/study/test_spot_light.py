@@ -108,6 +108,27 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(7)
 
 
+def test_a_picture_tells_how_far_it_is_and_is_the_same_whoever_listens(tmp_path: Path) -> None:
+    part = spot(tmp_path, (SPECTRUM, "spectrum: {wavelengths: [500 nm, 600 nm], weights: [1, 1]}"))
+    models = SpotModels(method="fresnel", tolerance=0.2)
+    heard: list[float] = []
+    image = spot_picture(part, models, heard.append)
+    assert len(heard) >= 4  # rings of both wavelengths
+    assert np.all(np.diff(heard) > 0.0)
+    assert 0.0 < heard[0] < 0.5
+    assert any(share == pytest.approx(0.5) for share in heard)  # the first wavelength is done
+    assert heard[-1] == pytest.approx(1.0)
+    again: list[float] = []
+    assert spot_picture(part, models, again.append) is image  # what was computed is not computed again
+    assert again == []
+    alone: list[float] = []
+    separate_image(
+        PATH, PointSource(x=0.0, y=0.0, distance=0.150), wavelength=550e-9, legs=FRESNEL, accuracy=LOOSE, rng=rng(),
+        done=alone.append,
+    )  # fmt: skip
+    assert alone == pytest.approx(np.arange(1, 8) / 7)
+
+
 def test_a_spectrum_through_a_hexagonal_array_of_two_types(tmp_path: Path) -> None:
     result = study(tmp_path).run()
     data = result.data["images"].to_dataset()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Final
 
@@ -136,9 +136,26 @@ def spot_image(part: LightSpotPart, method: MethodName) -> ChainImage:
     return spot_picture(part, compared_models(part, method))
 
 
-def spot_picture(part: LightSpotPart, models: SpotModels) -> ChainImage:
-    """Image of the declared spot by any models; what does not touch the image does not compute it again."""
-    return _spot_picture(without_comparison(part), models)
+def spot_picture(
+    part: LightSpotPart, models: SpotModels, done: Callable[[float], None] = lambda _share: None
+) -> ChainImage:
+    """Image of the declared spot by any models; what does not touch the image does not compute it again.
+
+    Parameters
+    ----------
+    part, models
+        What is pictured, and how.
+    done
+        Hears the share that is done, where a picture takes long enough to tell.
+    """
+    return _spot_picture(without_comparison(part), models, _Listener(done=done))
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Listener:
+    """Who hears of a picture's progress: no part of what picture it is, so that all listeners are equal."""
+
+    done: Callable[[float], None] = field(compare=False)
 
 
 def without_comparison(part: LightSpotPart) -> LightSpotPart:
@@ -147,7 +164,7 @@ def without_comparison(part: LightSpotPart) -> LightSpotPart:
 
 
 @lru_cache(maxsize=64)
-def _spot_picture(part: LightSpotPart, models: SpotModels) -> ChainImage:
+def _spot_picture(part: LightSpotPart, models: SpotModels, listener: _Listener) -> ChainImage:
     source = light_source(part)
     return picture_of(
         part,
@@ -155,6 +172,7 @@ def _spot_picture(part: LightSpotPart, models: SpotModels) -> ChainImage:
         models,
         accuracy=ChainAccuracy(tolerance=models.tolerance),
         seed=part.seed,
+        done=listener.done,
     )
 
 
@@ -165,13 +183,14 @@ def picture_of(
     *,
     accuracy: ChainAccuracy,
     seed: int,
+    done: Callable[[float], None] = lambda _share: None,
 ) -> ChainImage:
     """Image of any source on the declared light path in the declared light, computed anew."""
     path = light_path(part)
     path = replace(path, pixels=replace(path.pixels, integrated=models.integrated))
     image_of = separate_image if models.separate else chain_image
 
-    def image(wavelength: float) -> ChainImage:
+    def image(wavelength: float, first: float = 0.0, last: float = 1.0) -> ChainImage:
         return image_of(
             path,
             source,
@@ -179,12 +198,15 @@ def picture_of(
             legs=legs(models.method),
             accuracy=accuracy,
             rng=np.random.default_rng(seed),
+            done=lambda share: done(first + (last - first) * share),
         )
 
     if models.monochromatic or models.method in RAYS:  # rays are the same at every wavelength
         return image(part.mean_wavelength)
     wavelengths, shares = np.array(part.lines).T
-    return mean_image([image(float(wavelength)) for wavelength in wavelengths], wavelengths, shares)
+    steps = np.linspace(0.0, 1.0, wavelengths.size + 1).tolist()
+    images = [image(*one) for one in zip(wavelengths.tolist(), steps[:-1], steps[1:], strict=True)]
+    return mean_image(images, wavelengths, shares)
 
 
 def image_difference(image: FloatArray, reference: FloatArray) -> float:

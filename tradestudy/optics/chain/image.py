@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -32,6 +32,7 @@ def chain_image(
     legs: Legs,
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
+    done: Callable[[float], None] = lambda _share: None,
 ) -> ChainImage:
     """Light on every pixel: source → main lens → array → all microlenses → detector, coherent over microlenses.
 
@@ -57,6 +58,8 @@ def chain_image(
         What to aim at and how much memory may be used.
     rng
         Draws the targets that are checked against direct quadrature.
+    done
+        Hears, while waves of an incoherent disc are followed behind the array, what share of its points is done.
 
     Returns
     -------
@@ -99,7 +102,7 @@ def chain_image(
     if isinstance(source, DiscSource) and not coherent:
         if legs.to_detector == "geometric":
             return landing_spot_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
-        return wave_spot_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng)
+        return wave_spot_image(path, source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng, done=done)
     wave = point_wave(
         path,
         source.centre if isinstance(source, DiscSource) else source,

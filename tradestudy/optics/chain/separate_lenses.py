@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -23,15 +24,17 @@ def separate_image(
     legs: Legs,
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
+    done: Callable[[float], None] = lambda _share: None,
 ) -> ChainImage:
     """Light on every pixel from the microlens alone that lies before it, as seen from the middle of the main lens.
 
     Parameters and errors as of `chain_image`, which computes each microlens with its own pixels; what lands behind a
-    neighbour is lost, and nothing interferes across microlenses.
+    neighbour is lost, and nothing interferes across microlenses. `done` hears of every microlens.
     """
     owner = nearest_microlens(path)
     pixels, errors, checks, effort, handed, passed = np.zeros(owner.shape), [], [], [], [], 0.0
-    for index in np.unique(owner):
+    present = np.unique(owner)
+    for number, index in enumerate(present, start=1):
         mine = owner == index
         rows, columns = (np.flatnonzero(mine.any(axis=axis)) for axis in (1, 0))
         window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
@@ -44,6 +47,7 @@ def separate_image(
         effort.append(alone.effort)
         passed += alone.microlens_share
         handed.append(alone.handed_over)
+        done(number / len(present))
     size = float(np.linalg.norm(pixels))
     error = math.hypot(*errors) / size if size > 0.0 else 0.0
     return ChainImage(

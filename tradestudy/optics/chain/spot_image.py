@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -42,6 +43,7 @@ def wave_spot_image(
     legs: Legs,
     accuracy: ChainAccuracy,
     rng: np.random.Generator,
+    done: Callable[[float], None] = lambda _share: None,
 ) -> ChainImage:
     """Image of an incoherent disc by wave optics, averaged over its area.
 
@@ -57,6 +59,8 @@ def wave_spot_image(
         What to aim at.
     rng
         Draws the source points whose image is checked.
+    done
+        Hears what share of the points is done, ring by ring.
 
     Raises
     ------
@@ -69,7 +73,7 @@ def wave_spot_image(
     nodes = source_nodes(path, source, wavelength=wavelength, density=density)
     spot = prepare_spot(path, source, nodes, wavelength, legs, accuracy)
     group = symmetries(path, source)
-    images = _ring_images(spot, nodes, group)
+    images = _ring_images(spot, nodes, group, done)
     rings = np.mean([moved_image_stack(images.pixels, one) for one in group], axis=0)
     pixels = np.tensordot(nodes.radial_weights, rings[:, 2:].mean(axis=1), axes=1)
     size = float(np.linalg.norm(pixels))
@@ -121,7 +125,9 @@ class _RingImages:
     handed_over: float
 
 
-def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]]) -> _RingImages:
+def _ring_images(
+    spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]], done: Callable[[float], None]
+) -> _RingImages:
     """Follow the light of one point of every orbit of the symmetries."""
     images, errors, points, handed = [], [], 0, spot.tables.handed_over if spot.tables else 0.0
     with ThreadPoolExecutor(_THREADS) as pool:
@@ -139,9 +145,10 @@ def _ring_images(spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, boo
                 part = part or [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % 4 == 0]
                 total = sum(n * image for n, image in part)
                 means.append(np.asarray(total, dtype=np.float64) / sum(n for n, _ in part))
-            done = [light_on_pixels(mean, spot.path.pixels, per_pixel=spot.per_pixel) for mean in means]
-            images.append([one[0] for one in done])
-            errors.append(max(one[1] for one in done))
+            lit = [light_on_pixels(mean, spot.path.pixels, per_pixel=spot.per_pixel) for mean in means]
+            images.append([one[0] for one in lit])
+            errors.append(max(one[1] for one in lit))
+            done(sum(len(one) for one in nodes.rings[: ring + 1]) / len(nodes.all))
     return _RingImages(pixels=np.asarray(images), pixel_error=max(errors), points=points, handed_over=handed)
 
 

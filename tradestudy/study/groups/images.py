@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,10 @@ from tradestudy.study.spot_images import compared_models, image_difference, ligh
 from tradestudy.study.timing import Seconds, timed
 
 LIT_ABOVE = 0.01
+
+
+def _told(progress: Progress, number: int, count: int, share: float) -> None:
+    progress("image of the spot", (number + share) / count)
 
 
 def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, selection: Selection) -> xr.Dataset:
@@ -42,7 +47,7 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, sele
         progress("image of the spot", number / len(asked))
         name = f"image: {models.method}" if models in compared else "image: chosen"
         with timed(seconds, name):
-            pictures[models] = spot_picture(part, models)
+            pictures[models] = spot_picture(part, models, partial(_told, progress, number, len(asked)))
     shown = compared or asked
     found = [pictures[models] for models in shown]
     progress("image of the spot", 1.0)
