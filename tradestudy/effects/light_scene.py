@@ -136,6 +136,11 @@ class LightScene:
         return (self.acting_width / 2.0) ** 2 / self.wavelength * least
 
     @property
+    def largest_microlens_fresnel_number(self) -> float:
+        """The same of the type farthest from focus."""
+        return self.acting_width / 2.0 * self.blur_on_detector / (self.wavelength * self.path.detector_distance)
+
+    @property
     def seeing_pitch(self) -> float:
         """Distance of neighbouring microlenses' cells on the detector, seen from the main lens [m]."""
         return self.path.microlenses.pitch * (1.0 + self.path.detector_distance / self.path.array_distance)

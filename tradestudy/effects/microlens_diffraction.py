@@ -21,7 +21,7 @@ from tradestudy.effects.picture_change import (
 from tradestudy.optics.chain.microlens_edges import LEAST_ZONES
 
 _SAFETY: Final = 1.5  # see `picture_change`
-_LEADING_TERM: Final = (0.8, 1e-3)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md
+_LEADING_TERM: Final = (1.5, 5e-4)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md
 
 
 def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
@@ -43,17 +43,6 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
     spread = picture_change(scene, lost)
     if scene.microlens_fresnel_number > 1.0:
         spread = min(spread, 2.0 * edge_wave(scene.microlens_fresnel_number))
-    per_zone = scene.microlens_rim_path_waves / max(scene.microlens_fresnel_number, LEAST_ZONES)
-    edges = Model(
-        name="boundary_wave",
-        bounds=bound_of(
-            scene,
-            min(1.0, _LEADING_TERM[0] * per_zone + _LEADING_TERM[1]) * spread,
-            criterion="waves of aberration per Fresnel zone",
-            number=per_zone,
-            reason="the wave from the rim of a microlens is its leading term for many Fresnel zones",
-        ),
-    )
     return Slot(
         name="microlens_diffraction",
         models=(
@@ -67,7 +56,7 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                     reason="rays leave out the spread by the aperture of a microlens",
                 ),
             ),
-            *((edges,) if scene.path.microlenses.aperture == "circular" else ()),
+            *((_boundary_wave(scene),) if scene.path.microlenses.aperture == "circular" else ()),
             Model(
                 name="fresnel",
                 bounds=bound_of(
@@ -79,5 +68,24 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                 ),
             ),
             Model(name="kirchhoff", bounds=complete()),
+        ),
+    )
+
+
+def _boundary_wave(scene: LightScene) -> Model:
+    """Rays and the waves from the rims of microlenses; in focus Kirchhoff's integral itself."""
+    per_zone = scene.microlens_rim_path_waves / max(scene.microlens_fresnel_number, LEAST_ZONES)
+    leading = min(1.0, _LEADING_TERM[0] * per_zone + _LEADING_TERM[1])
+    in_focus = scene.largest_microlens_fresnel_number < LEAST_ZONES
+    return Model(
+        name="boundary_wave",
+        bounds=bound_of(
+            scene,
+            0.0 if in_focus else 2.0 * leading * edge_wave(max(scene.microlens_fresnel_number, LEAST_ZONES)),
+            criterion="waves of aberration per Fresnel zone",
+            number=per_zone,
+            reason="in focus all light is left to Kirchhoff's integral"
+            if in_focus
+            else "the wave from the rim of a microlens is its leading term for many Fresnel zones",
         ),
     )

@@ -146,7 +146,7 @@ class LightWork:
         """What a boundary wave behind the array adds to each sample; in focus it finds that it has none to add."""
         if laws.to_detector != "boundary_wave":
             return 0.0
-        in_focus = self.scene.microlens_fresnel_number < LEAST_ZONES
+        in_focus = self.scene.largest_microlens_fresnel_number < LEAST_ZONES
         return SECONDS["sample of a patch, boundary wave" + (" in focus" if in_focus else "")]
 
 
