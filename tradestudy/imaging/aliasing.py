@@ -29,20 +29,18 @@ def alias_weights(nodes: BandNodes, width: float, every: int) -> FloatArray:
     """
     radii = alias_radii()[::every]
     step = radii[1] - radii[0]
-    columns = np.arange(nodes.x.size)
-    matrix = np.zeros((radii.size, nodes.x.size))
     shifts = range(-REPLICAS, REPLICAS + 1)
-    for row, column in product(shifts, shifts):
-        if row == column == 0:
-            continue
-        x, y = nodes.x + column, nodes.y + row
-        position = (np.hypot(x, y) - radii[0]) / step
-        below = np.clip(position.astype(np.intp), 0, radii.size - 2)
-        passed = np.square(square_transfer(x, y, width))
-        matrix[below, columns] += (1.0 - (position - below)) * passed
-        matrix[below + 1, columns] += (position - below) * passed
+    beside = np.array([shift for shift in product(shifts, shifts) if any(shift)])[:, :, np.newaxis]
+    x, y = nodes.x + beside[:, 1], nodes.y + beside[:, 0]
+    position = (np.hypot(x, y) - radii[0]) / step
+    below = np.clip(position.astype(np.intp), 0, radii.size - 2)
+    share, passed = position - below, np.square(square_transfer(x, y, width))
+    place = below * nodes.x.size + np.arange(nodes.x.size)  # in the matrix, row by row
+    places = np.concatenate([place, place + nodes.x.size])
+    weights = np.concatenate([(1.0 - share) * passed, share * passed])
+    matrix = np.bincount(places.ravel(), weights.ravel(), radii.size * nodes.x.size).reshape(radii.size, -1)
     matrix.setflags(write=False)
-    return matrix
+    return np.asarray(matrix, dtype=np.float64)
 
 
 @lru_cache(maxsize=64)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import numpy as np
 
@@ -21,6 +22,8 @@ from tradestudy.imaging.texture import share_beyond, texture_spectrum
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
 from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.arrays import FloatArray
+
+_MOST_MULTIPLICATIONS: Final = 200_000
 
 
 def picture_electrons(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
@@ -68,7 +71,7 @@ class PassedTexture:
         rule = self.rules[k]
         signal = self.inside[k] * np.square(square_transfer(rule.x, rule.y, self.sample_width))
         passed = self.beyond[:, ::every]
-        replicas = passed @ alias_weights(rule, self.sample_width, every)[: passed.shape[1]]
+        replicas = _product(passed, alias_weights(rule, self.sample_width, every)[: passed.shape[1]])
         return matching_bound_px(rule, signal=signal, noise=self.floor + replicas + aliased, window_px=self.window)
 
     def moved_by_transfer(self, value: FloatArray) -> FloatArray:
@@ -111,7 +114,7 @@ class TextureBand:
         power = np.square(transfer)
         *inside, beyond = np.split(n**2 * self._texture[:, : frequency.size] * power, self._ends, axis=1)
         # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.
-        outermost = power[:, self._ends[-1] :] @ ring_weights(width)[: beyond.shape[1]]
+        outermost = np.einsum("ij,j->i", power[:, self._ends[-1] :], ring_weights(width)[: beyond.shape[1]])
         share = share_beyond(REPLICAS + 0.5, self._length)
         return PassedTexture(
             rules=self.rules,
@@ -149,6 +152,14 @@ class TextureBand:
         return LensTransfers(
             geometry=self.geometry, settings=self.settings, frequency_px=self._frequency, always=self._ends[-1]
         )
+
+
+def _product(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Matrix product in blocks of rows too small for a library to wake its threads, which costs more than they save."""
+    rows = max(1, _MOST_MULTIPLICATIONS // max(1, second.size))
+    if rows >= len(first):
+        return np.asarray(first @ second)
+    return np.concatenate([first[k : k + rows] @ second for k in range(0, len(first), rows)])
 
 
 def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> float:

@@ -13,6 +13,7 @@ from tradestudy.optics.quadrature import gauss_legendre
 
 _MOST_NODES = 2000
 _LEAST_NODES = 16
+_STEP = 8  # so that few rules serve all pictures
 
 
 def fresnel_transfer(
@@ -61,7 +62,8 @@ def _within_the_cutoff(s: FloatArray, alpha: FloatArray) -> FloatArray:
     The phase between the two sheared pupils is k (W(x + s) − W(x − s)) = 4 k W₂₀ s x = α x.
     """
     phase = alpha * (1.0 - s)
-    count = _LEAST_NODES + math.ceil(0.6 * float(np.max(phase, initial=0.0, where=~np.isnan(phase))))
+    largest = float(np.max(phase, initial=0.0, where=~np.isnan(phase)))
+    count = _LEAST_NODES + _STEP * math.ceil(0.6 * largest / _STEP)
     if count > _MOST_NODES:
         raise UnaffordableError(
             "nodes of the transfer function of a defocused pupil",
