@@ -35,31 +35,33 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 @pytest.fixture(scope="module")
 def folder(study: Study, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A cost and no run."""
     directory = tmp_path_factory.mktemp("out")
     api.cost(study, directory, budget=2.0)
-    api.run(study, directory, pdf=False)
     return directory
 
 
-def test_a_run_shows_the_last_cost(folder: Path) -> None:
-    text = (folder / "report.html").read_text(encoding="utf-8")
-    assert ASKED in text
-    assert HOW not in text
-    assert (folder / "figures" / "cost.svg").is_file()
-    assert "closed form" in (folder / "tables" / "cost_by_entry.csv").read_text(encoding="utf-8")
+def test_runs_never_measure_and_show_the_last_cost_or_say_how_to_get_one(study: Study, tmp_path: Path) -> None:
+    def report() -> str:
+        return (tmp_path / "report.html").read_text(encoding="utf-8")
 
-
-def test_a_run_without_a_cost_says_how_to_get_one_and_cost_then_renders_its_report_again(
-    study: Study, folder: Path, tmp_path: Path
-) -> None:
     api.run(study, tmp_path, pdf=False)
-    text = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert ASKED not in text
-    assert HOW in text
-    assert (tmp_path / "results.nc").read_bytes() == (folder / "results.nc").read_bytes()  # a run never measures
-    api.cost(study, tmp_path, budget=1.0)
-    assert ASKED in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert ASKED not in report()
+    assert HOW in report()
+    results = (tmp_path / "results.nc").read_bytes()
+    api.cost(study, tmp_path, budget=20.0)  # renders the finished run's report again
+    assert ASKED in report()
+    assert "a tenth of that costs" in report()
     assert not (tmp_path / "report.pdf").exists()
+    for name in ("report.html", "figures/cost.svg", "tables/cost_by_entry.csv"):
+        (tmp_path / name).unlink()
+    measured = (tmp_path / stored.COST).read_bytes()
+    api.run(study, tmp_path, pdf=False)
+    assert ASKED in report()
+    assert (tmp_path / "figures" / "cost.svg").is_file()
+    assert "closed form" in (tmp_path / "tables" / "cost_by_entry.csv").read_text(encoding="utf-8")
+    assert (tmp_path / "results.nc").read_bytes() == results
+    assert (tmp_path / stored.COST).read_bytes() == measured
 
 
 def test_a_cost_of_another_study_or_machine_is_not_shown(

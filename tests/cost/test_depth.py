@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from tradestudy.cost import measuring
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth import INVERSE, LINEAR, QUADRATURE, propagation_cost
 from tradestudy.cost.depth_reference import reference_of
@@ -48,16 +49,21 @@ def exact_half_width() -> FloatArray:
 
 @pytest.fixture(scope="module")
 def table() -> Measured:
-    return propagation_cost(
-        [stereo()],
-        Allowance(seconds=1e4),  # as long as it takes: what is measured is bounded by the draws
-        lambda _step, _share: None,
-        name="q",
-        title="Q",
-        says="",
-        chosen=INVERSE,
-        most_draws=2**15,
-    )
+    patch = pytest.MonkeyPatch()
+    patch.setattr(measuring, "_LONG_ENOUGH", 0.0)  # three times each are enough
+    try:
+        return propagation_cost(
+            [stereo()],
+            Allowance(seconds=1e4),  # as long as it takes: what is measured is bounded by the draws
+            lambda _step, _share: None,
+            name="q",
+            title="Q",
+            says="",
+            chosen=INVERSE,
+            most_draws=2**15,
+        )
+    finally:
+        patch.undo()
 
 
 def of(table: Measured, model: str) -> list[Entry]:
@@ -97,8 +103,11 @@ def test_plain_draws_err_by_the_standard_error_of_their_quantiles(table: Measure
 
 
 @pytest.mark.parametrize(("distance", "endless"), [((2.0, 100.0), 1), ((100.0, 200.0), 2)])
-def test_places_without_a_far_end_are_left_out_and_counted(distance: tuple[float, ...], endless: int) -> None:
+def test_places_without_a_far_end_are_left_out_and_counted(
+    distance: tuple[float, ...], endless: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """At 53 m and beyond one standard deviation of disparity is all of it, and the interval ends at infinity."""
+    monkeypatch.setattr(measuring, "_LONG_ENOUGH", 0.0)  # three times each are enough
     found = propagation_cost(
         [stereo(np.array(distance))],
         Allowance(seconds=1e4),

@@ -6,7 +6,14 @@ import math
 
 import pytest
 
-from tradestudy.cost.entries import Entry, Measured, next_digit, on_frontier, seconds_for
+from tradestudy.cost.entries import (
+    Entry,
+    Measured,
+    next_digit,
+    on_frontier,
+    seconds_for,
+    seconds_for_a_tenth_of_what_is_asked,
+)
 
 
 def entry(model: str, error: float, seconds: float, *, chosen: bool = False) -> Entry:
@@ -24,9 +31,16 @@ def entry(model: str, error: float, seconds: float, *, chosen: bool = False) -> 
     )
 
 
-def measured(*entries: Entry, floor: float = 1e-9) -> Measured:
+def measured(*entries: Entry, floor: float = 1e-9, asked: float = math.nan) -> Measured:
     return Measured(
-        name="q", title="Q", says="", reference="", reference_error=floor, reference_seconds=1.0, entries=entries
+        name="q",
+        title="Q",
+        says="",
+        reference="",
+        reference_error=floor,
+        reference_seconds=1.0,
+        entries=entries,
+        asked=asked,
     )
 
 
@@ -101,3 +115,12 @@ def test_of_several_choices_the_most_accurate_counts() -> None:
 
 def test_without_a_choice_there_is_no_next_digit() -> None:
     assert next_digit(measured(entry("a", 1e-1, 1.0))) is None
+
+
+def test_a_tenth_of_what_is_asked_lies_along_the_frontier_too() -> None:
+    entries = entry("a", 1e-2, 1.0, chosen=True), entry("a", 1e-4, 100.0)
+    assert seconds_for_a_tenth_of_what_is_asked(measured(*entries, asked=1e-2)) == pytest.approx(10.0, rel=1e-9)
+    assert math.isinf(seconds_for_a_tenth_of_what_is_asked(measured(*entries, asked=1e-4)))
+    assert math.isinf(seconds_for_a_tenth_of_what_is_asked(measured(*entries, asked=1e-2, floor=2e-3)))
+    assert math.isnan(seconds_for_a_tenth_of_what_is_asked(measured(*entries)))
+    assert math.isnan(seconds_for_a_tenth_of_what_is_asked(measured(asked=1e-2)))

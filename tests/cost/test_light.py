@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +12,10 @@ import tradestudy
 from tradestudy.cameras.focus import SharpRange
 from tradestudy.cost import measuring, spot
 from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
-from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.entries import Entry, Measured, seconds_for_a_tenth_of_what_is_asked
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
+from tradestudy.optics.chain import ChainAccuracy, ChainImage
 from tradestudy.optics.depth_of_field import DepthOfField
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.situations.depth_of_field import depth_of_field_situation
@@ -119,12 +121,12 @@ def small_spot(*changes: str) -> tuple[LightSpotPart, SpotModels]:
 def test_the_choice_is_the_picture_of_the_plan_and_not_what_it_is_compared_with(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(spot, "_SPOT_TOLERANCES", ())
+    monkeypatch.setattr(spot, "_TOLERANCES", (1.0,))
     monkeypatch.setattr(measuring, "_LONG", 0.0)  # once is enough
     forced = {"main_lens_diffraction": "off", "microlens_diffraction": "off", "crosstalk": "off"}
     part, models = small_spot(*(f"effects.{slot}={name}" for slot, name in forced.items()))
     assert (models.method, models.separate) == ("exact-rays", True)
-    found = spot.spot_cost(part, models, Allowance(seconds=1e4), lambda _step, _share: None, speed=1.0)
+    found = spot.spot_cost(part, models, Allowance(seconds=1e4), lambda _step, _share: None, speed=1.0, asked=0.01)
     (chosen,) = [entry for entry in found.entries if entry.chosen]
     assert (chosen.model, chosen.setting) == ("Exact rays", "tolerance 1 %, no cross-talk")
     whole = next(entry for entry in found.entries if entry.model == "Exact rays" and not entry.chosen)
@@ -132,3 +134,58 @@ def test_the_choice_is_the_picture_of_the_plan_and_not_what_it_is_compared_with(
     assert {entry.model for entry in found.entries} == {
         "Paraxial rays", "Exact rays", "Fresnel", "Kirchhoff + Fresnel", "Kirchhoff",
     }  # fmt: skip
+
+
+def as_accurate_as_asked(seconds_per_tolerance: float, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Pictures that err by their tolerance, are foreseen to take a time over it, and take none; those asked for."""
+    asked: list[float] = []
+
+    def picture(*given: object, accuracy: ChainAccuracy, seed: int) -> ChainImage:
+        asked.append(accuracy.tolerance)
+        error = accuracy.tolerance
+        return ChainImage(
+            pixels=np.array([1.0 + error]),
+            numerical_error=error,
+            error_terms={},
+            direct_check={},
+            microlens_share=math.nan,
+            effort={},
+        )
+
+    monkeypatch.setattr(spot, "picture_of", picture)
+    monkeypatch.setattr(spot, "picture_seconds", lambda _part, models: seconds_per_tolerance / models.tolerance)
+    monkeypatch.setattr(measuring, "_LONG", 0.0)
+    return asked
+
+
+def measured_spot(seconds: float) -> Measured:
+    definition = tradestudy.load(STUDIES / "light_spot.yaml").definition
+    part = definition.file.light_spot
+    assert part is not None
+    chosen = SpotModels(method="kirchhoff", tolerance=0.01)
+    return spot.spot_cost(part, chosen, Allowance(seconds=seconds), lambda _s, _p: None, speed=1.0, asked=0.01)
+
+
+def test_the_spot_is_measured_a_digit_beyond_the_study_against_something_finer(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = as_accurate_as_asked(0.0, monkeypatch)
+    found = measured_spot(1e3)
+    assert asked[:3] == [0.01, 0.0005, 0.01]  # the choice, the reference, rays: they take no tolerance of their own
+    assert found.reference_error == 0.0005
+    errors = {entry.setting: entry.error for entry in of(found, "Kirchhoff")}
+    assert errors == {
+        "tolerance 0.1 %": pytest.approx(0.0005, rel=1e-2),
+        "tolerance 1 %": pytest.approx(0.0095, rel=1e-2),
+        "tolerance 10 %": pytest.approx(0.0995, rel=1e-2),
+    }
+    assert math.isfinite(seconds_for_a_tenth_of_what_is_asked(found))
+
+
+def test_less_time_gives_a_coarser_reference_and_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    as_accurate_as_asked(0.01, monkeypatch)  # 1 s at 1 %, 20 s for a twentieth of it
+    found = measured_spot(9.0)
+    assert found.reference_error == 0.005
+    assert any("tolerance 0.1 %: the reference is no finer" in line for line in found.left_out)
+    assert math.isinf(seconds_for_a_tenth_of_what_is_asked(found))
+    found = measured_spot(0.15)
+    assert found.entries == ()
+    assert "a reference at 10 %" in found.left_out[0]

@@ -40,6 +40,7 @@ def calibration_cost(
         "distances each where infinity is three deviations away, through the exact models: seconds for all of them "
         "together, relative error at the worst.",
         chosen=SOBOL,
+        asked=part.accuracy,
         more=((SOBOL, f"until {100.0 * part.accuracy:g} %", rule),),
     )
 

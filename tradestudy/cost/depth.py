@@ -51,6 +51,7 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
         says=f"Half the central 68.27 % interval of depth of {cameras} at up to {MOST_PLACES} distances each where "
         "they are usable: seconds for all of them together, relative error at the worst.",
         chosen=CLOSED_FORM,
+        asked=definition.file.accuracy.wanted().relative["depth_uncertainty"],
     )
 
 
@@ -70,6 +71,7 @@ def propagation_cost(
     title: str,
     says: str,
     chosen: str,
+    asked: float = math.nan,
     more: Sequence[tuple[str, str, Sampling]] = (),
     most_draws: int = 2**19,
 ) -> Measured:
@@ -87,6 +89,8 @@ def propagation_cost(
         Of the quantity.
     chosen
         The model that the study's run uses.
+    asked
+        Relative error that the study asks for; NaN where it asks for none.
     more
         Further samplings: model, setting in words, and how it samples.
     most_draws
@@ -135,6 +139,8 @@ def propagation_cost(
             break
         took_last = timed.seconds
         entries.append(_entry(QUADRATURE, setting, math.nan, timed, reference))
+        if entries[-1].error <= 2.0 * reference_error:  # finer ones are as good as can be told
+            break
     took = dict.fromkeys(_SAMPLERS, 0.0)
     for power in _POWERS:
         for model, sampler in _SAMPLERS.items():
@@ -165,6 +171,7 @@ def propagation_cost(
         entries=tuple(sorted(entries, key=lambda entry: _ORDER.index(entry.model))),
         left_out=tuple(left_out),
         notes=(*notes, *gain(entries, reference_error)),
+        asked=asked,
     )
 
 

@@ -72,6 +72,8 @@ class Measured:
         What could be asked and was not measured, and why.
     notes
         What else follows from the measurements.
+    asked
+        Relative error that the study asks for; NaN where it asks for none.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Measured:
     entries: tuple[Entry, ...]
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    asked: float = math.nan
 
 
 def on_frontier(errors: Sequence[float], seconds: Sequence[float], floor: float) -> BoolArray:
@@ -154,10 +157,7 @@ def next_digit(measured: Measured) -> NextDigit | None:
         return None
     floor = measured.reference_error
     own = min(chosen, key=lambda entry: (max(entry.error, floor), entry.seconds))
-    kept = on_frontier([e.error for e in measured.entries], [e.seconds for e in measured.entries], floor)
-    frontier = [
-        (max(entry.error, floor), entry.seconds) for entry, on in zip(measured.entries, kept, strict=True) if on
-    ]
+    frontier = _frontier(measured)
     best, best_seconds = min(frontier)
     wanted = max(own.error, floor) / NEXT_FACTOR
     return NextDigit(
@@ -169,6 +169,21 @@ def next_digit(measured: Measured) -> NextDigit | None:
         best_seconds=best_seconds,
         below_reference=wanted < floor,
     )
+
+
+def seconds_for_a_tenth_of_what_is_asked(measured: Measured) -> float:
+    """Seconds along the frontier; infinite where nothing measured is that accurate, NaN where nothing is asked."""
+    frontier = _frontier(measured)
+    if math.isnan(measured.asked) or not frontier:
+        return math.nan
+    return seconds_for(measured.asked / NEXT_FACTOR, frontier)
+
+
+def _frontier(measured: Measured) -> list[tuple[float, float]]:
+    """Errors, none below that of the reference, and seconds of the entries that nothing beats."""
+    floor, entries = measured.reference_error, measured.entries
+    kept = on_frontier([e.error for e in entries], [e.seconds for e in entries], floor) if entries else ()
+    return [(max(entry.error, floor), entry.seconds) for entry, on in zip(entries, kept, strict=True) if on]
 
 
 def nothing_measured(name: str, title: str, says: str, why: str) -> Measured:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final, get_args
 
 import numpy as np
 
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
-from tradestudy.cost.measuring import Allowance, entry_of, measure
+from tradestudy.cost.measuring import Allowance, Timed, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
@@ -28,8 +28,11 @@ _POINT_TOLERANCES: Final = (0.1, 1e-2, 1e-3, 1e-4)
 _POINT_REFERENCE: Final = ChainAccuracy(
     tolerance=1e-5, pupil_nodes=1.2, microlens_nodes=1.2, field_sampling=1.2, diffraction_reach=1.2
 )
-_SPOT_TOLERANCES: Final = (0.2, 0.05)
+_TOLERANCES: Final = (0.1, 10.0, 1.0)  # of that of the study
+_FINEST: Final = 1e-6
 _COARSEST: Final = 0.2
+_COARSEST_REFERENCE: Final = 0.1
+_PACED: Final = 1.0  # seconds from which a prediction tells the pace
 _REFERENCE_SEED: Final = 1
 
 
@@ -59,7 +62,10 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
                     compute=partial(image, method, ChainAccuracy(tolerance=tolerance)),
                 )
             )
-    entries, left_out = _measured("spot_point", runs, reference.pixels, allowance, progress)
+    taking = _Taking(name="spot_point", allowance=allowance, progress=progress)
+    for run in runs:
+        taking.take(run)
+    progress("cost: spot_point", 1.0)
     return Measured(
         name="spot_point",
         title="Picture of one point of the spot",
@@ -69,15 +75,18 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
         f"intensities within {checked:.1e} of direct quadrature at random places",
         reference_error=reference.numerical_error,
         reference_seconds=reference_seconds,
-        entries=entries,
-        left_out=left_out,
+        entries=taking.entries(reference.pixels),
+        left_out=tuple(taking.left_out),
     )
 
 
 def spot_cost(
-    part: LightSpotPart, chosen: SpotModels, allowance: Allowance, progress: Progress, *, speed: float
+    part: LightSpotPart, chosen: SpotModels, allowance: Allowance, progress: Progress, *, speed: float, asked: float
 ) -> Measured:
     """Cost of the picture of the whole spot, as far as the time allows.
+
+    The picture of the study comes first, and tells how fast this machine is just now; then the finest reference that
+    leaves time for Kirchhoff's picture at a tenth of the study's tolerance; then that picture, and all others.
 
     Parameters
     ----------
@@ -91,6 +100,8 @@ def spot_cost(
         Called with the step and the share done.
     speed
         Of this machine, for what is predicted.
+    asked
+        Relative error of the pixels that the study asks for.
     """
 
     def image(models: SpotModels, seed: int = 0) -> ChainImage:
@@ -99,72 +110,84 @@ def spot_cost(
         source = source.centre if models.point and isinstance(source, DiscSource) else source
         return picture_of(part, source, models, accuracy=accuracy, seed=seed)
 
-    def predicted(models: SpotModels) -> float:
-        return picture_seconds(part, models) / speed
+    def run(models: SpotModels) -> _Run:
+        return _Run(
+            method=models.method,
+            setting=_setting(part, models),
+            predicted=picture_seconds(part, models) / speed,
+            compute=partial(image, models),
+            chosen=models == chosen,
+        )
 
-    title, name = "Picture of the whole spot", "spot"
     standing = part.tolerance if chosen.method in RAYS else min(part.tolerance, chosen.tolerance)
-    says = "All pixels of the picture of the spot: relative L2 error over the pixels."
     best = compared_models(part, "kirchhoff")
-    progress("cost: spot", 0.0)
-    # The finest reference of which the time allows two, so that something is left to be held against it.
+    taking = _Taking(name="spot", allowance=allowance, progress=progress)
+    coarsest = run(replace(best, tolerance=_COARSEST_REFERENCE))
+    if allowance.allows(2.0 * coarsest.predicted + run(chosen).predicted):
+        taking.take(run(chosen))
+    # What is asked of it, and what else shall be held against it.
+    wishes = [(standing / 20, standing / 10), *((scale * standing, standing) for scale in (0.5, 1, 2, 5))]
     finest = next(
         (
             tolerance
-            for tolerance in (standing / 2, standing, 2 * standing, 5 * standing, 0.1)
-            if tolerance <= 0.1 and allowance.allows(2.0 * predicted(replace(best, tolerance=tolerance)))
+            for tolerance, finest_held in (*wishes, (_COARSEST_REFERENCE, _COARSEST))
+            if _FINEST <= tolerance <= _COARSEST_REFERENCE
+            and taking.allows(
+                run(replace(best, tolerance=tolerance)).predicted
+                + run(replace(best, tolerance=min(finest_held, _COARSEST))).predicted
+            )
         ),
         None,
     )
+    title = "Picture of the whole spot"
+    says = "All pixels of the picture of the spot: relative L2 error over the pixels."
     if finest is None:
-        needed = predicted(replace(best, tolerance=0.1))
-        why = f"everything: a reference at 10 % alone takes about {needed:.0f} s, {allowance.left:.0f} s are left"
-        return nothing_measured(name, title, says, why)
+        why = (
+            f"everything: a reference at {100 * _COARSEST_REFERENCE:g} % and a picture beside it take about "
+            f"{taking.paced(2.0 * coarsest.predicted):.0f} s at the pace of this machine just now, "
+            f"{max(allowance.left, 0.0):.0f} s are left"
+        )
+        alone = "; ".join(
+            f"{short_title(run.method)}, {run.setting}, took {timed.seconds:.0f} s, with nothing to hold it against"
+            for run, timed in taking.taken
+        )
+        return nothing_measured("spot", title, says, "; ".join(filter(None, (why, alone))))
     begin = time.perf_counter()
     reference = image(replace(best, tolerance=finest), _REFERENCE_SEED)
     reference_seconds = time.perf_counter() - begin
-    runs: list[_Run] = []
-    too_fine: list[str] = []
-    for models in _asked(part, chosen):
-        setting = _setting(part, models)
+    for models in _others(part, chosen, standing):
         if models.method not in RAYS and models.tolerance <= finest:
-            too_fine.append(f"{short_title(models.method)}, {setting}: the reference is no finer")
-            continue
-        runs.append(
-            _Run(
-                method=models.method,
-                setting=setting,
-                predicted=predicted(models),
-                compute=partial(image, models),
-                chosen=models == chosen,
-            )
-        )
-    entries, left_out = _measured(name, runs, reference.pixels, allowance, progress)
+            words = f"{short_title(models.method)}, {_setting(part, models)}"
+            taking.left_out.append(f"{words}: the reference is no finer, for which there was no time")
+        else:
+            taking.take(run(models))
+    progress("cost: spot", 1.0)
     return Measured(
-        name=name,
+        name="spot",
         title=title,
         says=says,
         reference=f"Kirchhoff on both legs at a tolerance of {100 * finest:g} %, with its own stated error",
         reference_error=reference.numerical_error,
         reference_seconds=reference_seconds,
-        entries=entries,
-        left_out=(*too_fine, *left_out),
+        entries=taking.entries(reference.pixels),
+        left_out=tuple(taking.left_out),
+        asked=asked,
     )
 
 
-def _asked(part: LightSpotPart, chosen: SpotModels) -> Iterator[SpotModels]:
-    """The study's own picture first, in case the time ends; then every law at every tolerance with nothing left out."""
-    yield chosen
-    if not part.spot.coherent:
-        for method in RAYS:
-            rays = replace(compared_models(part, method), tolerance=chosen.tolerance)
-            if rays != chosen:
-                yield rays
-    for tolerance in dict.fromkeys((part.tolerance, *_SPOT_TOLERANCES)):
-        for method in _WAVES:
-            models = replace(compared_models(part, method), tolerance=tolerance)
-            if models != chosen:
-                yield models
+def _others(part: LightSpotPart, chosen: SpotModels, standing: float) -> Iterator[SpotModels]:
+    """Every law with nothing left out beside the study's own picture, the next digit first in case the time ends.
+
+    Fresnel errs by its law at any tolerance, which a tenth of it would not show better.
+    """
+    asked = [] if part.spot.coherent else [(method, chosen.tolerance) for method in RAYS]
+    tolerances = list(dict.fromkeys(min(factor * standing, _COARSEST) for factor in _TOLERANCES))
+    asked += [("kirchhoff", tolerance) for tolerance in tolerances]
+    asked += [(method, tolerance) for tolerance in tolerances if tolerance >= standing for method in _WAVES]
+    for method, tolerance in dict.fromkeys(asked):
+        models = replace(compared_models(part, method), tolerance=tolerance)
+        if models != chosen:
+            yield models
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -194,40 +217,61 @@ def _setting(part: LightSpotPart, models: SpotModels) -> str:
     return ", ".join((*tolerance, *(words for words, is_left_out in left_out.items() if is_left_out)))
 
 
-def _measured(
-    name: str, runs: Sequence[_Run], reference: FloatArray, allowance: Allowance, progress: Progress
-) -> tuple[tuple[Entry, ...], tuple[str, ...]]:
-    """Entries of all runs that the time allows, and the words for those that it does not."""
-    entries: list[Entry] = []
-    left_out: list[str] = []
-    slower = 1.0  # than predicted, so far
-    for number, run in enumerate(runs):
-        progress(f"cost: {name}", number / len(runs))
+@dataclass(kw_only=True)
+class _Taking:
+    """Pictures that are measured as long as the time allows, to be held against a reference when there is one.
+
+    ``pace`` is the time that pictures take over what is predicted, the longest of those measured so far.
+    """
+
+    name: str
+    allowance: Allowance
+    progress: Progress
+    left_out: list[str] = field(default_factory=list)
+    taken: list[tuple[_Run, Timed[ChainImage]]] = field(default_factory=list)
+    pace: float = math.nan
+
+    def allows(self, predicted: float) -> bool:
+        """Whether computations that are predicted to take so long may begin, at the pace so far."""
+        return self.allowance.allows(self.paced(predicted))
+
+    def paced(self, predicted: float) -> float:
+        """What is predicted, at the pace so far."""
+        return predicted if math.isnan(self.pace) else self.pace * predicted
+
+    def take(self, run: _Run) -> None:
+        """Measure one picture, or note why not."""
+        left = max(self.allowance.left, 0.0)
+        self.progress(f"cost: {self.name}", 1.0 - left / self.allowance.seconds)
         words = ", ".join(part for part in (short_title(run.method), run.setting) if part)
-        needed = slower * run.predicted
-        if not allowance.allows(needed):
-            left_out.append(f"{words}: about {needed:.0f} s, {max(allowance.left, 0.0):.0f} s are left")
-            continue
+        if not self.allows(run.predicted):
+            self.left_out.append(f"{words}: about {self.paced(run.predicted):.0f} s, {left:.0f} s are left")
+            return
         try:
-            timed = measure(lambda _run, compute=run.compute: compute(), allowance)  # type: ignore[misc]  # bound at once
+            timed = measure(lambda _run: run.compute(), self.allowance)
         except (NotConvergedError, UnaffordableError) as error:
-            left_out.append(f"{words}: {error}")
-            continue
-        if run.predicted > 1.0:
-            slower = max(1.0, timed.seconds / run.predicted)
-        found = timed.values[0]
-        relative = float(np.linalg.norm(found.pixels - reference) / np.linalg.norm(reference))
-        entries.append(
-            entry_of(
-                timed,
-                model=short_title(run.method),
-                setting=run.setting,
-                evaluations=float(found.effort.get("source points", math.nan)),
-                error=relative,
-                typical_error=relative,
-                chosen=run.chosen,
+            self.left_out.append(f"{words}: {error}")
+            return
+        self.taken.append((run, timed))
+        if run.predicted > _PACED:
+            self.pace = max(timed.seconds / run.predicted, 0.0 if math.isnan(self.pace) else self.pace)
+
+    def entries(self, reference: FloatArray) -> tuple[Entry, ...]:
+        """All that was measured, law by law."""
+        order = [short_title(method) for method in get_args(MethodName)]
+        entries = []
+        for run, timed in self.taken:
+            found = timed.values[0]
+            relative = float(np.linalg.norm(found.pixels - reference) / np.linalg.norm(reference))
+            entries.append(
+                entry_of(
+                    timed,
+                    model=short_title(run.method),
+                    setting=run.setting,
+                    evaluations=float(found.effort.get("source points", math.nan)),
+                    error=relative,
+                    typical_error=relative,
+                    chosen=run.chosen,
+                )
             )
-        )
-    progress(f"cost: {name}", 1.0)
-    order = [short_title(method) for method in get_args(MethodName)]
-    return tuple(sorted(entries, key=lambda entry: order.index(entry.model))), tuple(left_out)
+        return tuple(sorted(entries, key=lambda entry: order.index(entry.model)))

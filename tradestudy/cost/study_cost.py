@@ -18,7 +18,7 @@ from tradestudy.cost.calibration import calibration_cost
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.cost.depth import depth_cost
 from tradestudy.cost.depth_of_field import depth_of_field_cost
-from tradestudy.cost.entries import Measured, next_digit, on_frontier
+from tradestudy.cost.entries import Measured, next_digit, on_frontier, seconds_for_a_tenth_of_what_is_asked
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.picture import picture_cost
 from tradestudy.cost.point_spread import point_spread_cost
@@ -131,7 +131,8 @@ def _questions(
             yield lambda allowance: point_cost(spot, allowance, progress, speed=speed)
         if not spot.spot.is_point:
             chosen = spot_models(plan.selections[light_spot.NAME])
-            yield lambda allowance: spot_cost(spot, chosen, allowance, progress, speed=speed)
+            pixels_to = file.accuracy.wanted().relative["pixel_intensity"]
+            yield lambda allowance: spot_cost(spot, chosen, allowance, progress, speed=speed, asked=pixels_to)
 
 
 def _pictures(
@@ -175,6 +176,8 @@ def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:
         "next_seconds": of_digit("needed"),
         "best_error": of_digit("best"),
         "best_seconds": of_digit("best_seconds"),
+        "asked_error": [measured.asked for measured in found],
+        "asked_tenth_seconds": [seconds_for_a_tenth_of_what_is_asked(measured) for measured in found],
     }
     return dataset(
         "cost",

@@ -51,8 +51,9 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
         caption="What accuracy costs on this machine: relative error against the reference (up) and seconds (across), "
         "one line per model through its settings; for models of a picture a mark for each thing left out. "
         "Grey band: the frontier, on which nothing is as accurate in less "
-        "time. Ring: what a run of the study computes. Star: a tenth of its error, along the frontier. Dotted: the "
-        "error of the reference; marks on it are as good as can be told. An entry that is the reference stands on "
+        "time. Ring: what a run of the study computes. Star: a tenth of its error, along the frontier, or of the error "
+        "that the study asks for where that is not measured. Dotted: the error of the reference; marks on it err by at "
+        "most that. An entry that is the reference stands on "
         "it. Errors above ten times the value are not drawn.",
         alt="Log-log charts of error against seconds. " + _in_words(data),
         draw=partial(cost_figure, tree),
@@ -78,6 +79,8 @@ def _in_words(data: xr.Dataset) -> str:
         if math.isfinite(float(one["chosen_error"])):
             text += f": the study's own choice errs by {pretty(float(one['chosen_error']), FRACTION)} in "
             text += f"{pretty(float(one['chosen_seconds']), DURATION)}"
+            if (star := _next_digit(one)) is not None:
+                text += f"; {pretty(star[1], FRACTION)} costs {pretty(star[0], DURATION)}"
             text += f"; the best measured errs by {pretty(best, FRACTION)} in {pretty(took, DURATION)}"
         sentences.append(text + ". ")
     return "".join(sentences)
@@ -106,9 +109,7 @@ def cost_figure(tree: xr.DataTree) -> StudyFigure:
         band = Line2D([], [], color=FAINT, linewidth=5.0)
         ring = Line2D([], [], linestyle="", marker="o", markersize=8, markerfacecolor="none", markeredgecolor=INK)
         star = Line2D([], [], linestyle="", marker="*", markersize=8, color=INK)
-        legend(
-            figure, [*marks, band, ring, star], [*models, "frontier", "the study's choice", "a tenth of its error"], 4
-        )
+        legend(figure, [*marks, band, ring, star], [*models, "frontier", "the study's choice", "the next digit"], 4)
     return figure
 
 
@@ -143,13 +144,21 @@ def _panel(axes: Axes, data: xr.Dataset, name: str, models: list[str]) -> None:
         markeredgecolor=INK, zorder=4,
     )  # fmt: skip
     axes.axhline(floor, color=SOFT, linewidth=0.8, linestyle=(0, (1, 2)), zorder=2)
-    wanted, needed = float(summary["next_error"]), float(summary["next_seconds"])
-    starred = math.isfinite(needed) and wanted >= floor
-    if starred:
-        axes.plot(needed, wanted, linestyle="", marker="*", markersize=8, color=INK, zorder=5)
+    star = _next_digit(summary)
+    if star is not None:
+        axes.plot(*star, linestyle="", marker="*", markersize=8, color=INK, zorder=5)
     axes.set_title(textwrap.fill(printable(str(summary["title"].item())), _TITLE_WIDTH), fontsize=7.5)
-    extra = [(needed, wanted)] if starred else []
-    _frame(axes, seconds[shown], np.append(error[shown], floor), extra)
+    _frame(axes, seconds[shown], np.append(error[shown], floor), [] if star is None else [star])
+
+
+def _next_digit(summary: xr.Dataset) -> tuple[float, float] | None:
+    """Seconds and error of a tenth of the chosen error, or else of what the study asks for; None if neither is told."""
+    chosen, asked = float(summary["chosen_error"]), float(summary["asked_error"])
+    own = float(summary["next_seconds"]), float(summary["next_error"])
+    tenth = float(summary["asked_tenth_seconds"]), asked / 10.0
+    if math.isfinite(own[0]) and own[1] > 0.0:
+        return own
+    return tenth if math.isfinite(tenth[0]) and tenth[1] < chosen else None
 
 
 def _frame(axes: Axes, seconds: FloatArray, errors: FloatArray, extra: list[tuple[float, float]]) -> None:

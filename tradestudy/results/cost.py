@@ -92,4 +92,14 @@ COST: Final[Mapping[str, Variable]] = {
         dims=_QUANTITY, units="1", long_name="smallest error on the frontier", error="as relative_error"
     ),
     "best_seconds": Variable(dims=_QUANTITY, units="s", long_name="its time", error=_SCATTER),
+    "asked_error": Variable(
+        dims=_QUANTITY, units="1", long_name="relative error that the study asks for; NaN for none", error="declared"
+    ),
+    "asked_tenth_seconds": Variable(
+        dims=_QUANTITY,
+        units="s",
+        long_name="time for a tenth of what the study asks for, along the frontier; infinite where nothing measured is "
+        "that accurate",
+        error=_SCATTER,
+    ),
 }

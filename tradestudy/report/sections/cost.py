@@ -61,43 +61,98 @@ def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
 
 
 def _answers(data: xr.Dataset) -> Iterator[Spans]:
-    for name in data["cost_quantity"].values:
-        one = data.sel(cost_quantity=name)
+    for name in (str(key) for key in data["cost_quantity"].values):
+        one, entries = data.sel(cost_quantity=name), _entries(data, name)
         if math.isfinite(float(one["chosen_seconds"])):
             yield _answer(one)
+        elif measured := _best(entries):
+            yield _not_chosen(one, measured)
+        else:
+            yield say(
+                "**{title}:** nothing was measured within the {budget} of this measurement. Left out: {why}. "
+                "`python -m tradestudy cost STUDY --budget SECONDS` allows more time.",
+                title=str(one["title"].item()),
+                budget=_duration(float(data.attrs["budget"])),
+                why=str(one["left_out"].item()).replace("\n", "; "),
+            )
+
+
+def _best(entries: xr.Dataset) -> tuple[str, float, float] | None:
+    """Words, error and seconds of the most accurate entry on the frontier."""
+    on = entries.isel(entry=np.flatnonzero(entries["frontier"].values & np.isfinite(entries["relative_error"].values)))
+    if not on.sizes["entry"]:
+        return None
+    best = on.isel(entry=int(np.argmin(on["relative_error"].values)))
+    return _words(best), float(best["relative_error"]), float(best["seconds"])
+
+
+def _words(entry: xr.Dataset) -> str:
+    return ", ".join(filter(None, (str(entry["model"].item()), str(entry["setting"].item()))))
+
+
+def _not_chosen(one: xr.Dataset, best: tuple[str, float, float]) -> Spans:
+    """What was measured where a run's own model is not among it."""
+    words, error, seconds = best
+    return say(
+        "**{title}:** what a run computes is not among what was measured{why}; the best that was, {words}, errs by "
+        "{error} in {seconds}.",
+        title=str(one["title"].item()),
+        why=" (see what is left out below; a larger --budget measures more)" if str(one["left_out"].item()) else "",
+        words=words,
+        error=_least(error, float(one["reference_error"])),
+        seconds=_duration(seconds),
+    )
 
 
 def _answer(one: xr.Dataset) -> Spans:
     error, seconds = float(one["chosen_error"]), float(one["chosen_seconds"])
-    wanted, needed = float(one["next_error"]), float(one["next_seconds"])
-    floor = float(one["reference_error"])
     if error == 0.0:
         return say(
             "**{title}:** a run takes the most complete model that there is, in {seconds}; there is no digit to buy.",
             title=str(one["title"].item()),
             seconds=_duration(seconds),
         )
-    if wanted < floor:
-        took, finer = float(one["reference_seconds"]), floor / wanted
-        then = (
-            f"a tenth of that is less than the {_error(floor)} by which the reference errs, which itself took "
-            f"{_duration(took)}; where errors fall as the inverse of time, or of its root, it costs about "
-            f"{_duration(finer * took)} to {_duration(finer**2 * took)}"
-        )
-    elif math.isinf(needed):
-        best, took = float(one["best_error"]), float(one["best_seconds"])
-        then = f"a tenth of that cannot be had: the best measured errs by {_error(best)} and takes {_duration(took)}"
-    elif needed <= seconds:
-        then = f"a tenth of that can be had in no more time, {_duration(needed)}, by another model on the frontier"
-    else:
-        then = f"a tenth of that costs {_duration(needed)}, {significant(needed / seconds, 2)} times as long"
     return say(
         "**{title}:** a run errs by {error} in {seconds}; {then}.",
         title=str(one["title"].item()),
-        error=_error(error),
+        error=_least(error, float(one["reference_error"])),
         seconds=_duration(seconds),
-        then=then,
+        then=_digit(one, error, seconds),
     )
+
+
+def _digit(one: xr.Dataset, error: float, seconds: float) -> str:
+    """The price of a tenth of the error; where that is not measured, of a tenth of what the study asks for."""
+    needed, floor = float(one["next_seconds"]), float(one["reference_error"])
+    if math.isfinite(needed):
+        return _costs("a tenth of that", needed, seconds)
+    if float(one["next_error"]) < floor:
+        why = f"a tenth of that is less than the {_error(floor)} by which the reference may err"
+    else:
+        best, took = float(one["best_error"]), float(one["best_seconds"])
+        why = f"a tenth of that was not reached: the best measured errs by {_error(best)} in {_duration(took)}"
+    asked, tenth = float(one["asked_error"]), float(one["asked_tenth_seconds"])
+    if math.isfinite(tenth) and asked / 10.0 < error:
+        return f"{_costs(f'a tenth of the {_error(asked)} that the study asks for', tenth, seconds)}; {why}"
+    if float(one["next_error"]) < floor:
+        took, finer = float(one["reference_seconds"]), floor / float(one["next_error"])
+        return (
+            f"{why}, which itself took {_duration(took)}; where errors fall as the inverse of time, or of its root, it "
+            f"costs about {_duration(finer * took)} to {_duration(finer**2 * took)}"
+        )
+    more = "; a larger --budget measures what is left out below" if str(one["left_out"].item()) else ""
+    return f"{why}{more}"
+
+
+def _costs(what: str, needed: float, seconds: float) -> str:
+    if needed <= seconds:
+        return f"{what} can be had in no more time, {_duration(needed)}, by another model on the frontier"
+    return f"{what} costs {_duration(needed)}, {significant(needed / seconds, 2)} times as long"
+
+
+def _least(error: float, floor: float) -> str:
+    """An error; at most that of the reference where that is all that can be told."""
+    return f"at most {_error(floor)}" if error < floor else _error(error)
 
 
 def _circumstances(data: xr.Dataset, code_hash: str) -> Spans:
@@ -180,24 +235,24 @@ def _quantity(data: xr.Dataset, name: str) -> Iterator[Block]:
     if notes:
         yield Bullets(tuple(notes))
     if entries.sizes["entry"]:
-        yield _table(entries, name, title)
+        yield _table(entries, name, title, floor)
     left_out = [line for line in str(one["left_out"].item()).split("\n") if line]
     if left_out:
         yield Paragraph(say("Left out: {what}.", what="; ".join(left_out)))
 
 
-def _table(entries: xr.Dataset, name: str, title: str) -> Table:
+def _table(entries: xr.Dataset, name: str, title: str, floor: float) -> Table:
     rows: list[tuple[Text, ...]] = []
     names = [str(name) for name, array in entries.data_vars.items() if array.dims == ("entry",)]
     for place in range(entries.sizes["entry"]):
         entry: dict[str, Any] = {key: entries[key].values[place] for key in names}
-        words = f"{entry['model']}, {entry['setting']}" if entry["setting"] else str(entry["model"])
+        words = _words(entries.isel(entry=place))
         marks = [word for word, given in (("frontier", entry["frontier"]), ("chosen", entry["chosen"])) if given]
         rows.append(
             (
                 say("**{words}**", words=words) if entry["chosen"] else words,
-                _error(float(entry["relative_error"])),
-                _error(float(entry["typical_error"])),
+                _told(float(entry["relative_error"]), floor),
+                _told(float(entry["typical_error"]), floor),
                 _duration(float(entry["seconds"])),
                 f"{significant(float(entry['peak_memory']) / 1e6, 2)}",
                 "once" if int(entry["repeats"]) == 1 else str(int(entry["repeats"])),
@@ -219,10 +274,16 @@ def _table(entries: xr.Dataset, name: str, title: str) -> Table:
         rows=tuple(rows),
         notes=(
             "Error: the worst over cameras and places, of random methods its root mean square over the repeats. "
-            "Typical: the median over them. Frontier: nothing else is as accurate in less time. Once: timed a single "
-            "time, of 5 s and more while the memory was traced, which lengthens it.",
+            "Typical: the median over them. ≤: less than the reference itself may err. Frontier: nothing else is as "
+            "accurate in less time. Once: timed a single time, of 5 s and more while the memory was traced, which "
+            "lengthens it.",
         ),
     )
+
+
+def _told(error: float, floor: float) -> str:
+    """An error as a cell of a table."""
+    return f"≤\N{NO-BREAK SPACE}{_error(floor)}" if error < floor else _error(error)
 
 
 def _error(value: float) -> str:
