@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -90,24 +91,55 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation
     )
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthErrors:
+    """What all errors of a camera together do to depth at distances [m]; answers share what they rest on.
+
+    Parameters
+    ----------
+    camera
+        With the errors that it declares.
+    distance
+        [m]; NaN where the camera forms no image.
+    """
+
+    camera: DepthCamera
+    distance: FloatArray
+
+    @classmethod
+    def of(cls, camera: DepthCamera, distance: FloatArray) -> DepthErrors:
+        """At distances that may lie where no image is formed."""
+        return cls(camera=camera, distance=_imaged(camera, distance))
+
+    @cached_property
+    def _parts(self) -> tuple[DepthErrorPart, ...]:
+        return self.camera.depth_error_parts(self.distance)
+
+    @cached_property
+    def _sum(self) -> SumOfErrors:
+        return _sum(self._parts, self.distance.shape)
+
+    @cached_property
+    def uncertainty(self) -> FloatArray:
+        """Half the central 68.27 % interval of depth [m]."""
+        return _uncertainty(self.camera, self.distance, self._sum)
+
+    @property
+    def failed_fraction(self) -> FloatArray:
+        """Share of measurements that end beyond infinity."""
+        return _failed_fraction(self.camera, self.distance, self._sum)
+
+    @property
+    def closed_form_error(self) -> FloatArray:
+        """Estimated error of the uncertainty, as a share of it; NaN where either has no bound."""
+        known = np.where(self.uncertainty > 0.0, self.uncertainty, np.nan)
+        return np.asarray(_linearisation_error(self.camera, self.distance, self._parts) / known)
+
+
 def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "both") -> FloatArray:
     """Half the central 68.27 % interval of depth [m], and nothing else: for root finding."""
     distance = _imaged(camera, distance)
     return _uncertainty(camera, distance, _sum(_of_way(camera.depth_error_parts(distance), way), distance.shape))
-
-
-def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Share of measurements, noise and calibration together, that end beyond infinity."""
-    distance = _imaged(camera, distance)
-    return _failed_fraction(camera, distance, _sum(camera.depth_error_parts(distance), distance.shape))
-
-
-def closed_form_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Estimated error of the depth uncertainty, as a share of it; NaN where either has no bound."""
-    distance = _imaged(camera, distance)
-    parts = camera.depth_error_parts(distance)
-    uncertainty = _uncertainty(camera, distance, _sum(parts, distance.shape))
-    return np.asarray(_linearisation_error(camera, distance, parts) / np.where(uncertainty > 0.0, uncertainty, np.nan))
 
 
 def _imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:

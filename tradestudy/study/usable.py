@@ -10,7 +10,7 @@ import numpy as np
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.study.depth import closed_form_error, depth_uncertainty, failed_fraction
+from tradestudy.study.depth import DepthErrors
 
 LIMIT_NAMES: Final = (
     "real_image",
@@ -66,7 +66,7 @@ def evaluate_limits(
     Only those of the given ``names``, if not all are of interest.
     """
     distance = np.where(camera.images(distance), distance, np.nan)
-    law = camera.disparity_error_px
+    law, errors = camera.disparity_error_px, DepthErrors.of(camera, distance)
     limits: dict[str, Limit] = {}
     if not _OF_ERRORS.issuperset(names):
         limits |= camera.limits(distance, criteria)
@@ -75,15 +75,15 @@ def evaluate_limits(
     if "matching" in names and not isinstance(law, float | int):
         limits["matching"] = law.limit(camera, distance)
     if "closed_form" in names:
-        error = closed_form_error(camera, distance)
+        error = errors.closed_form_error
         limits["closed_form"] = Limit(value=error, bound=_LARGEST_ERROR, met=~(error > _LARGEST_ERROR))
     if "failed_fraction" in names and criteria.failed_fraction is not None:
-        value = failed_fraction(camera, distance)
+        value = errors.failed_fraction
         limits["failed_fraction"] = Limit(
             value=value, bound=criteria.failed_fraction, met=value <= criteria.failed_fraction
         )
     if "relative_uncertainty" in names and criteria.relative_uncertainty is not None:
-        value = depth_uncertainty(camera, distance) / distance
+        value = errors.uncertainty / distance
         limits["relative_uncertainty"] = Limit(
             value=value, bound=criteria.relative_uncertainty, met=value <= criteria.relative_uncertainty
         )
