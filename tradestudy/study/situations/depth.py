@@ -271,8 +271,11 @@ def _share_of(variant: _Variant, slot: SlotName) -> float:
         other: variant.forced[other] for other in _LENGTHS if other in variant.forced and other != slot
     }
     camera = acting(variant.camera, others)
+    spared = acting(camera, {slot: OFF})
+    if spared == camera:  # it declares no such error
+        return 0.0
     everything = depth_uncertainty(camera, variant.imaged) if others else variant.uncertainty
-    without = depth_uncertainty(acting(camera, {slot: OFF}), variant.imaged)
+    without = depth_uncertainty(spared, variant.imaged)
     with np.errstate(invalid="ignore"):  # infinite over infinite: the far end is lost without it as well
         share = 1.0 - np.where(np.isinf(without), 1.0, without / everything)
     return float(np.nanmax(share, initial=0.0))
