@@ -24,6 +24,7 @@ from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 from tradestudy.study.progress import Progress
+from tradestudy.wording import counted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,7 +91,7 @@ class Study:
         """One line on what the study would compute."""
         file, case = self.file, self.definition.case
         ends = f"; {case.distance[0]:g} to {case.distance[-1]:g} m" if case.distance.size else ""
-        counted = [
+        sizes = [
             (len(file.cameras), "camera"),
             (len(case.distance), "distance"),
             (len(file.readings), "reading"),
@@ -98,7 +99,7 @@ class Study:
             (len(file.requirements), "requirement"),
             (0 if file.light_spot is None else 1, "light spot"),
         ]
-        words = ", ".join(f"{count} {word}{'s' if count != 1 else ''}" for count, word in counted if count)
+        words = ", ".join(counted(count, word) for count, word in sizes if count)
         return f"{self.name}: {words or 'in order'}{ends}"
 
     def check(self) -> str:

@@ -10,7 +10,8 @@ import xarray as xr
 
 from tradestudy import report
 from tradestudy.report import csv_tables, files, html
-from tradestudy.report.facts import distance, interval
+from tradestudy.report.facts import interval
+from tradestudy.wording import distance
 
 
 def _content(directory: Path) -> dict[str, bytes]:

@@ -24,6 +24,7 @@ from tradestudy.report.document import (
 )
 from tradestudy.report.facts import length, share
 from tradestudy.units import PIXELS, pretty, significant
+from tradestudy.wording import counted
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -122,7 +123,7 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
             "**Finest on all of it: {best}**, resolving {size} with {images} and {parts}.",
             best=keep[0].title,
             size=length(keep[0].resolution),
-            images=_counted(keep[0].images, "exposure"),
+            images=counted(keep[0].images, "exposure"),
             parts=f"{keep[0].moving_parts} moving part{'' if keep[0].moving_parts == '1' else 's'}",
         )
     if not keep:
@@ -152,10 +153,6 @@ def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
             all=str(data.sizes["camera"]),
             words="; ".join(words),
         )
-
-
-def _counted(count: int, word: str) -> str:
-    return f"{count} {word}{'' if count == 1 else 's'}"
 
 
 def _criterion_words(one: xr.Dataset) -> str:
