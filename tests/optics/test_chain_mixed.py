@@ -427,12 +427,13 @@ def test_microlenses_alone_and_one_in_the_dark(legs: Legs) -> None:
 
 def test_squares_of_pixels_without_microlens_light_are_dark_by_rays() -> None:
     """A source whose light misses every lens gives nothing, with no error."""
-    away = PointSource(x=1e-3, distance=24e-3)
-    for legs in (RAYS_KIRCHHOFF, RAYS_FRESNEL):
-        done = image(camera(), away, legs)
-        assert not done.pixels.any()
-        assert done.numerical_error == 0
-        assert done.microlens_share == 0
+    away, disc = PointSource(x=1e-3, distance=24e-3), DiscSource(diameter=1e-5, distance=24e-3, x=1e-3)
+    for legs in (RAYS_KIRCHHOFF, RAYS_FRESNEL, Legs(to_array="geometric", to_detector="boundary_wave")):
+        for source in (away, disc):
+            done = image(camera(), source, legs)
+            assert not done.pixels.any()
+            assert done.numerical_error == 0
+        assert image(camera(), away, legs).microlens_share == 0
 
 
 def test_what_rays_cannot_do_is_refused() -> None:

@@ -78,9 +78,10 @@ def wave_spot_image(
     pixels = np.tensordot(nodes.radial_weights, rings[:, 2:].mean(axis=1), axes=1)
     size = float(np.linalg.norm(pixels))
     per_point = _points_check(spot, nodes, float(pixels.sum()), rng)
+    averaging = (_angular_error(nodes, rings) / size, _radial_error(nodes, rings) / size) if size > 0.0 else (0.0, 0.0)
     terms = {
-        "source angles": _angular_error(nodes, rings) / size,
-        "source radii": _radial_error(nodes, rings) / size,
+        "source angles": averaging[0],
+        "source radii": averaging[1],
         "single points": per_point,
         "pixel integration": images.pixel_error,
     }
@@ -212,7 +213,9 @@ def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.G
         truth = compute_point(reference, law, finer).pixels / wave.power()
         squares.append(float(np.sum((fast - truth) ** 2)))
         sizes.append(float(np.sum(truth**2)))
-    error = _SAFETY_OF_TWO * math.sqrt(sum(squares) / sum(sizes))
+    if not any(squares):
+        return 0.0  # no light by either
+    error = _SAFETY_OF_TWO * math.sqrt(sum(squares) / sum(sizes)) if any(sizes) else math.inf
     if error > 0.3 and "boundary_wave" not in (spot.legs.to_array, spot.legs.to_detector):
         raise NotConvergedError(
             "points of the spot disagree with the single-point computation",
