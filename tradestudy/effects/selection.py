@@ -198,7 +198,7 @@ def _why(
         default=0.0,
     )
     if joint > 1.0:
-        return f"refused: {held}, but with the other omissions {_share(joint * wanted)}"
+        return f"refused: {held}, but with the other omissions {_rounded_up(100.0 * joint * wanted, 3)} %"
     if model.seconds >= own.seconds and model.change_of(quantity) >= own.change_of(quantity):
         return f"not taken: {held}, and {own.name}, which leaves out no more, costs no more"
     return f"not needed: {held}, and {own.name} suffices"
@@ -255,9 +255,9 @@ def offered(accuracy: Accuracy, factor: float) -> str:
     return ", ".join(dict.fromkeys(f"{_rounded_up(100.0 * v * factor)} %" for v in accuracy.relative.values()))
 
 
-def _rounded_up(number: float) -> str:
-    """Two digits, never less than the number."""
-    step = 10.0 ** (math.floor(math.log10(number)) - 1)
+def _rounded_up(number: float, digits: int = 2) -> str:
+    """So many digits, never less than the number."""
+    step = 10.0 ** (math.floor(math.log10(number)) + 1 - digits)
     return f"{math.ceil(number / step * (1.0 + 1e-9)) * step:.12g}"
 
 
