@@ -336,6 +336,11 @@ def run(
     return result
 
 
+def is_finished(study: Study, directory: Path) -> bool:
+    """Whether a folder holds whole results of this study by this code, whose report `cost` renders again."""
+    return _finished(study, directory) is not None
+
+
 def _finished(study: Study, directory: Path) -> Result | None:
     """Results of an earlier run in a folder, if they are whole and of this study and this code."""
     from tradestudy.errors import ResultsError
@@ -385,7 +390,7 @@ def cost(
 
     found = study.cost(repeats=repeats, budget=budget, progress=progress)
     write_cost(found, directory)
-    if _finished(study, directory) is not None:
+    if is_finished(study, directory):
         progress("report", 0.0)
         report(directory, pdf=(directory / "report.pdf").is_file())
         progress("report", 1.0)

@@ -140,8 +140,10 @@ def cost(
         directory = out if out is not None else Path("reports") / loaded.name
         with _shown_progress(quiet=quiet) as progress:
             api.cost(loaded, directory, repeats=repeats, budget=budget, progress=progress)
+            shown = api.is_finished(loaded, directory)
         if not quiet:
             _say(f"{directory / 'cost.json'}")
+            _say(f"{directory / 'report.html'}" if shown else "The report of the next `run` of this study shows it.")
 
 
 @app.command()

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 import xarray as xr
 
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.study_cost import _dataset
-from tradestudy.figures.cost import _next_digit, cost_drawing
+from tradestudy.figures.cost import _next_digit, cost_drawing, cost_figure
 from tradestudy.report.document import Callout, Table
 from tradestudy.report.sections.cost import cost as cost_section
 
@@ -100,3 +101,15 @@ def test_where_nothing_was_measured_the_box_says_why_and_how_to_get_it() -> None
     assert said.startswith("Quantity: nothing was measured within the 30 s of this measurement. Left out: everything")
     assert "it takes about 90 s" in said
     assert "cost STUDY --budget SECONDS" in said
+
+
+@pytest.mark.parametrize("longest", ["closed form", "diffraction to the first dark ring", "a model " * 5])
+def test_the_legend_stays_within_the_figure(longest: str) -> None:
+    models = [f"{longest} {number}" for number in range(9)]
+    entries = [replace(entry("", 10.0**-k, 10.0**k), model=model) for k, model in enumerate(models)]
+    figure = cost_figure(tree(*entries, floor=1e-12))
+    figure.draw_without_rendering()
+    (legend,) = figure.legends
+    drawn = legend.get_window_extent()
+    assert drawn.x0 >= 0.0
+    assert drawn.x1 <= figure.bbox.width

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import xarray as xr
+from typer.testing import CliRunner
 
 from tradestudy import api
 from tradestudy.api import Study
+from tradestudy.cli import app
 from tradestudy.cost import measuring, stored
 from tradestudy.cost.measuring import Allowance, forget, measure
 from tradestudy.cost.study_cost import study_cost
@@ -49,6 +51,7 @@ def test_runs_never_measure_and_show_the_last_cost_or_say_how_to_get_one(study: 
     assert ASKED not in report()
     assert HOW in report()
     results = (tmp_path / "results.nc").read_bytes()
+    assert api.is_finished(study, tmp_path)
     api.cost(study, tmp_path, budget=20.0)  # renders the finished run's report again
     assert ASKED in report()
     assert "a tenth of that costs" in report()
@@ -62,6 +65,17 @@ def test_runs_never_measure_and_show_the_last_cost_or_say_how_to_get_one(study: 
     assert "closed form" in (tmp_path / "tables" / "cost_by_entry.csv").read_text(encoding="utf-8")
     assert (tmp_path / "results.nc").read_bytes() == results
     assert (tmp_path / stored.COST).read_bytes() == measured
+
+
+def test_the_command_says_which_report_shows_it(study: Study, tmp_path: Path) -> None:
+    (tmp_path / "small.yaml").write_text(api.starter("small"), encoding="utf-8")
+    out = tmp_path / "out"
+    found = CliRunner().invoke(app, ["cost", str(tmp_path / "small.yaml"), "--out", str(out), "--budget", "0.5"])
+    assert found.exit_code == 0
+    assert str(out / "cost.json") in found.output
+    assert "The report of the next `run` of this study shows it." in found.output
+    assert not (out / "report.html").exists()
+    assert not api.is_finished(study, out)
 
 
 def test_a_cost_of_another_study_or_machine_is_not_shown(

@@ -26,7 +26,7 @@ from tradestudy.figures.style import (
     printable,
     styled,
 )
-from tradestudy.units import DURATION, FRACTION, pretty
+from tradestudy.units import DURATION, pretty, significant
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -39,6 +39,7 @@ _MOST_TICKS: Final = 7
 _FOOT: Final = 0.1
 _ROOM: Final = 2.0  # beyond the outermost marks
 _TITLE_WIDTH: Final = 46  # characters above a panel
+_LEGEND_WIDTH, _LEGEND_HANDLE = 118, 11  # characters below the panels, and what the mark before a label takes of them
 # Settings of these are what is left out, one thing or another: none follows on the one before.
 _UNORDERED: Final = "picture_"
 
@@ -74,16 +75,27 @@ def _in_words(data: xr.Dataset) -> str:
     sentences = []
     for name in measured_quantities(data):
         one = data.sel(cost_quantity=name)
-        best, took = float(one["best_error"]), float(one["best_seconds"])
-        text = f"{one['title'].item()!s}"
-        if math.isfinite(float(one["chosen_error"])):
-            text += f": the study's own choice errs by {pretty(float(one['chosen_error']), FRACTION)} in "
-            text += f"{pretty(float(one['chosen_seconds']), DURATION)}"
+        text, chosen, floor = str(one["title"].item()), float(one["chosen_error"]), float(one["reference_error"])
+        if chosen == 0.0:
+            text += f": the study's own choice is the most complete model, in {_time(one, 'chosen_seconds')}"
+        elif math.isfinite(chosen):
+            least = "at most " if chosen < floor else ""
+            text += f": the study's own choice errs by {least}{_percent(max(chosen, floor))} in "
+            text += _time(one, "chosen_seconds")
             if (star := _next_digit(one)) is not None:
-                text += f"; {pretty(star[1], FRACTION)} costs {pretty(star[0], DURATION)}"
-            text += f"; the best measured errs by {pretty(best, FRACTION)} in {pretty(took, DURATION)}"
+                text += f"; {_percent(star[1])} costs {pretty(star[0], DURATION, digits=2)}"
+            text += f"; the best measured errs by {_percent(float(one['best_error']))} in {_time(one, 'best_seconds')}"
         sentences.append(text + ". ")
     return "".join(sentences)
+
+
+def _percent(error: float) -> str:
+    """As the report writes errors."""
+    return f"{significant(100.0 * error, 2)} %"
+
+
+def _time(one: xr.Dataset, name: str) -> str:
+    return pretty(float(one[name]), DURATION, digits=2)
 
 
 def cost_figure(tree: xr.DataTree) -> StudyFigure:
@@ -95,7 +107,9 @@ def cost_figure(tree: xr.DataTree) -> StudyFigure:
         models = list(dict.fromkeys(str(model) for model in data["model"].values[drawn]))
         columns = min(_COLUMNS, len(names))
         rows = -(-len(names) // columns)
-        figure = new_figure(_PANEL_HEIGHT * rows + 0.25 + 0.14 * -(-(len(models) + 3) // 4))
+        labels = [*models, "frontier", "the study's choice", "the next digit"]
+        beside = _legend_columns(labels)
+        figure = new_figure(_PANEL_HEIGHT * rows + 0.25 + 0.14 * -(-len(labels) // beside))
         panels = figure.subplots(rows, columns, squeeze=False).ravel()
         for place, (axes, name) in enumerate(zip(panels, names, strict=False)):
             _panel(axes, data, name, models)
@@ -109,8 +123,17 @@ def cost_figure(tree: xr.DataTree) -> StudyFigure:
         band = Line2D([], [], color=FAINT, linewidth=5.0)
         ring = Line2D([], [], linestyle="", marker="o", markersize=8, markerfacecolor="none", markeredgecolor=INK)
         star = Line2D([], [], linestyle="", marker="*", markersize=8, color=INK)
-        legend(figure, [*marks, band, ring, star], [*models, "frontier", "the study's choice", "the next digit"], 4)
+        legend(figure, [*marks, band, ring, star], labels, beside)
     return figure
+
+
+def _legend_columns(labels: list[str]) -> int:
+    """As many columns, up to four, as the width of the figure has room for, each as wide as its longest label."""
+    for columns in (4, 3, 2):
+        longest = [max(len(label) for label in column) for column in np.array_split(labels, columns) if len(column)]
+        if sum(longest) + _LEGEND_HANDLE * len(longest) <= _LEGEND_WIDTH:
+            return columns
+    return 1
 
 
 def _line(order: int) -> Line2D:
