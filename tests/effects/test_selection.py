@@ -46,6 +46,9 @@ def test_omissions_count_together() -> None:
     why = next(d.why for d in chosen.decisions if d.slot == "defocus_blur" and d.model.name == "off")
     assert "4 %" in why
     assert "4.8 %" in why
+    hardly = select(TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.0479))
+    why = next(d.why for d in hardly.decisions if d.slot == "defocus_blur" and d.model.name == "off")
+    assert why.endswith("4.79 % wanted, but with the other omissions 4.8 %")
 
 
 def test_a_forced_model_stands_and_its_bound_is_told() -> None:

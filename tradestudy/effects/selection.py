@@ -184,7 +184,7 @@ def _why(
     """One sentence with the number and the limit that it was held against."""
     quantity, change = _worst(model, totals, accuracy)
     wanted = accuracy.relative[quantity] if totals else math.nan
-    held = f"changes {_words(quantity)} by {_at_most(change)}, {_share(wanted)} wanted" if totals else "not asked"
+    held = f"changes {_words(quantity)} by {_at_most(change)}, {100.0 * wanted:.4g} % wanted" if totals else "not asked"
     if is_forced:
         return f"forced by the study; {held}"
     if slot_forced:
@@ -198,7 +198,7 @@ def _why(
         default=0.0,
     )
     if joint > 1.0:
-        return f"refused: {held}, but with the other omissions {_rounded_up(100.0 * joint * wanted, 3)} %"
+        return f"refused: {held}, but with the other omissions {_above(100.0 * joint * wanted, 100.0 * wanted)} %"
     if model.seconds >= own.seconds and model.change_of(quantity) >= own.change_of(quantity):
         return f"not taken: {held}, and {own.name}, which leaves out no more, costs no more"
     return f"not needed: {held}, and {own.name} suffices"
@@ -255,9 +255,15 @@ def offered(accuracy: Accuracy, factor: float) -> str:
     return ", ".join(dict.fromkeys(f"{_rounded_up(100.0 * v * factor)} %" for v in accuracy.relative.values()))
 
 
-def _rounded_up(number: float, digits: int = 2) -> str:
-    """So many digits, never less than the number."""
-    step = 10.0 ** (math.floor(math.log10(number)) + 1 - digits)
+def _above(number: float, limit: float) -> str:
+    """Two digits, or as many as tell the number from a limit that it exceeds."""
+    texts = (f"{number:.{digits}g}" for digits in range(2, 17))
+    return next((text for text in texts if float(text) > limit), f"{number!r}")
+
+
+def _rounded_up(number: float) -> str:
+    """Two digits, never less than the number."""
+    step = 10.0 ** (math.floor(math.log10(number)) - 1)
     return f"{math.ceil(number / step * (1.0 + 1e-9)) * step:.12g}"
 
 
