@@ -79,6 +79,12 @@ def test_where_the_reference_ends_a_tenth_of_what_is_asked_is_priced() -> None:
     assert [str(row[1]).replace("\N{NO-BREAK SPACE}", " ") for row in table.rows] == ["0.4 %", "≤ 0.08 %"]
 
 
+def test_where_neither_is_told_the_best_that_was_measured_is_priced() -> None:
+    data = tree(entry("1 %", 4e-3, 10.0, chosen=True), entry("0.1 %", 6e-4, 40.0), floor=1.1e-3, asked=1e-2)
+    (said,) = answers(data)
+    assert "the best measured errs by 0.11 % at most, and that costs 40 s, 4 times as long; a tenth of that is" in said
+
+
 def test_what_errs_less_than_the_reference_is_said_to_err_by_at_most_that() -> None:
     (said,) = answers(tree(entry("1 %", 1e-5, 1.0, chosen=True), entry("10 %", 1e-1, 0.1), floor=1e-4))
     assert said.startswith("Quantity: a run errs by at most 0.01 % in 1 s; a tenth of that is less than the 0.01 %")

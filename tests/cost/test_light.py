@@ -178,6 +178,8 @@ def test_the_spot_is_measured_a_digit_beyond_the_study_against_something_finer(m
         "tolerance 10 %": pytest.approx(0.0995, rel=1e-2),
     }
     assert math.isfinite(seconds_for_a_tenth_of_what_is_asked(found))
+    (note,) = found.notes
+    assert "differs from the reference by 0.95 %; at tolerance 0.1 % it took" in note
 
 
 def test_less_time_gives_a_coarser_reference_and_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:

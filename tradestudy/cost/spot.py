@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Final, get_args
@@ -22,6 +22,7 @@ from tradestudy.study.progress import Progress
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.situations.light_spot import picture_seconds
 from tradestudy.study.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
+from tradestudy.units import significant
 
 _WAVES: Final[tuple[MethodName, ...]] = ("kirchhoff", "kirchhoff-fresnel", "fresnel")
 _POINT_TOLERANCES: Final = (0.1, 1e-2, 1e-3, 1e-4)
@@ -30,6 +31,7 @@ _POINT_REFERENCE: Final = ChainAccuracy(
 )
 _TOLERANCES: Final = (0.1, 10.0, 1.0)  # of that of the study
 _FINEST: Final = 1e-6
+_FINER_SOURCE: Final = 1.2  # sampling that keeps the source's angles from being most of what the reference may err by
 _COARSEST: Final = 0.2
 _COARSEST_REFERENCE: Final = 0.1
 _PACED: Final = 1.0  # seconds from which a prediction tells the pace
@@ -104,8 +106,8 @@ def spot_cost(
         Relative error of the pixels that the study asks for.
     """
 
-    def image(models: SpotModels, seed: int = 0) -> ChainImage:
-        accuracy = ChainAccuracy(tolerance=models.tolerance)
+    def image(models: SpotModels, seed: int = 0, sampling: float = 1.0) -> ChainImage:
+        accuracy = ChainAccuracy(tolerance=models.tolerance, source_sampling=sampling)
         source = light_source(part)
         source = source.centre if models.point and isinstance(source, DiscSource) else source
         return picture_of(part, source, models, accuracy=accuracy, seed=seed)
@@ -125,19 +127,24 @@ def spot_cost(
     coarsest = run(replace(best, tolerance=_COARSEST_REFERENCE))
     if allowance.allows(2.0 * coarsest.predicted + run(chosen).predicted):
         taking.take(run(chosen))
-    # What is asked of it, and what else shall be held against it.
-    wishes = [(standing / 20, standing / 10), *((scale * standing, standing) for scale in (0.5, 1, 2, 5))]
-    finest = next(
+    # Its tolerance, how much more finely the source is sampled, and the tolerance of what shall be held against it.
+    wishes = [
+        (standing / 20, _FINER_SOURCE, standing / 10),
+        (standing / 20, 1.0, standing / 10),
+        *((factor * standing, 1.0, standing) for factor in (0.5, 1, 2, 5)),
+        (_COARSEST_REFERENCE, 1.0, _COARSEST),
+    ]
+    finest, sampling = next(
         (
-            tolerance
-            for tolerance, finest_held in (*wishes, (_COARSEST_REFERENCE, _COARSEST))
+            (tolerance, sampling)
+            for tolerance, sampling, held in wishes
             if _FINEST <= tolerance <= _COARSEST_REFERENCE
             and taking.allows(
-                run(replace(best, tolerance=tolerance)).predicted
-                + run(replace(best, tolerance=min(finest_held, _COARSEST))).predicted
+                sampling**2 * run(replace(best, tolerance=tolerance)).predicted
+                + run(replace(best, tolerance=min(held, _COARSEST))).predicted
             )
         ),
-        None,
+        (None, 1.0),
     )
     title = "Picture of the whole spot"
     says = "All pixels of the picture of the spot: relative L2 error over the pixels."
@@ -153,7 +160,7 @@ def spot_cost(
         )
         return nothing_measured("spot", title, says, "; ".join(filter(None, (why, alone))))
     begin = time.perf_counter()
-    reference = image(replace(best, tolerance=finest), _REFERENCE_SEED)
+    reference = image(replace(best, tolerance=finest), _REFERENCE_SEED, sampling)
     reference_seconds = time.perf_counter() - begin
     for models in _others(part, chosen, standing):
         if models.method not in RAYS and models.tolerance <= finest:
@@ -162,17 +169,34 @@ def spot_cost(
         else:
             taking.take(run(models))
     progress("cost: spot", 1.0)
+    entries = taking.entries(reference.pixels)
     return Measured(
         name="spot",
         title=title,
         says=says,
-        reference=f"Kirchhoff on both legs at a tolerance of {100 * finest:g} %, with its own stated error",
+        reference=f"Kirchhoff on both legs at a tolerance of {100 * finest:g} %, its source sampled {sampling:g} times "
+        "as finely, with its own stated error",
         reference_error=reference.numerical_error,
         reference_seconds=reference_seconds,
-        entries=taking.entries(reference.pixels),
+        entries=entries,
         left_out=tuple(taking.left_out),
+        notes=tuple(_digit_of_tolerance(entries, standing)),
         asked=asked,
     )
+
+
+def _digit_of_tolerance(entries: Sequence[Entry], standing: float) -> Iterator[str]:
+    """What Kirchhoff takes, and how far it is from the reference, at the study's tolerance and at a tenth of it."""
+    law = short_title("kirchhoff")
+    found = {entry.setting: entry for entry in entries if entry.model == law}
+    coarse, fine = (found.get(_percent(tolerance)) for tolerance in (standing, standing / 10))
+    if coarse is not None and fine is not None:
+        yield (
+            f"{law} at the study's {_percent(standing)} took {significant(coarse.seconds, 2)} s and differs from the "
+            f"reference by {significant(100 * coarse.error, 2)} %; at {_percent(standing / 10)} it took "
+            f"{significant(fine.seconds, 2)} s, {significant(fine.seconds / coarse.seconds, 2)} times as long, and "
+            f"differs by {significant(100 * fine.error, 2)} %."
+        )
 
 
 def _others(part: LightSpotPart, chosen: SpotModels, standing: float) -> Iterator[SpotModels]:

@@ -129,11 +129,14 @@ def _digit(one: xr.Dataset, error: float, seconds: float) -> str:
     if float(one["next_error"]) < floor:
         why = f"a tenth of that is less than the {_error(floor)} by which the reference may err"
     else:
-        best, took = float(one["best_error"]), float(one["best_seconds"])
-        why = f"a tenth of that was not reached: the best measured errs by {_error(best)} in {_duration(took)}"
+        least, took = float(one["best_error"]), float(one["best_seconds"])
+        why = f"a tenth of that was not reached: the best measured errs by {_error(least)} in {_duration(took)}"
     asked, tenth = float(one["asked_error"]), float(one["asked_tenth_seconds"])
     if math.isfinite(tenth) and asked / 10.0 < error:
         return f"{_costs(f'a tenth of the {_error(asked)} that the study asks for', tenth, seconds)}; {why}"
+    if (best := float(one["best_error"])) < error / 2.0:
+        took = float(one["best_seconds"])
+        return f"the best measured errs by {_error(best)} at most, and {_costs('that', took, seconds)}; {why}"
     if float(one["next_error"]) < floor:
         took, finer = float(one["reference_seconds"]), floor / float(one["next_error"])
         return (
