@@ -16,6 +16,7 @@ from tradestudy import storage
 from tradestudy.api import Result, load
 from tradestudy.errors import StudyError
 from tradestudy.results import GROUPS
+from tradestudy.study.groups.criteria import criteria_group
 
 DEPTH_CAMERAS = {
     "r5-one-type",
@@ -313,3 +314,22 @@ def test_mistakes_are_told_in_words_that_help(change: str, what: str) -> None:
 def test_criteria_need_a_scene() -> None:
     with pytest.raises(StudyError, match="needs depth_of_field"):
         load(STUDIES / "hand_lens.yaml", ["depth_of_field=null"])
+
+
+def test_what_the_criteria_call_sharp_is_what_the_selection_does() -> None:
+    """With the spot of diffraction the hand lens is nowhere sharp within a pixel; without it, it is."""
+    images = []
+    for forced in ("airy", "off"):
+        plan = load(
+            STUDIES / "hand_lens.yaml",
+            [
+                "depth_of_field.sharp.one-pixel.diffraction=airy-diameter",
+                f"effects={{main_lens_diffraction: {forced}}}",
+            ],
+        ).plan()
+        file = plan.definition.file
+        assert file.criteria is not None
+        assert file.depth_of_field is not None
+        found = criteria_group(plan.definition, file.criteria, file.depth_of_field, plan.selections["depth-of-field"])
+        images.append(found["number"].sel(criterion="images per scene").values[1])
+    assert not np.array_equal(images[0], images[1], equal_nan=True)

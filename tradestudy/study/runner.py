@@ -78,11 +78,10 @@ def compute(
         groups |= uncertain_groups(definition, file.calibration, groups["/decision"], steps)
     if file.depth_of_field is not None:
         progress("depth of field", 0.0)
-        groups["/depth_of_field"] = depth_of_field_group(
-            definition, file.depth_of_field, plan.selections[depth_of_field.NAME]
-        )
+        selection = plan.selections[depth_of_field.NAME]
+        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, selection)
         if file.criteria is not None:
-            groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field)
+            groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field, selection)
     if file.fresnel_validity is not None:
         groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
     if file.light_spot is not None:

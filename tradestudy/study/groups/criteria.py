@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import xarray as xr
 
+from tradestudy.effects.selection import Selection
 from tradestudy.results import dataset
-from tradestudy.study.assemble import blur_criterion_of
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.groups.depth_of_field import acting_criteria
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
 from tradestudy.study.trade_criteria import CRITERIA, Attribute, Relief, declared_others
 
 _MISSING = Attribute(text="not said", basis="")
 
 
-def criteria_group(definition: StudyDefinition, asked: CriteriaPart, focus: DepthOfFieldPart) -> xr.Dataset:
-    """/criteria over (camera, criterion), each value with what it rests on."""
+def criteria_group(
+    definition: StudyDefinition, asked: CriteriaPart, focus: DepthOfFieldPart, selection: Selection
+) -> xr.Dataset:
+    """/criteria over (camera, criterion), each value with what it rests on; what is sharp as the selection has it."""
     parts, cameras = definition.file.cameras, definition.case.all_cameras
     relief = Relief(
         near=focus.scene[0],
         far=focus.scene[1],
-        sharp=blur_criterion_of(next(iter(focus.sharp.values())), definition.case.wavelength),
+        sharp=next(iter(acting_criteria(focus, definition.case.wavelength, selection).values())),
         step_height=asked.step_height,
         surface_tilt=asked.surface_tilt,
     )

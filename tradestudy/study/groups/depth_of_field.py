@@ -27,6 +27,14 @@ from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 _SCENE_POINTS: Final = 401
 
 
+def acting_criteria(asked: DepthOfFieldPart, wavelength: float, selection: Selection) -> dict[str, BlurCriterion]:
+    """Criteria of sharpness by name; without diffraction where the selection leaves it out."""
+    sharp = {name: blur_criterion_of(part, wavelength) for name, part in asked.sharp.items()}
+    if selection.name_of("main_lens_diffraction") == OFF:
+        return {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
+    return sharp
+
+
 def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, selection: Selection) -> xr.Dataset:
     """/depth_of_field over (camera, criterion, distance).
 
@@ -34,9 +42,7 @@ def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, s
     """
     case, wavelength = definition.case, definition.case.wavelength
     cameras = case.all_cameras
-    sharp = {name: blur_criterion_of(part, wavelength) for name, part in asked.sharp.items()}
-    if selection.name_of("main_lens_diffraction") == OFF:
-        sharp = {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
+    sharp = acting_criteria(asked, wavelength, selection)
     ranges = [[camera.focus.sharp_range(criterion) for criterion in sharp.values()] for camera in cameras.values()]
     values = {
         "blur_px": [criterion.blur_px for criterion in sharp.values()],
