@@ -31,7 +31,7 @@ _POINT_REFERENCE: Final = ChainAccuracy(
 )
 _TOLERANCES: Final = (0.1, 10.0, 1.0)  # of that of the study
 _FINEST: Final = 1e-6
-_FINER_SOURCE: Final = 1.2  # sampling that keeps the source's angles from being most of what the reference may err by
+_FINER_SOURCE: Final = 1.4  # sampling that keeps the angles of the source below what its points err by; 1.2 does not
 _COARSEST: Final = 0.2
 _COARSEST_REFERENCE: Final = 0.1
 _PACED: Final = 1.0  # seconds from which a prediction tells the pace
