@@ -13,7 +13,7 @@ import numpy as np
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
 from tradestudy.optics.chain.array_field import PupilWave
-from tradestudy.optics.chain.exact_rays import is_wide, ray_count
+from tradestudy.optics.chain.exact_rays import ray_count, start_of_rays
 from tradestudy.optics.chain.microlens_edges import LEAST_ZONES
 from tradestudy.optics.chain.point_image import plan_waves
 from tradestudy.optics.chain.rays import ray_reach
@@ -33,6 +33,7 @@ SECONDS: Final[Mapping[str, float]] = {
     "rays of a disc: pixel behind a microlens": 2.3e-5,
     "rays of a point: pixel behind a microlens": 2e-6,
     "exact ray from the detector": 8e-8,
+    "exact ray from the array": 2.0e-7,
     "exact ray from the source": 1.2e-7,
     "exact ray from the source past a microlens": 6e-9,
     "sample of a patch": 4.5e-8,
@@ -124,11 +125,11 @@ class LightWork:
     def seconds_of_exact_rays(self, *, point: bool) -> float:
         """A picture by rays of exact directions, computed twice to state its error, and not refined after that."""
         source = self.scene.source.centre if point else self.scene.source
-        rays = ray_count(self.scene.path, source, self._accuracy)
-        if not point and is_wide(self.scene.path, self.scene.source):
-            return SECONDS["exact ray from the detector"] * rays
-        past = SECONDS["exact ray from the source past a microlens"] * self.scene.path.microlenses.count
-        return (SECONDS["exact ray from the source"] + past) * rays
+        start = start_of_rays(self.scene.path, source)
+        each = SECONDS[f"exact ray from the {start}"]
+        if start == "source":
+            each += SECONDS["exact ray from the source past a microlens"] * self.scene.path.microlenses.count
+        return each * ray_count(self.scene.path, source, self._accuracy)
 
     def seconds_of_point(self, *, laws: Legs) -> float:
         """A picture of a single point, computed twice to state its error."""

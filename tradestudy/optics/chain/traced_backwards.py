@@ -1,0 +1,136 @@
+"""A disc traced backwards: the irradiance of detector points is an integral over every microlens.
+
+The phases of the lenses turn the line from a detector point σ to a lens point x towards a pupil point u and a source
+point s, and it carries light where both lie within their discs.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain.exact_lines import Plane, power_of_points, turned, volume
+from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries
+
+_SAMPLES = 4.0  # across a pixel
+_CYCLES = 0.7  # see `cell_nodes`
+_AT_ONCE = 400_000  # rays in a block
+
+
+def traced_backwards(path: LightPath, source: DiscSource, density: float) -> FloatArray:
+    """Share of the light on each pixel, from a grid of detector points, several to each, and all nodes of microlenses.
+
+    `density` is a factor on the numbers of points across a pixel and of nodes along a microlens.
+    """
+    pixels = path.pixels
+    across = max(2, round(_SAMPLES * density))
+    middles = (np.arange(across) + 0.5) / across  # evenly spaced, so that fading edges add up to their areas
+    columns, rows = ((edges[:-1, None] + pixels.pitch * middles).ravel() for edges in (pixels.edges_x, pixels.edges_y))
+    nodes = cell_nodes(path.microlenses, cycles=_CYCLES * density)
+    trace = _Trace(
+        path=path, source=source, nodes=nodes, spacing=pixels.pitch / across, power=power_of_points(path, source)
+    )
+    reach = _reach_on_detector(path)
+    group = symmetries(path, source)
+    total = np.zeros(pixels.shape)
+    for index, copies in lens_orbits(path.microlenses.centres, group):
+        middle = path.microlenses.centres[index] * (1.0 + path.detector_distance / path.array_distance)
+        seen_x, seen_y = (
+            np.flatnonzero(np.abs(line - m) <= reach) for line, m in zip((columns, rows), middle, strict=True)
+        )
+        light = np.zeros((rows.size, columns.size))
+        light[np.ix_(seen_y, seen_x)] = trace.irradiance(index, columns[seen_x], rows[seen_y])
+        shape = (pixels.shape[0], across, pixels.shape[1], across)
+        image = light.reshape(shape).mean(axis=(1, 3)) * pixels.pitch**2
+        total += sum(moved_image(image, one) for one in copies)
+    return np.asarray(total / (math.pi * (source.diameter / 2.0) ** 2))
+
+
+def backward_rays(path: LightPath, source: DiscSource, density: float) -> float:
+    """How many these are."""
+    lenses, across = path.microlenses, max(2, round(_SAMPLES * density))
+    distinct = sum(1 for _ in lens_orbits(lenses.centres, symmetries(path, source)))
+    seen = min(2.0 * _reach_on_detector(path) / path.pixels.pitch, float(min(path.pixels.shape)))
+    return distinct * (seen * across) ** 2 * cell_nodes(lenses, cycles=_CYCLES * density).x.size
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Trace:
+    """From detector points through all nodes of a microlens to pupil and source.
+
+    Attributes
+    ----------
+    path, source
+        Camera and disc.
+    nodes
+        On a cell.
+    spacing
+        Of the detector points [m].
+    power
+        See `power_of_points`.
+    """
+
+    path: LightPath
+    source: DiscSource
+    nodes: CellNodes
+    spacing: float
+    power: tuple[FloatArray, FloatArray]
+
+    def irradiance(self, index: int, columns: FloatArray, rows: FloatArray) -> FloatArray:
+        """∫ d²x (d²s d²u/d²x d²σ) (a/r²)²/P over the part of a cell that sees the source, shape (rows, columns)."""
+        block = max(1, _AT_ONCE // (self.nodes.x.size * max(columns.size, 1)))
+        parts = [self._rows(index, columns, rows[i : i + block]) for i in range(0, rows.size, block)]
+        return np.concatenate(parts) if parts else np.zeros((0, columns.size))
+
+    def _rows(self, index: int, columns: FloatArray, rows: FloatArray) -> FloatArray:
+        """Of some rows of detector points.
+
+        Edges of pupil and source fall between nodes: they fade over what neighbouring nodes and detector points are
+        apart, by paraxial rays t = t_σ + x/f_L, u = x − z t, s = u (1 − a/f) − a t.
+        """
+        path, source, nodes = self.path, self.source, self.nodes
+        a, z, b = source.distance, path.array_distance, path.detector_distance
+        lens, main = path.microlenses.lens(index), path.main_lens
+        centre = path.microlenses.centres[index]
+        offset = Plane(x=nodes.x, y=nodes.y)
+        x = Plane(x=nodes.x + centre[0], y=nodes.y + centre[1])
+        leaving = Plane(x=(columns[:, None] - x.x) / b, y=(rows[:, None, None] - x.y) / b)
+        arriving = turned(lens, offset, leaving, backward=True)
+        if not nodes.in_lens.all():
+            arriving = Plane(
+                x=np.where(nodes.in_lens, arriving.x, leaving.x), y=np.where(nodes.in_lens, arriving.y, leaving.y)
+            )
+        u = x.plus(arriving, -z)
+        towards = turned(main, u, arriving, backward=True)
+        s = u.plus(towards, -a)
+        turn = np.where(nodes.in_lens, 1.0 / lens.focal_length, 0.0) - 1.0 / b
+        from_u = 1.0 - a / main.focal_length
+        apart = np.sqrt(nodes.weights)
+        u_width = np.hypot((1.0 - z * turn) * apart, z / b * self.spacing)
+        s_width = np.hypot((from_u * (1.0 - z * turn) - a * turn) * apart, (from_u * z + a) / b * self.spacing)
+        aside = Plane(x=s.x - source.x, y=s.y - source.y)
+        passed = _covered(u, main.radius, u_width) * _covered(aside, source.diameter / 2.0, s_width)
+        # d²s d²u = (a²/b²) d²x d²σ but for what lenses change, and (a/r²)² = cos⁴α/a².
+        passed *= volume(lens, arriving, leaving) * volume(main, towards, arriving)
+        passed /= (1.0 + towards.squared) ** 2 * np.interp(s.squared, *self.power)
+        return np.asarray(passed @ nodes.weights / b**2)
+
+
+def _covered(at: Plane, edge: float, width: FloatArray) -> FloatArray:
+    """Share of a spacing about a point that lies within a disc, seen as a straight edge."""
+    return np.asarray(np.clip(0.5 + (edge - np.sqrt(at.squared)) / np.maximum(width, 1e-9 * edge), 0.0, 1.0))
+
+
+def _reach_on_detector(path: LightPath) -> float:
+    """Farthest light from where the line through the middle of the pupil and of its microlens lands [m].
+
+    Paraxial rays from the rim of the pupil through the rim of the cell; a tenth more for those that are not.
+    """
+    b, cell = path.detector_distance, path.microlenses.cell_reach
+    bent = max(abs(1.0 + b / path.array_distance - b * p) for p in (0.0, *(1.0 / path.microlenses.focal_lengths)))
+    return 1.1 * float(cell * bent + b * path.main_lens.radius / path.array_distance)
