@@ -128,9 +128,7 @@ def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
 
 
 def _reached(error: float, asked: float) -> str:
-    if error > asked:
-        return f"which it missed: its stated error is {share(error)}"
-    return f"its stated error {share(error)}"
+    return f"its stated error {share(error)}" + (", above that" if error > asked else "")
 
 
 def _within_a_sentence(method: str) -> str:
