@@ -83,6 +83,18 @@ def test_following_the_broken_limits_alone_finds_what_all_limits_say(criteria: U
     np.testing.assert_allclose(inside, [end.distance for end in plain], rtol=1e-13)
 
 
+@pytest.mark.parametrize("blur_px", [2.0, 8.0])
+def test_a_limit_that_is_broken_between_two_points_where_it_holds_is_followed_too(blur_px: float) -> None:
+    """Before the plane of covering an R5 covers totally again, where blur and uncertainty are far off."""
+    criteria = UsableCriteria(
+        availability=0.95, virtual_depth=2.0, blur_px=blur_px, failed_fraction=0.025, relative_uncertainty=0.1
+    )
+    (dense,) = usable_intervals(r5(), criteria, np.geomspace(0.04, 1.0, 400))
+    (sparse,) = usable_intervals(r5(), criteria, np.array([0.04, 0.3, 0.4, 0.5, 0.7, 1.0]))
+    assert (sparse.near, sparse.far) == pytest.approx((dense.near, dense.far), rel=1e-12)
+    assert (sparse.near_limit, sparse.far_limit) == (dense.near_limit, dense.far_limit)
+
+
 def test_limits_asked_for_by_name_are_those_of_all() -> None:
     criteria = UsableCriteria(overlap=0.8, blur_px=2.0, relative_uncertainty=0.02, failed_fraction=0.01)
     rig = stereo(lens=Lens(focal_length=30.5e-3, f_number=8.0), focus_distance=2.0)

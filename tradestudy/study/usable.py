@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -160,13 +161,20 @@ def usable_stretches(
 ) -> tuple[tuple[Boundary, ...], tuple[Boundary, ...]]:
     """Where usable intervals begin and where they end within a grid, whose limits are known.
 
-    Between two grid points only the limits are followed that are broken on one side.
+    Between two grid points only the limits are followed that are broken on one side, and those that this leaves broken
+    at an end that it finds.
     """
     held = all_met(limits, distance.shape)
     change = np.flatnonzero(held[1:] != held[:-1])
     outside = np.where(held[change], change + 1, change)
     names = [name for name, limit in limits.items() if not np.all(limit.met[outside])]
-    ends = boundaries(lambda points: _kept_by(camera, criteria, points, names), distance, held)
+    ends: tuple[Boundary, ...] = ()
+    broken = names
+    while broken:
+        ends = boundaries(partial(_kept_by, camera, criteria, names=tuple(names)), distance, held)
+        at_ends = evaluate_limits(camera, criteria, np.array([end.distance for end in ends]))
+        broken = [name for name, limit in at_ends.items() if name not in names and not limit.met.all()]
+        names = [*names, *broken]
     near, far = [end for end in ends if end.begins], [end for end in ends if not end.begins]
     if held[0]:
         near.insert(0, Boundary(distance=float(distance[0]), begins=True))
