@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.exact_lines import power_of_points, turned
+from tradestudy.optics.chain.exact_lines import Plane, power_of_points, turned
+from tradestudy.optics.chain.rays import blur_radius
 from tradestudy.optics.chain.sampled_rays import Tracer, even_numbers, on_disc, through_microlens
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource
@@ -30,8 +31,27 @@ def forward_tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
         arriving = turned(main, u, towards.scaled(1.0 / a), backward=False)
         x = u.plus(arriving, path.array_distance)
         total = np.zeros(path.pixels.shape)
-        for index, (cx, cy) in enumerate(path.microlenses.centres):
-            total += through_microlens(path, index, x.beside(cx, cy), arriving, power)
+        centres, reach = path.microlenses.centres, path.microlenses.cell_reach
+        middle, half = _box(x)
+        for index in np.flatnonzero(np.all(np.abs(centres - middle) <= half + reach, axis=1)):
+            total += through_microlens(path, int(index), x.beside(*centres[index]), arriving, power)
         return total
 
     return trace
+
+
+def reached_microlenses(path: LightPath, source: PointSource | DiscSource) -> int:
+    """Microlenses about which rays are asked, by paraxial ones."""
+    if isinstance(source, DiscSource):
+        centre, aside = source.centre, source.diameter / 2.0 * path.array_distance / source.distance
+    else:
+        centre, aside = source, 0.0
+    half = blur_radius(path, centre) + aside + path.microlenses.cell_reach
+    chief = np.asarray(path.chief_point(centre))
+    return int(np.sum(np.all(np.abs(path.microlenses.centres - chief) <= half, axis=1)))
+
+
+def _box(points: Plane) -> tuple[FloatArray, FloatArray]:
+    """Middle and half the sides of the rectangle about points."""
+    low, high = (np.array([end(points.x), end(points.y)]) for end in (np.min, np.max))
+    return (low + high) / 2.0, (high - low) / 2.0

@@ -27,6 +27,7 @@ from tradestudy.optics.chain.spot_points import (
     lit_radius,
     outermost,
 )
+from tradestudy.optics.chain.traced_forwards import reached_microlenses
 
 # Processor seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
 SECONDS: Final[Mapping[str, float]] = {
@@ -34,8 +35,8 @@ SECONDS: Final[Mapping[str, float]] = {
     "rays of a point: pixel behind a microlens": 2e-6,
     "exact ray from the detector": 8e-8,
     "exact ray from the array": 2.0e-7,
-    "exact ray from the source": 1.2e-7,
-    "exact ray from the source past a microlens": 6e-9,
+    "exact ray from the source": 2.0e-7,
+    "exact ray from the source past a microlens": 1e-8,
     "sample of a patch": 4.5e-8,
     "sample of a patch in double precision": 1.2e-7,
     "sample of a patch, boundary wave": 1.0e-7,
@@ -128,7 +129,7 @@ class LightWork:
         start = start_of_rays(self.scene.path, source)
         each = SECONDS[f"exact ray from the {start}"]
         if start == "source":
-            each += SECONDS["exact ray from the source past a microlens"] * self.scene.path.microlenses.count
+            each += SECONDS["exact ray from the source past a microlens"] * reached_microlenses(self.scene.path, source)
         return each * ray_count(self.scene.path, source, self._accuracy)
 
     def seconds_of_point(self, *, laws: Legs) -> float:
