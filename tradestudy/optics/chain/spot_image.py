@@ -25,7 +25,7 @@ from tradestudy.optics.chain.sources import (
     symmetries,
     tolerated_density,
 )
-from tradestudy.optics.chain.spot_points import Spot, point_light, prepare_spot, tables_at
+from tradestudy.optics.chain.spot_points import PointLight, Spot, point_light, prepare_spot, tables_at
 
 _THREADS = 2
 _CHECKED_POINTS = 2
@@ -140,19 +140,25 @@ def _ring_images(
             at = [(float(x), float(y)) for x, y in (nodes.rings[ring][i] for i, _ in chosen)]
             shared = tables_at(spot, at)
             lights = list(pool.map(lambda p, s=shared: point_light(spot, p, s[p]), at))
-            fine = [light.intensity for light in lights]
             handed = max(handed, *(light.handed_over for light in lights))
+            known = [(i, n, light) for (i, n), light in zip(chosen, lights, strict=True)]
             means = []
             for step, first in ((4, 0), (4, 2), (2, 0), (2, 1)):
-                part = [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % step == first]
-                part = part or [(n, image) for (i, n), image in zip(chosen, fine, strict=True) if i % 4 == 0]
-                total = sum(n * image for n, image in part)
-                means.append(np.asarray(total, dtype=np.float64) / sum(n for n, _ in part))
-            lit = [light_on_pixels(mean, spot.path.pixels, per_pixel=spot.per_pixel) for mean in means]
-            images.append([one[0] for one in lit])
-            errors.append(max(one[1] for one in lit))
+                part = [(n, light) for i, n, light in known if i % step == first]
+                part = part or [(n, light) for i, n, light in known if i % 4 == 0]
+                means.append(_mean_on_pixels(spot, part))
+            images.append([one[0] for one in means])
+            errors.append(max(one[1] for one in means))
             done(sum(len(one) for one in nodes.rings[: ring + 1]) / len(nodes.all))
     return _RingImages(pixels=np.asarray(images), pixel_error=max(errors), points=points, handed_over=handed)
+
+
+def _mean_on_pixels(spot: Spot, part: list[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
+    """Weighted mean of points on the pixels, and the error of integrating over them."""
+    points = sum(n for n, _ in part)
+    intensity = np.asarray(sum(n * light.intensity for n, light in part), dtype=np.float64) / points
+    pixels, error = light_on_pixels(intensity, spot.path.pixels, per_pixel=spot.per_pixel)
+    return pixels + sum(n * light.far for n, light in part) / points, error
 
 
 def _angular_error(nodes: SourceNodes, rings: FloatArray) -> float:
@@ -201,11 +207,7 @@ def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.G
         if len(squares) == _CHECKED_POINTS:
             break
         at = (float(pick[0]), float(pick[1]))
-        fast = light_on_pixels(
-            point_light(spot, at, tables_at(spot, [at])[at]).intensity.astype(np.float64),
-            spot.path.pixels,
-            per_pixel=spot.per_pixel,
-        )[0]
+        fast = point_light(spot, at, tables_at(spot, [at])[at]).on_pixels(spot)
         left = len(picks) - number
         if fast.sum() < _HARDLY_ANY * light and left > _CHECKED_POINTS - len(squares):
             continue

@@ -25,10 +25,11 @@ from tradestudy.optics.chain.detector_transfer import (
     propagate,
     response,
 )
+from tradestudy.optics.chain.far_light import far_light
 from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import CellNodes
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane, resolved_cycles, shadowed
-from tradestudy.optics.chain.pixels import MARGIN, samples_per_pixel
+from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels, samples_per_pixel
 from tradestudy.optics.chain.ray_wave import RayWave
 from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
 from tradestudy.optics.chain.regions import IntArray
@@ -203,12 +204,20 @@ class PointLight:
     ----------
     intensity
         On the fine grid of the detector, as a share of the point's power through the pupil.
+    far
+        What falls on each pixel beyond the patches that light is followed on, as such a share.
     handed_over
         Share of it that a boundary wave behind the array left to Kirchhoff's integral.
     """
 
     intensity: FloatArray
+    far: FloatArray
     handed_over: float
+
+    def on_pixels(self, spot: Spot) -> FloatArray:
+        """Share of the point's power on each pixel."""
+        intensity = self.intensity.astype(np.float64)
+        return light_on_pixels(intensity, spot.path.pixels, per_pixel=spot.per_pixel)[0] + self.far
 
 
 def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
@@ -218,7 +227,7 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
     kind = np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
     rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
     canvas = np.zeros((rows, columns), dtype=kind)
-    power, carried = 0.0, 0.0
+    far, power, carried = np.zeros(spot.path.pixels.shape), 0.0, 0.0
     for group in _lit_groups(spot, wave, at, table):
         rest = group.field
         if spot.legs.to_detector == "boundary_wave":
@@ -236,9 +245,10 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
                 accuracy=spot.accuracy,
             )
         if rest.any():
-            _add_light(spot, canvas, reach, replace(group, field=rest))
+            far += _add_light(spot, canvas, reach, replace(group, field=rest))
     return PointLight(
         intensity=np.asarray(np.abs(canvas) ** 2 / wave.power()),
+        far=far / wave.power(),
         handed_over=1.0 - carried / power if power > 0.0 else 0.0,
     )
 
@@ -284,8 +294,8 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
         yield _Lit(which=whole, cell=plane.cell, field=field, transmission=_transmission(spot, wave)[whole])
 
 
-def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> None:
-    """Follow the light of some microlenses to their patches of the detector, and add it there."""
+def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> FloatArray:
+    """Follow the light of some microlenses to their patches of the detector, and add it there; return what leaves."""
     transfer, slope = spot.response.transfer, reach.slope[lit.which]
     sine = slope
     if spot.legs.to_detector != "fresnel":
@@ -307,7 +317,13 @@ def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> 
         tolerance=spot.accuracy.tolerance / 20,
         threads=1,
     )
-    _add_patches(spot, canvas, patches, first, frequency, spot.path.microlenses.centres[lit.which])
+    centres = spot.path.microlenses.centres[lit.which]
+    _add_patches(spot, canvas, patches, first, frequency, centres)
+    sent = np.sum(np.abs(lit.field) ** 2 * lit.cell.weights, axis=-1)
+    held = np.sum(np.abs(patches) ** 2, axis=(1, 2), dtype=np.float64) * spot.spacing**2
+    half = side * spot.spacing / 2
+    middles = centres + start + half - spot.spacing / 2
+    return far_light(spot.path.pixels, middles, half, np.maximum(sent - held, 0.0))
 
 
 def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
