@@ -59,9 +59,17 @@ def test_far_from_focus_it_is_as_good_as_the_integral(width: float) -> None:
     assert 1e-12 < relative(edge.pixels, area.pixels) < edge.numerical_error + area.numerical_error < 5e-4
 
 
-@pytest.mark.parametrize("changes", [{}, {"main_lens": WIDE, "focal_lengths": np.full(3, 76e-6)}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"main_lens": WIDE, "focal_lengths": np.full(3, 76e-6)},
+        {"main_lens": WIDE, "focal_lengths": np.full(3, 10e-6), "pixels": PixelGrid(pitch=40e-6, shape=(3, 5))},
+    ],
+    ids=["cut", "in focus", "steeper than any ray"],
+)
 def test_what_a_shadow_cuts_and_what_is_in_focus_is_left_to_kirchhoff(changes: dict[str, object]) -> None:
-    """No microlens is lit as a whole, or all are in focus: the very same picture, all handed over."""
+    """No microlens is lit as a whole, or all are in focus, or have no rays: the very same picture, all handed over."""
     edge, area = (image(camera(**changes), OFF, "geometric", last, 1e-3) for last in ("boundary_wave", "kirchhoff"))
     assert edge.handed_over == 1.0
     np.testing.assert_allclose(edge.pixels, area.pixels, rtol=0, atol=1e-12 * area.pixels.max())

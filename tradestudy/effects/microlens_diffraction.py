@@ -20,7 +20,7 @@ from tradestudy.effects.picture_change import (
 )
 from tradestudy.optics.chain.microlens_edges import LEAST_ZONES
 
-_SAFETY: Final = 1.5  # see `picture_change`
+_SAFETY: Final = {"rays": 1.5, "fresnel": 1.2}  # see `picture_change`
 _LEADING_TERM: Final = (1.5, 5e-4)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md
 
 
@@ -38,6 +38,7 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
     law = scene.detector_law
     rim = rim_light(scene)
     fresnel = law_change(scene, law) + 2.0 * rim * law_change(scene, scene.rim_detector_law)
+    fresnel *= _SAFETY["fresnel"]
     f = frequencies(scene)
     lost = (1.0 - aperture_transfer(scene, f)) * source_transfer(scene, f) * pixel_transfer(scene, f)
     spread = picture_change(scene, lost)
@@ -50,7 +51,7 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                 name=OFF,
                 bounds=bound_of(
                     scene,
-                    _SAFETY * spread,
+                    _SAFETY["rays"] * spread,
                     criterion="width of a diffraction image over pixel",
                     number=1.0 / (scene.cutoff * scene.path.pixels.pitch),
                     reason="rays leave out the spread by the aperture of a microlens",

@@ -29,6 +29,7 @@ from tradestudy.optics.chain.rays import RayReach, ray_reach
 from tradestudy.optics.chain.scene import LegMethod, LightPath
 from tradestudy.optics.propagation.direct import ComplexArray
 
+_SAFETY_OF_EDGES = 3.0  # the coarser Kirchhoff of a boundary wave may err to the same side as the wave
 _SAFETY = 2.0  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
 _CHECK_POINTS = 16
 _GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses …
@@ -129,8 +130,9 @@ def stated_point(
         )
     size = min(float(np.linalg.norm(one.pixels)) for one in (fine, other))  # starved nodes invent light
     change = float(np.linalg.norm(fine.pixels - other.pixels))
+    safety = _SAFETY_OF_EDGES if to_detector == "boundary_wave" or reference is not wave else _SAFETY
     terms = {
-        "other sampling": _SAFETY * change / size if change > 0 else 0.0,  # no light, no change: all is shadow
+        "other sampling": safety * change / size if change > 0 else 0.0,  # no light, no change: all is shadow
         "pixel integration": fine.pixel_error,
     }
     return fine, terms

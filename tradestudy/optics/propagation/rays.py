@@ -91,6 +91,7 @@ def ray_fields(wave: LensWave, kernel: Kernel, rays: Rays, x: FloatArray, y: Flo
 def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
     """Whether the map from the aperture along the rays to the nearest and farthest target plane is one to one.
 
+    It is not where the phase is steeper than any ray.
     Sufficient: the symmetric part of the map's derivative keeps one sign over the (convex) aperture.
     """
     paths = wave.paths
@@ -100,6 +101,8 @@ def one_ray_per_target(wave: LensWave, z: FloatArray) -> bool:
     angle = 2 * np.pi * np.arange(32) / 32
     u, v = np.multiply.outer(ring, np.cos(angle)).ravel(), np.multiply.outer(ring, np.sin(angle)).ravel()
     p_x, p_y = paths.slope(u, v)
+    if np.max(p_x**2 + p_y**2) >= 1.0:
+        return False
     front = paths.expansion(u, v)
     xx, xy, yy = front.xx, front.xy, front.yy
     c = np.sqrt(1 - p_x**2 - p_y**2)
