@@ -42,7 +42,8 @@ class Plane:
 
     def where(self, chosen: BoolArray) -> Plane:
         """Only some."""
-        return Plane(x=self.x[chosen], y=self.y[chosen])
+        x, y = (np.broadcast_to(one, chosen.shape)[chosen] for one in (self.x, self.y))
+        return Plane(x=x, y=y)
 
 
 def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Plane:

@@ -27,8 +27,9 @@ from tradestudy.optics.propagation.lens import PointSource
 StartOfRays = Literal["detector", "array", "source"]
 
 _COARSER = 0.7
-_SAFETY = 2.0
-_SAFETY_OF_GRIDS = 2.5  # of detector points and nodes, whose errors may fall as slowly as their spacing
+_SHIFTS = 8  # of the sequence that places sampled rays
+_SAFETY = 2.5  # on the change of samples, whose errors may fall as slowly as their spacing
+_STANDARD_ERRORS = 3.0  # of few shifts, and of pictures that may hold no more than one number
 _MOST_REFINEMENTS = 2
 _TOLERANCE_OF_ONE = 1e-2  # that a density of 1 meets
 _WIDTH_OF_ONE = 2.0  # radius of such an image [pixels]
@@ -55,8 +56,8 @@ def exact_ray_image(path: LightPath, source: PointSource | DiscSource, *, accura
     Returns
     -------
     ChainImage
-        ``numerical_error`` is twice the change against half the rays, or, of rays from the detector, 2.5 times that
-        against 0.7 times the samples. Where it misses the tolerance, rays are increased twice at most.
+        ``numerical_error`` is 3 standard errors of eight shifts of the rays, or, of rays from the detector, 2.5 times
+        the change against 0.7 times the samples. Where it misses the tolerance, rays are increased twice at most.
 
     Raises
     ------
@@ -133,24 +134,23 @@ def _sampled(
 ) -> tuple[FloatArray, float, float]:
     """Picture, its error, and rays."""
     trace = _tracer(path, source)
-    each = _needed(path, source, accuracy) // 4
-    quarters = [_sum(trace, i * each, (i + 1) * each) for i in range(4)]
+    each = _needed(path, source, accuracy) // _SHIFTS
+    sums = np.stack([_sum(trace, shifted, 0, each) for shifted in range(_SHIFTS)])
     for _ in range(_MOST_REFINEMENTS):
-        if _of_quarters(quarters) <= accuracy.tolerance or 8 * each > _MOST_RAYS:
+        if _scatter(sums) <= accuracy.tolerance or 2 * _SHIFTS * each > _MOST_RAYS:
             break
-        quarters = [quarters[0] + quarters[1], quarters[2] + quarters[3]]
+        sums += np.stack([_sum(trace, shifted, each, 2 * each) for shifted in range(_SHIFTS)])
         each *= 2
-        quarters += [_sum(trace, i * each, (i + 1) * each) for i in (2, 3)]
-    traced = _lenses_traced(path, source) * 4 * each + _PILOT_RAYS
-    return sum(quarters, np.zeros(path.pixels.shape)) / (4 * each), _of_quarters(quarters), traced
+    traced = _lenses_traced(path, source) * _SHIFTS * each + _PILOT_RAYS
+    return np.asarray(sums.mean(axis=0) / each), _scatter(sums), traced
 
 
 def _needed(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAccuracy) -> int:
     """Rays to trace, through every microlens where they start at the array: from the error that a few of them have."""
     if start_of_rays(path, source) == "array":
         path = _typical_microlens(path, source)
-    trace, each = _tracer(path, source), _PILOT_RAYS // 4
-    change = _of_quarters([trace(i * each, (i + 1) * each) for i in range(4)])
+    trace = _tracer(path, source)
+    change = _scatter(np.stack([trace(shifted, 0, _PILOT_RAYS // _SHIFTS) for shifted in range(_SHIFTS)]))
     needed = _PILOT_RAYS * math.pow(change / accuracy.tolerance, 1.0 / _ORDER) if change > 0.0 else _WHERE_DARK
     return round(min(max(accuracy.source_sampling * needed, _PILOT_RAYS), _MOST_RAYS))
 
@@ -181,29 +181,25 @@ def _tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
     return forward_tracer(path, source)
 
 
-def _sum(trace: Tracer, start: int, stop: int) -> FloatArray:
+def _sum(trace: Tracer, shifted: int, start: int, stop: int) -> FloatArray:
     """Rays of a long stretch, some at once."""
-    first, *others = (trace(at, min(at + AT_ONCE, stop)) for at in range(start, stop, AT_ONCE))
+    first, *others = (trace(shifted, at, min(at + AT_ONCE, stop)) for at in range(start, stop, AT_ONCE))
     return sum(others, first)
 
 
-def _of_quarters(quarters: list[FloatArray]) -> float:
-    """Error of the mean of four stretches of rays: by its change against half of them, unless that is small by luck."""
-    stacked = np.stack(quarters)
-    whole = stacked.sum(axis=0)
-    size = float(np.linalg.norm(whole))
-    if size == 0.0:
-        return 0.0
-    apart = 4.0 * stacked - whole
-    half = float(np.linalg.norm(apart[0] + apart[1])) / 2.0
-    quarter = float(np.linalg.norm(apart)) / 2.0  # root mean square of the four
-    return _SAFETY * max(half, quarter / math.pow(2.0, _ORDER)) / size
+def _scatter(sums: FloatArray) -> float:
+    """Error of the mean of pictures that err each on its own, relative L2, by how they scatter."""
+    mean = sums.mean(axis=0)
+    size = float(np.linalg.norm(mean))
+    count = sums.shape[0]
+    scatter = float(np.linalg.norm(sums - mean)) / math.sqrt(count * (count - 1))
+    return _STANDARD_ERRORS * scatter / size if size > 0.0 else 0.0
 
 
 def _against(coarse: FloatArray, fine: FloatArray) -> float:
     """Error of the finer of two pictures from the detector, relative L2."""
     size = float(np.linalg.norm(fine))
-    return _SAFETY_OF_GRIDS * float(np.linalg.norm(fine - coarse)) / size if size > 0.0 else 0.0
+    return _SAFETY * float(np.linalg.norm(fine - coarse)) / size if size > 0.0 else 0.0
 
 
 def _image_radius(path: LightPath, source: DiscSource) -> float:

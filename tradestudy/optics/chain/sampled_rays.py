@@ -12,19 +12,22 @@ from tradestudy.optics.chain.exact_lines import Plane, turned
 from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
 
 AT_ONCE = 100_000  # rays in a block
-Tracer = Callable[[int, int], FloatArray]  # sum over the rays of a stretch of the sequence, shape of the pixels
+Tracer = Callable[[int, int, int], FloatArray]
+"""Sum over the rays of a shifted sequence from one member to another, shape of the pixels."""
 
 
-def even_numbers(dimensions: int, start: int, stop: int) -> FloatArray:
+def even_numbers(dimensions: int, shifted: int, start: int, stop: int) -> FloatArray:
     """Members of a sequence that fills the unit cube evenly however far it is followed, shape (dimensions, n).
 
-    Multiples of 1/g, 1/g², … for g^(d+1) = g + 1: a golden ratio for every dimension.
+    Multiples of 1/g, 1/g², … for g^(d+1) = g + 1: a golden ratio for every dimension. Each of its shifts errs on its
+    own, as if drawn: √p j² modulo 1 for prime p has no period that a step could share.
     """
     g = 2.0
     for _ in range(60):
         g = math.pow(1.0 + g, 1.0 / (dimensions + 1))
     steps = np.power(g, -np.arange(1.0, dimensions + 1))
-    return np.asarray((0.5 + np.arange(start + 1, stop + 1) * steps[:, None]) % 1.0)
+    shift = np.sqrt([2.0, 3.0, 5.0, 7.0][:dimensions]) * (shifted + 1) ** 2
+    return np.asarray((shift[:, None] + np.arange(start, stop) * steps[:, None]) % 1.0)
 
 
 def on_disc(radius: float, area: FloatArray, turn: FloatArray) -> Plane:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.exact_lines import Plane, power_of_points, turned, volume
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
 from tradestudy.optics.chain.scene import LightPath
@@ -28,21 +28,14 @@ def traced_backwards(path: LightPath, source: DiscSource, density: float) -> Flo
     `density` is a factor on the numbers of points across a pixel and of nodes along a microlens.
     """
     pixels = path.pixels
-    across = max(2, round(_SAMPLES * density))
-    middles = (np.arange(across) + 0.5) / across  # evenly spaced, so that fading edges add up to their areas
-    columns, rows = ((edges[:-1, None] + pixels.pitch * middles).ravel() for edges in (pixels.edges_x, pixels.edges_y))
-    nodes = cell_nodes(path.microlenses, cycles=_CYCLES * density)
+    across, nodes = _samples(path, density)
     trace = _Trace(
         path=path, source=source, nodes=nodes, spacing=pixels.pitch / across, power=power_of_points(path, source)
     )
-    reach = _reach_on_detector(path)
-    group = symmetries(path, source)
+    columns, rows = _detector_points(path, across)
     total = np.zeros(pixels.shape)
-    for index, copies in lens_orbits(path.microlenses.centres, group):
-        middle = path.microlenses.centres[index] * (1.0 + path.detector_distance / path.array_distance)
-        seen_x, seen_y = (
-            np.flatnonzero(np.abs(line - m) <= reach) for line, m in zip((columns, rows), middle, strict=True)
-        )
+    for index, copies in lens_orbits(path.microlenses.centres, symmetries(path, source)):
+        seen_x, seen_y = _seen(path, index, columns, rows)
         light = np.zeros((rows.size, columns.size))
         light[np.ix_(seen_y, seen_x)] = trace.irradiance(index, columns[seen_x], rows[seen_y])
         shape = (pixels.shape[0], across, pixels.shape[1], across)
@@ -53,10 +46,32 @@ def traced_backwards(path: LightPath, source: DiscSource, density: float) -> Flo
 
 def backward_rays(path: LightPath, source: DiscSource, density: float) -> float:
     """How many these are."""
-    lenses, across = path.microlenses, max(2, round(_SAMPLES * density))
-    distinct = sum(1 for _ in lens_orbits(lenses.centres, symmetries(path, source)))
-    seen = min(2.0 * _reach_on_detector(path) / path.pixels.pitch, float(min(path.pixels.shape)))
-    return distinct * (seen * across) ** 2 * cell_nodes(lenses, cycles=_CYCLES * density).x.size
+    across, nodes = _samples(path, density)
+    lines = _detector_points(path, across)
+    distinct = (index for index, _ in lens_orbits(path.microlenses.centres, symmetries(path, source)))
+    return float(nodes.x.size * sum(math.prod(seen.size for seen in _seen(path, one, *lines)) for one in distinct))
+
+
+def _samples(path: LightPath, density: float) -> tuple[int, CellNodes]:
+    """Points across a pixel, and nodes on a cell."""
+    return max(2, round(_SAMPLES * density)), cell_nodes(path.microlenses, cycles=_CYCLES * density)
+
+
+def _detector_points(path: LightPath, across: int) -> tuple[FloatArray, FloatArray]:
+    """Columns and rows [m], evenly spaced, so that fading edges add up to their areas."""
+    pixels, middles = path.pixels, (np.arange(across) + 0.5) / across
+    columns, rows = ((edges[:-1, None] + pixels.pitch * middles).ravel() for edges in (pixels.edges_x, pixels.edges_y))
+    return columns, rows
+
+
+def _seen(path: LightPath, index: int, columns: FloatArray, rows: FloatArray) -> tuple[IndexArray, IndexArray]:
+    """Columns and rows that light of a microlens reaches."""
+    middle = path.microlenses.centres[index] * (1.0 + path.detector_distance / path.array_distance)
+    reach = _reach_on_detector(path)
+    seen_x, seen_y = (
+        np.flatnonzero(np.abs(line - m) <= reach) for line, m in zip((columns, rows), middle, strict=True)
+    )
+    return seen_x, seen_y
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,18 +121,22 @@ class _Trace:
                 x=np.where(nodes.in_lens, arriving.x, leaving.x), y=np.where(nodes.in_lens, arriving.y, leaving.y)
             )
         u = x.plus(arriving, -z)
-        towards = turned(main, u, arriving, backward=True)
-        s = u.plus(towards, -a)
         turn = np.where(nodes.in_lens, 1.0 / lens.focal_length, 0.0) - 1.0 / b
         from_u = 1.0 - a / main.focal_length
         apart = np.sqrt(nodes.weights)
         u_width = np.hypot((1.0 - z * turn) * apart, z / b * self.spacing)
         s_width = np.hypot((from_u * (1.0 - z * turn) - a * turn) * apart, (from_u * z + a) / b * self.spacing)
-        aside = Plane(x=s.x - source.x, y=s.y - source.y)
-        passed = _covered(u, main.radius, u_width) * _covered(aside, source.diameter / 2.0, s_width)
+        passed = _covered(u, main.radius, u_width)
+        lit = passed > 0.0  # often a small part, and only they are followed further
+        leaving, arriving, u = (one.where(lit) for one in (leaving, arriving, u))
+        towards = turned(main, u, arriving, backward=True)
+        s = u.plus(towards, -a)
+        aside = s.beside(source.x, source.y)
+        share = passed[lit] * _covered(aside, source.diameter / 2.0, np.broadcast_to(s_width, lit.shape)[lit])
         # d²s d²u = (a²/b²) d²x d²σ but for what lenses change, and (a/r²)² = cos⁴α/a².
-        passed *= volume(lens, arriving, leaving) * volume(main, towards, arriving)
-        passed /= (1.0 + towards.squared) ** 2 * np.interp(s.squared, *self.power)
+        share *= volume(lens, arriving, leaving) * volume(main, towards, arriving)
+        share /= (1.0 + towards.squared) ** 2 * np.interp(s.squared, *self.power)
+        passed[lit] = share
         return np.asarray(passed @ nodes.weights / b**2)
 
 

@@ -20,8 +20,8 @@ def forward_tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
     power_at = power_of_points(path, source)
     main, a = path.main_lens, source.distance
 
-    def trace(start: int, stop: int) -> FloatArray:
-        numbers = even_numbers(4 if isinstance(source, DiscSource) else 2, start, stop)
+    def trace(shifted: int, start: int, stop: int) -> FloatArray:
+        numbers = even_numbers(4 if isinstance(source, DiscSource) else 2, shifted, start, stop)
         u = on_disc(main.radius, *numbers[:2])
         towards = u.beside(source.x, source.y)
         if isinstance(source, DiscSource):

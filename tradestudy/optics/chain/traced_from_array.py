@@ -21,8 +21,8 @@ def array_tracer(path: LightPath, source: DiscSource) -> Tracer:
     orbits = list(lens_orbits(path.microlenses.centres, symmetries(path, source)))
     power_at = power_of_points(path, source)
 
-    def trace(start: int, stop: int) -> FloatArray:
-        numbers = even_numbers(4, start, stop)
+    def trace(shifted: int, start: int, stop: int) -> FloatArray:
+        numbers = even_numbers(4, shifted, start, stop)
         u, offset = on_disc(path.main_lens.radius, *numbers[:2]), _on_cell(path.microlenses, *numbers[2:])
         total = np.zeros(path.pixels.shape)
         for index, copies in orbits:
