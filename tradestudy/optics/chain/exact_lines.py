@@ -40,10 +40,13 @@ class Plane:
         """Relative to a point."""
         return Plane(x=self.x - x, y=self.y - y)
 
+    def over(self, shape: tuple[int, ...]) -> Plane:
+        """Repeated to fill a shape."""
+        return Plane(x=np.broadcast_to(self.x, shape), y=np.broadcast_to(self.y, shape))
+
     def where(self, chosen: BoolArray) -> Plane:
         """Only some."""
-        x, y = (np.broadcast_to(one, chosen.shape)[chosen] for one in (self.x, self.y))
-        return Plane(x=x, y=y)
+        return Plane(x=self.x[chosen], y=self.y[chosen])
 
 
 def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Plane:

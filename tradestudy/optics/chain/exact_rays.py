@@ -27,7 +27,7 @@ from tradestudy.optics.propagation.lens import PointSource
 StartOfRays = Literal["detector", "array", "source"]
 
 _COARSER = 0.7
-_SHIFTS = 8  # of the sequence that places sampled rays
+SHIFTS = 8  # of the sequence that places sampled rays
 _SAFETY = 2.5  # on the change of samples, whose errors may fall as slowly as their spacing
 _STANDARD_ERRORS = 3.0  # of few shifts, and of pictures that may hold no more than one number
 _MOST_REFINEMENTS = 2
@@ -134,14 +134,14 @@ def _sampled(
 ) -> tuple[FloatArray, float, float]:
     """Picture, its error, and rays."""
     trace = _tracer(path, source)
-    each = _needed(path, source, accuracy) // _SHIFTS
-    sums = np.stack([_sum(trace, shifted, 0, each) for shifted in range(_SHIFTS)])
+    each = _needed(path, source, accuracy) // SHIFTS
+    sums = np.stack([_sum(trace, shifted, 0, each) for shifted in range(SHIFTS)])
     for _ in range(_MOST_REFINEMENTS):
-        if _scatter(sums) <= accuracy.tolerance or 2 * _SHIFTS * each > _MOST_RAYS:
+        if _scatter(sums) <= accuracy.tolerance or 2 * SHIFTS * each > _MOST_RAYS:
             break
-        sums += np.stack([_sum(trace, shifted, each, 2 * each) for shifted in range(_SHIFTS)])
+        sums += np.stack([_sum(trace, shifted, each, 2 * each) for shifted in range(SHIFTS)])
         each *= 2
-    traced = _lenses_traced(path, source) * _SHIFTS * each + _PILOT_RAYS
+    traced = _lenses_traced(path, source) * SHIFTS * each + _PILOT_RAYS
     return np.asarray(sums.mean(axis=0) / each), _scatter(sums), traced
 
 
@@ -150,7 +150,7 @@ def _needed(path: LightPath, source: PointSource | DiscSource, accuracy: ChainAc
     if start_of_rays(path, source) == "array":
         path = _typical_microlens(path, source)
     trace = _tracer(path, source)
-    change = _scatter(np.stack([trace(shifted, 0, _PILOT_RAYS // _SHIFTS) for shifted in range(_SHIFTS)]))
+    change = _scatter(np.stack([trace(shifted, 0, _PILOT_RAYS // SHIFTS) for shifted in range(SHIFTS)]))
     needed = _PILOT_RAYS * math.pow(change / accuracy.tolerance, 1.0 / _ORDER) if change > 0.0 else _WHERE_DARK
     return round(min(max(accuracy.source_sampling * needed, _PILOT_RAYS), _MOST_RAYS))
 
@@ -190,9 +190,9 @@ def _sum(trace: Tracer, shifted: int, start: int, stop: int) -> FloatArray:
 def _scatter(sums: FloatArray) -> float:
     """Error of the mean of pictures that err each on its own, relative L2, by how they scatter."""
     mean = sums.mean(axis=0)
-    size = float(np.linalg.norm(mean))
+    size = math.sqrt(float(np.sum(mean**2)))
     count = sums.shape[0]
-    scatter = float(np.linalg.norm(sums - mean)) / math.sqrt(count * (count - 1))
+    scatter = math.sqrt(float(np.sum((sums - mean) ** 2)) / (count * (count - 1)))
     return _STANDARD_ERRORS * scatter / size if size > 0.0 else 0.0
 
 

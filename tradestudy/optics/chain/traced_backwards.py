@@ -128,7 +128,7 @@ class _Trace:
         s_width = np.hypot((from_u * (1.0 - z * turn) - a * turn) * apart, (from_u * z + a) / b * self.spacing)
         passed = _covered(u, main.radius, u_width)
         lit = passed > 0.0  # often a small part, and only they are followed further
-        leaving, arriving, u = (one.where(lit) for one in (leaving, arriving, u))
+        leaving, arriving, u = (one.over(lit.shape).where(lit) for one in (leaving, arriving, u))
         towards = turned(main, u, arriving, backward=True)
         s = u.plus(towards, -a)
         aside = s.beside(source.x, source.y)

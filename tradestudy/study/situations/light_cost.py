@@ -13,7 +13,7 @@ import numpy as np
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
 from tradestudy.optics.chain.array_field import PupilWave
-from tradestudy.optics.chain.exact_rays import ray_count, start_of_rays
+from tradestudy.optics.chain.exact_rays import SHIFTS, ray_count, start_of_rays
 from tradestudy.optics.chain.microlens_edges import LEAST_ZONES
 from tradestudy.optics.chain.point_image import plan_waves
 from tradestudy.optics.chain.rays import ray_reach
@@ -33,10 +33,11 @@ from tradestudy.optics.chain.traced_forwards import reached_microlenses
 SECONDS: Final[Mapping[str, float]] = {
     "rays of a disc: pixel behind a microlens": 2.3e-5,
     "rays of a point: pixel behind a microlens": 2e-6,
-    "exact ray from the detector": 8e-8,
+    "exact ray from the detector": 6e-8,
     "exact ray from the array": 2.0e-7,
     "exact ray from the source": 2.0e-7,
     "exact ray from the source past a microlens": 1e-8,
+    "first exact ray past a microlens": 1e-4,
     "sample of a patch": 4.5e-8,
     "sample of a patch in double precision": 1.2e-7,
     "sample of a patch, boundary wave": 1.0e-7,
@@ -126,11 +127,15 @@ class LightWork:
     def seconds_of_exact_rays(self, *, point: bool) -> float:
         """A picture by rays of exact directions, computed twice to state its error, and not refined after that."""
         source = self.scene.source.centre if point else self.scene.source
-        start = start_of_rays(self.scene.path, source)
-        each = SECONDS[f"exact ray from the {start}"]
+        path = self.scene.path
+        start, rays = start_of_rays(path, source), ray_count(path, source, self._accuracy)
+        seconds = SECONDS[f"exact ray from the {start}"] * rays
         if start == "source":
-            each += SECONDS["exact ray from the source past a microlens"] * reached_microlenses(self.scene.path, source)
-        return each * ray_count(self.scene.path, source, self._accuracy)
+            past = SECONDS["exact ray from the source past a microlens"] * rays
+            # Some rays tell first how many are needed.
+            past += SECONDS["first exact ray past a microlens"] * 2 * SHIFTS
+            seconds += past * reached_microlenses(path, source)
+        return seconds
 
     def seconds_of_point(self, *, laws: Legs) -> float:
         """A picture of a single point, computed twice to state its error."""
