@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,13 +16,14 @@ from tradestudy.cost import measuring, spot
 from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
 from tradestudy.cost.entries import Entry, Measured, seconds_for_a_tenth_of_what_is_asked
 from tradestudy.cost.measuring import Allowance
+from tradestudy.cost.pace import Pace
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
 from tradestudy.optics.chain import ChainAccuracy, ChainImage
 from tradestudy.optics.depth_of_field import DepthOfField
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.situations.depth_of_field import depth_of_field_situation
 from tradestudy.study.situations.light_spot import light_spot_situation, spot_models
-from tradestudy.study.spot_images import SpotModels
+from tradestudy.study.spot_images import RAYS, SpotModels
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -169,7 +172,8 @@ def measured_spot(seconds: float) -> Measured:
 def test_the_spot_is_measured_a_digit_beyond_the_study_against_something_finer(monkeypatch: pytest.MonkeyPatch) -> None:
     asked = as_accurate_as_asked(0.0, monkeypatch)
     found = measured_spot(1e3)
-    assert asked[:3] == [0.01, 0.0005, 0.01]  # the choice, the reference, rays: they take no tolerance of their own
+    # Rays, which take no tolerance of their own, the choice, the reference, and a digit beyond the choice.
+    assert asked[:5] == [0.01, 0.01, 0.01, 0.0005, 0.001]
     assert found.reference_error == 0.0005
     errors = {entry.setting: entry.error for entry in of(found, "Kirchhoff")}
     assert errors == {
@@ -191,3 +195,105 @@ def test_less_time_gives_a_coarser_reference_and_says_what_is_missing(monkeypatc
     found = measured_spot(0.15)
     assert found.entries == ()
     assert "a reference at 10 %" in found.left_out[0]
+    assert "a larger --budget" in found.left_out[0]
+
+
+class Clock:
+    """Wall time that passes only where a picture is computed."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def slow_pictures(pace: float, monkeypatch: pytest.MonkeyPatch) -> tuple[Clock, list[tuple[str, float, float]]]:
+    """Rays foreseen to take 0.1 s, waves 0.1 s over the root of their tolerance; all take a pace times as long."""
+    clock, made = Clock(), []
+
+    def seconds(_part: LightSpotPart, models: SpotModels) -> float:
+        return 0.1 if models.method in RAYS else 0.1 / math.sqrt(models.tolerance)
+
+    def picture(
+        _part: LightSpotPart, _source: object, models: SpotModels, *, accuracy: ChainAccuracy, seed: int
+    ) -> ChainImage:
+        finer = accuracy.source_sampling**2 * accuracy.pupil_nodes**2
+        took = pace * finer * seconds(_part, replace(models, tolerance=accuracy.tolerance))
+        clock.now += took
+        made.append((models.method, accuracy.tolerance, took))
+        return ChainImage(
+            pixels=np.array([1.0 + accuracy.tolerance]),
+            numerical_error=accuracy.tolerance,
+            error_terms={},
+            direct_check={},
+            microlens_share=math.nan,
+            effort={},
+        )
+
+    monkeypatch.setattr(spot, "picture_of", picture)
+    monkeypatch.setattr(spot, "picture_seconds", seconds)
+    monkeypatch.setattr(time, "perf_counter", clock)
+    return clock, made
+
+
+def of_spot(kind: str, allowance: Allowance, pace: Pace | None = None) -> Measured:
+    part = tradestudy.load(STUDIES / "light_spot.yaml").definition.file.light_spot
+    assert part is not None
+    if kind == "point":
+        return spot.point_cost(part, allowance, lambda _s, _p: None, speed=1.0, pace=pace)
+    chosen = SpotModels(method="kirchhoff", tolerance=0.01)
+    return spot.spot_cost(part, chosen, allowance, lambda _s, _p: None, speed=1.0, asked=0.01, pace=pace)
+
+
+@pytest.mark.parametrize("kind", ["point", "whole"])
+@pytest.mark.parametrize("pace", [1.0, 2.0])
+@pytest.mark.parametrize("seconds", [0.01, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 15.0, 60.0, 300.0])
+def test_no_reference_is_paid_for_that_nothing_is_held_against(
+    kind: str, pace: float, seconds: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, made = slow_pictures(pace, monkeypatch)
+    found = of_spot(kind, Allowance(seconds=seconds))
+    assert clock.now <= seconds  # as slow as a machine in use is expected to be, or quicker
+    assert bool(found.entries) == math.isfinite(found.reference_error)
+    if not found.entries:
+        assert seconds <= 8.0
+        assert found.left_out[0].startswith("everything: a reference at")
+        assert "a larger --budget" in found.left_out[0]
+    else:
+        assert found.reference_seconds < clock.now
+        assert made[0][0] in RAYS  # what is cheap comes first
+
+
+@pytest.mark.parametrize("kind", ["point", "whole"])
+def test_a_machine_much_slower_than_foreseen_still_leaves_entries(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, _ = slow_pictures(6.0, monkeypatch)
+    found = of_spot(kind, Allowance(seconds=6.0))
+    assert bool(found.entries) == math.isfinite(found.reference_error)
+    assert clock.now < 12.0
+
+
+def test_the_pace_of_points_keeps_the_whole_spot_within_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, _ = slow_pictures(6.0, monkeypatch)
+    pace = Pace()
+    of_spot("point", Allowance(seconds=60.0), pace)
+    assert pace.for_others().of("kirchhoff") == pytest.approx(6.0)
+    begin = clock.now
+    found = of_spot("whole", Allowance(seconds=10.0), pace.for_others())
+    assert clock.now - begin <= 10.0
+    assert found.entries
+
+
+def test_more_time_gives_a_point_a_finer_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    slow_pictures(1.0, monkeypatch)
+    errors = [of_spot("point", Allowance(seconds=seconds)).reference_error for seconds in (5.0, 30.0, 300.0)]
+    assert errors[0] > errors[1] > errors[2] == 1e-5
+
+
+def test_quick_pictures_tell_no_pace_and_unknown_ones_are_taken_for_slow() -> None:
+    pace = Pace()
+    pace.learn("kirchhoff", predicted=0.01, took=1.0)
+    assert pace.of("kirchhoff") == 2.0
+    pace.learn("kirchhoff", predicted=1.0, took=3.0)
+    pace.learn("kirchhoff", predicted=1.0, took=5.0)
+    assert (pace.of("kirchhoff"), pace.of("fresnel"), pace.for_others().of("kirchhoff")) == (5.0, 5.0, 3.0)

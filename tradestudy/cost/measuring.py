@@ -40,7 +40,7 @@ class Allowance:
     """The wall time that a measurement may take.
 
     What is predicted to exceed what is left is not begun; what has begun is finished, so that the time is kept to
-    within the error of one prediction.
+    within the error of one prediction. A reference is begun only where it leaves time for what is held against it.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Allowance:
 
     seconds: float
     repeats: int = FEWEST_REPEATS
-    begin: float = field(default_factory=time.perf_counter)
+    begin: float = field(default_factory=lambda: time.perf_counter())
 
     @property
     def left(self) -> float:
@@ -62,6 +62,10 @@ class Allowance:
     def allows(self, predicted: float) -> bool:
         """Whether a computation that takes so long may begin."""
         return predicted <= self.left
+
+    def keeping(self, seconds: float) -> Allowance:
+        """An allowance of its own for what is left, less what is to be kept for something else."""
+        return Allowance(seconds=max(self.left - seconds, 0.0), repeats=self.repeats)
 
     def share(self, share: float) -> Allowance:
         """An allowance of its own for a part of what is left."""

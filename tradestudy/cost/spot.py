@@ -13,6 +13,7 @@ import numpy as np
 
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.measuring import Allowance, Timed, entry_of, measure
+from tradestudy.cost.pace import Pace
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
@@ -26,55 +27,83 @@ from tradestudy.units import significant
 
 _WAVES: Final[tuple[MethodName, ...]] = ("kirchhoff", "kirchhoff-fresnel", "fresnel")
 _POINT_TOLERANCES: Final = (0.1, 1e-2, 1e-3, 1e-4)
-_POINT_REFERENCE: Final = ChainAccuracy(
-    tolerance=1e-5, pupil_nodes=1.2, microlens_nodes=1.2, field_sampling=1.2, diffraction_reach=1.2
-)
+# What the picture of a point may be held against, the finest first, and how many times longer than a picture of that
+# tolerance it takes at the pace of a coarse one, its finer nodes and its checks included.
+_POINT_REFERENCES: Final = {1e-5: 3.0, 1e-4: 2.5, 1e-3: 2.0, 1e-2: 1.5}
+_FINER: Final = 1.2
 _TOLERANCES: Final = (0.1, 10.0, 1.0)  # of that of the study
 _FINEST: Final = 1e-6
 _FINER_SOURCE: Final = 1.4  # sampling that keeps the angles of the source below what its points err by; 1.2 does not
 _COARSEST: Final = 0.2
 _COARSEST_REFERENCE: Final = 0.1
-_PACED: Final = 1.0  # seconds from which a prediction tells the pace
 _REFERENCE_SEED: Final = 1
+_LARGEST_SHARE: Final = 0.5  # of what is left, for a reference that is not the cheapest one
 
 
-def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *, speed: float) -> Measured:
-    """Cost of the picture of one point, halfway between the middle and the rim of the spot; see `spot_cost`."""
+def point_cost(
+    part: LightSpotPart, allowance: Allowance, progress: Progress, *, speed: float, pace: Pace | None = None
+) -> Measured:
+    """Cost of the picture of one point, halfway between the middle and the rim of the spot; see `spot_cost`.
+
+    Rays and a coarse Kirchhoff come first; the reference is the finest one that takes at most half of what is left.
+    """
     x = part.spot.x + part.spot.diameter / 4
 
     def image(method: MethodName, accuracy: ChainAccuracy, seed: int = 0) -> ChainImage:
         point = PointSource(x=x, y=part.spot.y, distance=part.spot.distance)
         return picture_of(part, point, compared_models(part, method), accuracy=accuracy, seed=seed)
 
+    def run(method: MethodName, tolerance: float) -> _Run:
+        models = replace(compared_models(part, method), tolerance=tolerance, point=True)
+        return _Run(
+            method=method,
+            setting="" if method == "geometric" else _percent(tolerance),
+            predicted=picture_seconds(part, models) / speed,
+            compute=partial(image, method, ChainAccuracy(tolerance=tolerance)),
+            tolerance=tolerance,
+        )
+
     progress("cost: spot_point", 0.0)
+    title = "Picture of one point of the spot"
+    says = (
+        "Pixels lit by one point, halfway between the middle and the rim of the spot, through main lens and "
+        "microlenses: relative L2 error over the pixels."
+    )
+    taking = _Taking(name="spot_point", allowance=allowance, progress=progress, pace=pace or Pace())
+    references = {
+        tolerance: factor * run("kirchhoff", tolerance).predicted for tolerance, factor in _POINT_REFERENCES.items()
+    }
+    cheapest = min(references.values())
+    rays = [] if part.spot.coherent else [run("geometric", _COARSEST)]
+    first = [*rays, run("kirchhoff", max(_POINT_TOLERANCES))]
+    if allowance.allows(taking.paced("kirchhoff", cheapest) + taking.paced(first[0].method, first[0].predicted)):
+        for one in first:
+            taking.take(one, before=cheapest)
+    finest = next(
+        (
+            tolerance
+            for tolerance, predicted in references.items()
+            if taking.taken and taking.allows(predicted if predicted == cheapest else predicted / _LARGEST_SHARE)
+        ),
+        None,
+    )
+    if finest is None:
+        progress("cost: spot_point", 1.0)
+        return nothing_measured("spot_point", title, says, taking.too_little(cheapest, "a reference at 1 %"))
     begin = time.perf_counter()
-    reference = image("kirchhoff", _POINT_REFERENCE, _REFERENCE_SEED)
+    reference = image("kirchhoff", _point_reference(finest), _REFERENCE_SEED)
     reference_seconds = time.perf_counter() - begin
     checked = max(reference.direct_check.values(), default=math.nan)
-    coarsest = ChainAccuracy(tolerance=_COARSEST)
-    runs = [_Run(method="geometric", setting="", predicted=0.0, compute=lambda: image("geometric", coarsest))]
-    for tolerance in _POINT_TOLERANCES:
-        for method in _WAVES:
-            models = replace(compared_models(part, method), tolerance=tolerance, point=True)
-            runs.append(
-                _Run(
-                    method=method,
-                    setting=_percent(tolerance),
-                    predicted=picture_seconds(part, models) / speed,
-                    compute=partial(image, method, ChainAccuracy(tolerance=tolerance)),
-                )
-            )
-    taking = _Taking(name="spot_point", allowance=allowance, progress=progress)
-    for run in runs:
-        taking.take(run)
+    others = [run(method, tolerance) for tolerance in _POINT_TOLERANCES for method in _WAVES]
+    for one in sorted(others, key=lambda other: other.predicted):
+        taking.take_beside(one, finest)
     progress("cost: spot_point", 1.0)
     return Measured(
         name="spot_point",
-        title="Picture of one point of the spot",
-        says="Pixels lit by one point, halfway between the middle and the rim of the spot, through main lens and "
-        "microlenses: relative L2 error over the pixels.",
-        reference="Kirchhoff on both legs at a tolerance of 1e-5 with 1.2 times the nodes, samples and reach, its "
-        f"intensities within {checked:.1e} of direct quadrature at random places",
+        title=title,
+        says=says,
+        reference=f"Kirchhoff on both legs at a tolerance of {finest:g} with {_FINER:g} times the nodes, samples and "
+        f"reach, its intensities within {checked:.1e} of direct quadrature at random places",
         reference_error=reference.numerical_error,
         reference_seconds=reference_seconds,
         entries=taking.entries(reference.pixels),
@@ -82,13 +111,31 @@ def point_cost(part: LightSpotPart, allowance: Allowance, progress: Progress, *,
     )
 
 
+def _point_reference(tolerance: float) -> ChainAccuracy:
+    return ChainAccuracy(
+        tolerance=tolerance,
+        pupil_nodes=_FINER,
+        microlens_nodes=_FINER,
+        field_sampling=_FINER,
+        diffraction_reach=_FINER,
+    )
+
+
 def spot_cost(
-    part: LightSpotPart, chosen: SpotModels, allowance: Allowance, progress: Progress, *, speed: float, asked: float
+    part: LightSpotPart,
+    chosen: SpotModels,
+    allowance: Allowance,
+    progress: Progress,
+    *,
+    speed: float,
+    asked: float,
+    pace: Pace | None = None,
 ) -> Measured:
     """Cost of the picture of the whole spot, as far as the time allows.
 
-    The picture of the study comes first, and tells how fast this machine is just now; then the finest reference that
-    leaves time for Kirchhoff's picture at a tenth of the study's tolerance; then that picture, and all others.
+    Rays come first, then the picture of the study, which tells how fast this machine is just now; then the finest
+    reference that leaves time for Kirchhoff's picture at a tenth of the study's tolerance, or for the cheapest one that
+    may be held against it; then that picture, and all others. None is begun without time for the cheapest reference.
 
     Parameters
     ----------
@@ -104,6 +151,8 @@ def spot_cost(
         Of this machine, for what is predicted.
     asked
         Relative error of the pixels that the study asks for.
+    pace
+        As far as it is known from other pictures.
     """
 
     def image(models: SpotModels, seed: int = 0, sampling: float = 1.0) -> ChainImage:
@@ -118,56 +167,56 @@ def spot_cost(
             setting=_setting(part, models),
             predicted=picture_seconds(part, models) / speed,
             compute=partial(image, models),
+            tolerance=models.tolerance,
             chosen=models == chosen,
         )
 
     standing = part.tolerance if chosen.method in RAYS else min(part.tolerance, chosen.tolerance)
     best = compared_models(part, "kirchhoff")
-    taking = _Taking(name="spot", allowance=allowance, progress=progress)
-    coarsest = run(replace(best, tolerance=_COARSEST_REFERENCE))
-    if allowance.allows(2.0 * coarsest.predicted + run(chosen).predicted):
-        taking.take(run(chosen))
-    # Its tolerance, how much more finely the source is sampled, and the tolerance of what shall be held against it.
+    taking = _Taking(name="spot", allowance=allowance, progress=progress, pace=pace or Pace())
+    coarsest = run(replace(best, tolerance=_COARSEST_REFERENCE)).predicted
+    others = [run(models) for models in _others(part, chosen, standing)]
+    own = run(chosen)
+    rays = sorted((one for one in (own, *others) if one.method in RAYS), key=lambda one: one.predicted)
+    waves = [one for one in others if one.method not in RAYS]
+    for one in rays:
+        taking.take(one, before=coarsest)
+    if own not in rays:
+        taking.take(own, before=2.0 * coarsest)
+
+    def cheapest_beside(tolerance: float) -> float:
+        """Of the pictures by waves that may be held against a reference; nothing where there is none."""
+        return min((one.predicted for one in waves if one.tolerance > tolerance), default=0.0)
+
+    # Its tolerance, how much more finely the source is sampled, and seconds of what shall be held against it.
+    digit = run(replace(best, tolerance=min(standing / 10, _COARSEST))).predicted
     wishes = [
-        (standing / 20, _FINER_SOURCE, standing / 10),
-        (standing / 20, 1.0, standing / 10),
-        *((factor * standing, 1.0, standing) for factor in (0.5, 1, 2, 5)),
-        (_COARSEST_REFERENCE, 1.0, _COARSEST),
+        (standing / 20, _FINER_SOURCE, digit),
+        (standing / 20, 1.0, digit),
+        *((factor * standing, 1.0, cheapest_beside(factor * standing)) for factor in (0.5, 1, 2, 5)),
+        (_COARSEST_REFERENCE, 1.0, 0.0 if taking.taken else cheapest_beside(_COARSEST_REFERENCE)),
     ]
     finest, sampling = next(
         (
             (tolerance, sampling)
-            for tolerance, sampling, held in wishes
+            for tolerance, sampling, beside in wishes
             if _FINEST <= tolerance <= _COARSEST_REFERENCE
-            and taking.allows(
-                sampling**2 * run(replace(best, tolerance=tolerance)).predicted
-                + run(replace(best, tolerance=min(held, _COARSEST))).predicted
-            )
+            and (taking.taken or beside)
+            and taking.allows(sampling**2 * run(replace(best, tolerance=tolerance)).predicted + beside)
         ),
         (None, 1.0),
     )
     title = "Picture of the whole spot"
     says = "All pixels of the picture of the spot: relative L2 error over the pixels."
     if finest is None:
-        why = (
-            f"everything: a reference at {100 * _COARSEST_REFERENCE:g} % and a picture beside it take about "
-            f"{taking.paced(2.0 * coarsest.predicted):.0f} s at the pace of this machine just now, "
-            f"{max(allowance.left, 0.0):.0f} s are left"
-        )
-        alone = "; ".join(
-            f"{short_title(run.method)}, {run.setting}, took {timed.seconds:.0f} s, with nothing to hold it against"
-            for run, timed in taking.taken
-        )
-        return nothing_measured("spot", title, says, "; ".join(filter(None, (why, alone))))
+        progress("cost: spot", 1.0)
+        words = f"a reference at {100 * _COARSEST_REFERENCE:g} % and a picture beside it"
+        return nothing_measured("spot", title, says, taking.too_little(2.0 * coarsest, words))
     begin = time.perf_counter()
     reference = image(replace(best, tolerance=finest), _REFERENCE_SEED, sampling)
     reference_seconds = time.perf_counter() - begin
-    for models in _others(part, chosen, standing):
-        if models.method not in RAYS and models.tolerance <= finest:
-            words = f"{short_title(models.method)}, {_setting(part, models)}"
-            taking.left_out.append(f"{words}: the reference is no finer, for which there was no time")
-        else:
-            taking.take(run(models))
+    for one in waves:
+        taking.take_beside(one, finest)
     progress("cost: spot", 1.0)
     entries = taking.entries(reference.pixels)
     return Measured(
@@ -214,6 +263,10 @@ def _others(part: LightSpotPart, chosen: SpotModels, standing: float) -> Iterato
             yield models
 
 
+def _words(run: _Run) -> str:
+    return ", ".join(part for part in (short_title(run.method), run.setting) if part)
+
+
 @dataclass(frozen=True, kw_only=True)
 class _Run:
     """One picture to be measured; ``predicted`` seconds on this machine."""
@@ -222,6 +275,7 @@ class _Run:
     setting: str
     predicted: float
     compute: Callable[[], ChainImage]
+    tolerance: float
     chosen: bool = False
 
 
@@ -243,42 +297,63 @@ def _setting(part: LightSpotPart, models: SpotModels) -> str:
 
 @dataclass(kw_only=True)
 class _Taking:
-    """Pictures that are measured as long as the time allows, to be held against a reference when there is one.
-
-    ``pace`` is the time that pictures take over what is predicted, the longest of those measured so far.
-    """
+    """Pictures that are measured as long as the time allows, to be held against a reference when there is one."""
 
     name: str
     allowance: Allowance
     progress: Progress
+    pace: Pace
     left_out: list[str] = field(default_factory=list)
+    tried: set[tuple[MethodName, str]] = field(default_factory=set)
     taken: list[tuple[_Run, Timed[ChainImage]]] = field(default_factory=list)
-    pace: float = math.nan
 
     def allows(self, predicted: float) -> bool:
-        """Whether computations that are predicted to take so long may begin, at the pace so far."""
-        return self.allowance.allows(self.paced(predicted))
+        """Whether Kirchhoff's pictures that are predicted to take so long may begin, at the pace so far."""
+        return self.allowance.allows(self.paced("kirchhoff", predicted))
 
-    def paced(self, predicted: float) -> float:
+    def paced(self, method: MethodName, predicted: float) -> float:
         """What is predicted, at the pace so far."""
-        return predicted if math.isnan(self.pace) else self.pace * predicted
+        return self.pace.of(method) * predicted
 
-    def take(self, run: _Run) -> None:
-        """Measure one picture, or note why not."""
+    def too_little(self, predicted: float, words: str) -> str:
+        """Why nothing is measured: what the least takes, what is left, and what was measured in vain."""
+        needed, left = self.paced("kirchhoff", predicted), max(self.allowance.left, 0.0)
+        why = (
+            f"everything: {words} take about {significant(needed, 2)} s at the pace of this machine just now, "
+            f"{significant(left, 2)} s are left; a larger --budget measures it"
+        )
+        alone = "; ".join(
+            f"{_words(run)}, took {significant(timed.seconds, 2)} s, with nothing to hold it against"
+            for run, timed in self.taken
+        )
+        return "; ".join(filter(None, (why, alone)))
+
+    def take_beside(self, run: _Run, reference: float) -> None:
+        """Measure one picture by waves unless that was tried before, or the reference is no finer."""
+        if (run.method, run.setting) in self.tried:
+            return
+        if run.tolerance <= reference:
+            self.left_out.append(f"{_words(run)}: the reference is no finer, for which there was no time")
+        else:
+            self.take(run)
+
+    def take(self, run: _Run, *, before: float = 0.0) -> None:
+        """Measure one picture, or note why not; ``before`` are predicted seconds of a reference that is to follow."""
+        self.tried.add((run.method, run.setting))
         left = max(self.allowance.left, 0.0)
         self.progress(f"cost: {self.name}", 1.0 - left / self.allowance.seconds)
-        words = ", ".join(part for part in (short_title(run.method), run.setting) if part)
-        if not self.allows(run.predicted):
-            self.left_out.append(f"{words}: about {self.paced(run.predicted):.0f} s, {left:.0f} s are left")
+        needed, kept = self.paced(run.method, run.predicted), self.paced("kirchhoff", before)
+        if not self.allowance.allows(needed + kept):
+            reference = f", a reference {significant(kept, 2)} s" if kept else ""
+            self.left_out.append(f"{_words(run)}: about {significant(needed, 2)} s{reference}, {left:.2g} s are left")
             return
         try:
-            timed = measure(lambda _run: run.compute(), self.allowance)
+            timed = measure(lambda _run: run.compute(), self.allowance.keeping(kept))
         except (NotConvergedError, UnaffordableError) as error:
-            self.left_out.append(f"{words}: {error}")
+            self.left_out.append(f"{_words(run)}: {error}")
             return
         self.taken.append((run, timed))
-        if run.predicted > _PACED:
-            self.pace = max(timed.seconds / run.predicted, 0.0 if math.isnan(self.pace) else self.pace)
+        self.pace.learn(run.method, predicted=run.predicted, took=timed.seconds)
 
     def entries(self, reference: FloatArray) -> tuple[Entry, ...]:
         """All that was measured, law by law."""

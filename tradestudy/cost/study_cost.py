@@ -20,6 +20,7 @@ from tradestudy.cost.depth import depth_cost
 from tradestudy.cost.depth_of_field import depth_of_field_cost
 from tradestudy.cost.entries import Measured, next_digit, on_frontier, seconds_for_a_tenth_of_what_is_asked
 from tradestudy.cost.measuring import Allowance
+from tradestudy.cost.pace import Pace
 from tradestudy.cost.picture import picture_cost
 from tradestudy.cost.point_spread import point_spread_cost
 from tradestudy.cost.posterior import posterior_cost
@@ -66,8 +67,9 @@ def study_cost(
         How often each computation is timed, 3 or more; quick ones oftener, those of 5 s and more once, in the run that
         traces their memory, and others only as often as the time allows.
     budget
-        Wall time for everything [s], calibrations that have to be inferred first apart; what does not fit is left out
-        and named.
+        Wall time for everything [s], within the error of what is predicted; starting up, and calibrations that have to
+        be inferred first, come on top. Every quantity shares its part between its reference and what is held against
+        it; what does not fit is left out and named.
     progress
         Called with the step and the share done.
 
@@ -126,13 +128,15 @@ def _questions(
             camera = uncertain.cameras[shown[0]]
             yield lambda allowance: posterior_cost(definition, calibration, camera, allowance, progress)
     if (spot := file.light_spot) is not None:
-        speed = machine.machine_speed()
+        speed, pace = machine.machine_speed(), Pace()
         if not spot.spot.coherent:  # one wave has no points of its own
-            yield lambda allowance: point_cost(spot, allowance, progress, speed=speed)
+            yield lambda allowance: point_cost(spot, allowance, progress, speed=speed, pace=pace)
         if not spot.spot.is_point:
             chosen = spot_models(plan.selections[light_spot.NAME])
             pixels_to = file.accuracy.wanted().relative["pixel_intensity"]
-            yield lambda allowance: spot_cost(spot, chosen, allowance, progress, speed=speed, asked=pixels_to)
+            yield lambda allowance: spot_cost(
+                spot, chosen, allowance, progress, speed=speed, asked=pixels_to, pace=pace.for_others()
+            )
 
 
 def _pictures(
