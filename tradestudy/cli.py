@@ -127,7 +127,12 @@ def cost(
         int, typer.Option("--repeats", metavar="N", help="Time each computation N times or more.")
     ] = FEWEST_REPEATS,
     budget: Annotated[
-        float, typer.Option("--budget", metavar="SECONDS", help="Time for all; what does not fit is left out.")
+        float,
+        typer.Option(
+            "--budget",
+            metavar="SECONDS",
+            help="Time for all, as predicted; what does not fit is left out. Starting up comes on top.",
+        ),
     ] = DEFAULT_BUDGET,
     quiet: QuietOption = False,
     debug: DebugOption = False,

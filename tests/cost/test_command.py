@@ -52,7 +52,7 @@ def test_runs_never_measure_and_show_the_last_cost_or_say_how_to_get_one(study: 
     assert HOW in report()
     results = (tmp_path / "results.nc").read_bytes()
     assert api.is_finished(study, tmp_path)
-    api.cost(study, tmp_path, budget=20.0)  # renders the finished run's report again
+    api.cost(study, tmp_path, budget=6.0)  # renders the finished run's report again
     assert ASKED in report()
     assert "a tenth of that costs" in report()
     assert not (tmp_path / "report.pdf").exists()
@@ -143,6 +143,23 @@ def test_what_cannot_be_measured_is_refused(study: Study, repeats: int, budget: 
 def test_what_does_not_fit_is_left_out_and_named(study: Study) -> None:
     found = study.cost(budget=1e-3)
     assert "no time left" in str(found["left_out"].values[0])
+    assert "a larger --budget measures it" in str(found["left_out"].values[0])
+    assert found.sizes["entry"] == 0
+    assert np.isnan(found["reference_seconds"].values[0])
+
+
+def test_where_nothing_is_usable_that_is_said(study: Study) -> None:
+    strict = study.with_values({"usable.relative_uncertainty": "0.00001 %"})
+    with pytest.raises(OutOfRangeError, match="none of the cameras is usable at any distance of the study"):
+        strict.cost(budget=1.0)
+
+
+def test_keeping_time_for_a_reference_shortens_what_comes_before_it() -> None:
+    allowance = Allowance(seconds=100.0)
+    before = allowance.keeping(90.0)
+    assert before.allows(9.9)
+    assert not before.allows(10.1)
+    assert not allowance.keeping(200.0).allows(1e-3)
 
 
 def test_a_quantity_that_nothing_answers_has_no_panel(study: Study, folder: Path) -> None:

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from tradestudy.cost import measuring
+from tradestudy.cost import depth_reference, measuring
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth import INVERSE, LINEAR, QUADRATURE, propagation_cost
 from tradestudy.cost.depth_reference import reference_of
 from tradestudy.cost.draws_saved import PLAIN, SOBOL, DrawsSaved, draws_saved
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance
+from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.depth import ONE_SIGMA
 from tradestudy.uncertainty.distributions import Normal
@@ -90,6 +91,18 @@ def test_the_reference_is_within_its_error_of_the_closed_form() -> None:
     assert found.relative_error < 1e-10
     assert np.all(np.abs(found.half_width / exact_half_width() - 1.0) <= found.relative_error)
     assert "agree with it" in found.words
+
+
+def test_without_time_for_integration_draws_are_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(depth_reference, "_INTEGRATED", 1e9)
+    found = reference_of([stereo()], Allowance(seconds=30.0), 2**12)
+    assert "scrambled Sobol draws in" in found.words
+    assert np.all(np.abs(found.half_width / exact_half_width() - 1.0) <= 6.0 * found.relative_error)
+
+
+def test_without_time_for_draws_nothing_is_measured() -> None:
+    with pytest.raises(UnaffordableError, match="a larger --budget"):
+        reference_of([stereo()], Allowance(seconds=1e-9), 2**12)
 
 
 def test_plain_draws_err_by_the_standard_error_of_their_quantiles(table: Measured) -> None:

@@ -38,6 +38,14 @@ def points() -> Measured:
     return point_spread_cost(one, Allowance(seconds=1e4), lambda _step, _share: None, (1e-3, 1e-4))
 
 
+def test_without_time_for_the_quadrature_no_point_spread_is_measured() -> None:
+    part = tradestudy.load(STUDIES / "light_spot.yaml").definition.file.point_spread
+    assert part is not None
+    found = point_spread_cost(part, Allowance(seconds=1e-3), lambda _step, _share: None)
+    assert found.entries == ()
+    assert "a larger --budget" in found.left_out[0]
+
+
 def of(table: Measured, model: str) -> list[Entry]:
     return [entry for entry in table.entries if entry.model == model]
 

@@ -13,10 +13,10 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth_reference import SUPERSCRIPTS, reference_of
 from tradestudy.cost.draws_saved import PLAIN, SOBOL, gain
-from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.interval_quadrature import half_width
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.depth import ONE_SIGMA, depth_uncertainty
@@ -33,7 +33,9 @@ from tradestudy.units import FRACTION, LENGTH, pretty
 _SAMPLERS: Final[Mapping[str, Sampler]] = {SOBOL: scrambled_sobol, PLAIN: plain_random}
 _POWERS: Final = range(9, 20, 2)
 _MOST_POWER: Final = {SOBOL: 17, PLAIN: 19}
-_REFERENCE_SHARE: Final = 0.25  # of the time allowed
+_REFERENCE_SHARE: Final = 0.4  # of the time allowed
+_RULES_AFTER: Final = 13  # power of two of the draws, after which draws by other rules are tried
+_UNTIL_CONVERGED: Final = 8.0  # times as many draws as those, which such a rule is expected to take
 
 
 def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Progress) -> Measured | None:
@@ -97,7 +99,11 @@ def propagation_cost(
         Of any way; the reference takes at most eight times as many.
     """
     progress(f"cost: {name}", 0.0)
-    found = reference_of(cases, allowance.share(_REFERENCE_SHARE), most_draws)
+    try:
+        found = reference_of(cases, allowance.share(_REFERENCE_SHARE), most_draws)
+    except UnaffordableError as error:
+        progress(f"cost: {name}", 1.0)
+        return nothing_measured(name, title, says, f"everything: no time left: {error}")
     reference, reference_error = found.half_width, found.relative_error
     progress(f"cost: {name}", _REFERENCE_SHARE)
     entries: list[Entry] = []
@@ -155,11 +161,15 @@ def propagation_cost(
             took[model] = timed.seconds
             entries.append(_entry(model, setting, 2.0**power, timed, reference))
             progress(f"cost: {name}", _REFERENCE_SHARE + (1 - _REFERENCE_SHARE) * _spent(allowance))
-    for model, setting, sampling in more:
-        timed = measure(partial(_sampled, cases, sampling), allowance)
-        entries.append(_entry(model, setting, math.nan, timed, reference, chosen=model == chosen))
-        if model == chosen:
-            notes.append(_where_worst(cases, f"{model} {setting}", timed, reference))
+        # Before the many draws, lest they leave no time for what a run takes.
+        for model, setting, sampling in more if power == _RULES_AFTER else ():
+            if not allowance.allows(_UNTIL_CONVERGED * took[model]):
+                left_out.append(f"{model}, {setting}: no time left")
+                continue
+            timed = measure(partial(_sampled, cases, sampling), allowance)
+            entries.append(_entry(model, setting, math.nan, timed, reference, chosen=model == chosen))
+            if model == chosen:
+                notes.append(_where_worst(cases, f"{model} {setting}", timed, reference))
     progress(f"cost: {name}", 1.0)
     return Measured(
         name=name,
@@ -168,7 +178,7 @@ def propagation_cost(
         reference=found.words,
         reference_error=reference_error,
         reference_seconds=found.seconds,
-        entries=tuple(sorted(entries, key=lambda entry: _ORDER.index(entry.model))),
+        entries=tuple(sorted(entries, key=lambda entry: (_ORDER.index(entry.model), math.isnan(entry.evaluations)))),
         left_out=tuple(left_out),
         notes=(*notes, *gain(entries, reference_error)),
         asked=asked,

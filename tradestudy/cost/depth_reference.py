@@ -21,16 +21,20 @@ from scipy.special import erfc, ndtri
 
 from tradestudy.cost.case import Case
 from tradestudy.cost.measuring import REFERENCE_SEED, Allowance
-from tradestudy.errors import NotConvergedError
+from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.depth import ONE_SIGMA
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import ranked
 from tradestudy.uncertainty.sources import Source
+from tradestudy.units import significant
 
 SUPERSCRIPTS: Final = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SCRAMBLES: Final = 8
 _MOST_DRAWS, _FEWEST_DRAWS = 2**20, 2**15
+_PILOT_DRAWS: Final = 2**10
+_RANKED: Final = 4.0  # times the models' own seconds, of draws with their points and quantiles
+_INTEGRATED: Final = 20.0  # times the seconds of the fewest draws, of integration
 _BATCH: Final = 2**13
 _RULES: Final = (3, 5, 9, 17, 33, 65, 129)  # nodes in one dimension
 _MOST_NODES: Final = 2**15
@@ -71,10 +75,23 @@ def reference_of(cases: Sequence[Case], allowance: Allowance, most_draws: int) -
         Time for the draws, of which there are more as long as it allows twice as many.
     most_draws
         Of what is measured; there are at most eight times as many.
+
+    Raises
+    ------
+    UnaffordableError
+        Where the time does not allow the fewest draws. Where it does not allow integration, draws are the reference.
     """
     begin = time.perf_counter()
+    predicted = _predicted_seconds(cases)
+    if not allowance.allows(predicted):
+        raise UnaffordableError(
+            "time for a reference",
+            value=f"about {significant(predicted, 2)} s",
+            limit=f"{significant(max(allowance.left, 0.0), 2)} s are left for it",
+            remedy="a larger --budget measures it",
+        )
     drawn = _scrambles(cases, _FEWEST_DRAWS)
-    integrated = _integrated(cases)
+    integrated = _integrated(cases) if allowance.allows(_INTEGRATED * drawn[1]) else None
     if integrated is not None:
         value, error = integrated
         apart = _apart(drawn[0], value)
@@ -88,6 +105,17 @@ def reference_of(cases: Sequence[Case], allowance: Allowance, most_draws: int) -
                 "standard errors",
             )
     return _by_draws(cases, drawn, allowance, most_draws)
+
+
+def _predicted_seconds(cases: Sequence[Case]) -> float:
+    """Of the fewest draws, by a few at the middle of all errors."""
+    taken = []
+    for case in cases:
+        middle = case.sources.draw(np.zeros((case.sources.dimensions, _PILOT_DRAWS)))
+        begin = time.perf_counter()
+        case.model(middle)
+        taken.append(time.perf_counter() - begin)
+    return _RANKED * sum(taken) * _FEWEST_DRAWS / _PILOT_DRAWS
 
 
 def _power(draws: int) -> str:

@@ -8,7 +8,9 @@ import time
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Final, Generic, TypeVar
+from functools import cache
+from types import ModuleType
+from typing import Any, Final, Generic, TypeVar
 
 from tradestudy.cost.defaults import FEWEST_REPEATS
 from tradestudy.cost.entries import Entry
@@ -20,8 +22,8 @@ REFERENCE_SEED: Final = 0x5EED  # of references that are drawn; what is measured
 _LONG_ENOUGH: Final = 0.2  # seconds that the repeats of a quick computation fill
 _MOST_REPEATS: Final = 200
 _LONG: Final = 5.0  # seconds from which the traced run is the only one
-# What no computation of physics owns: the sources and libraries of this process, and its processor.
-_KEPT: Final = ("tradestudy.provenance", "tradestudy.machine", "tradestudy.units")
+# What no computation of physics owns: the sources and libraries of this process, its processor, its cached functions.
+_KEPT: Final = ("tradestudy.provenance", "tradestudy.machine", "tradestudy.units", __name__)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,11 +77,19 @@ class Allowance:
 def forget() -> None:
     """Empty every cache of this program's computations, so that the next one is done afresh."""
     for name, module in list(sys.modules.items()):
-        if not name.startswith("tradestudy.") or name in _KEPT:
-            continue
-        for value in list(vars(module).values()):
-            if getattr(value, "__module__", None) == name and callable(getattr(value, "cache_clear", None)):
-                value.cache_clear()
+        if name.startswith("tradestudy.") and name not in _KEPT:
+            for cached in _cached_functions(module):
+                cached.cache_clear()
+
+
+@cache
+def _cached_functions(module: ModuleType) -> tuple[Any, ...]:
+    """Those that a module defines; they stand in it once it is imported."""
+    return tuple(
+        value
+        for value in vars(module).values()
+        if getattr(value, "__module__", None) == module.__name__ and callable(getattr(value, "cache_clear", None))
+    )
 
 
 def measure(compute: Callable[[int], Value], allowance: Allowance) -> Timed[Value]:

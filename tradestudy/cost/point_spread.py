@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
@@ -28,6 +28,7 @@ from tradestudy.optics.propagation import (
 from tradestudy.study.point_spreads import LensAndPoint
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
+from tradestudy.units import significant
 
 DIRECT: Final = "Kirchhoff, node by node"
 TITLES: Final[dict[Method, str]] = {
@@ -40,6 +41,8 @@ TOLERANCES: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 _REFERENCE_TOLERANCE: Final = 1e-10
 _COUNT: Final = 65  # targets to a side; the reference is at every fourth, row and column
 _EVERY: Final = 4
+_PILOT_COUNT: Final = 5  # targets to a side, from which the reference's seconds follow
+_REFERENCE_SHARE: Final = 0.5  # at most, of what is left, so that models can be held against it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +64,20 @@ def point_spread_cost(
     """Cost of the point-spread functions of the study's lenses as they stand, together, at some tolerances."""
     step = "cost: point_spread"
     progress(step, 0.0)
+    title = "Image of a point"
+    names = ", ".join(element.title for element in part.elements.values())
+    says = (
+        f"Intensity at {_COUNT}² places within {part.window:g} Airy radii behind {names}, on the axis: seconds for all "
+        "together, checks included; relative L2 error of the worst."
+    )
+    predicted = _reference_seconds(part)
+    if not allowance.allows(predicted / _REFERENCE_SHARE):
+        progress(step, 1.0)
+        why = (
+            f"everything: no time left: a reference takes about {significant(predicted, 2)} s, and is to take at most "
+            f"half of the {significant(max(allowance.left, 0.0), 2)} s that are; a larger --budget measures it"
+        )
+        return nothing_measured("point_spread", title, says, why)
     begin = time.perf_counter()
     built = [_lens(name, part, element) for name, element in part.elements.items()]
     lenses, reference_error = [one for one, _ in built], max(error for _, error in built)
@@ -96,12 +113,10 @@ def point_spread_cost(
             )
         )
     progress(step, 1.0)
-    names = ", ".join(element.title for element in part.elements.values())
     return Measured(
         name="point_spread",
-        title="Image of a point",
-        says=f"Intensity at {_COUNT}² places within {part.window:g} Airy radii behind {names}, on the axis: seconds "
-        "for all together, checks included; relative L2 error of the worst.",
+        title=title,
+        says=says,
         reference=f"Kirchhoff's integral summed node by node at {len(range(0, _COUNT, _EVERY))}² of the places, its "
         "error the change on 1.5 times the nodes in each direction",
         reference_error=reference_error,
@@ -111,8 +126,18 @@ def point_spread_cost(
     )
 
 
-def _lens(name: str, part: PointSpreadPart, element: ElementPart) -> tuple[_Lens, float]:
-    case = LensAndPoint(
+def _reference_seconds(part: PointSpreadPart) -> float:
+    """Of the reference, by some of its places: all rows, on as many nodes and on 1.5 times as many either way."""
+    begin = time.perf_counter()
+    for element in part.elements.values():
+        case = _case(part, element)
+        _direct(case, _targets(part, case, _PILOT_COUNT), _REFERENCE_TOLERANCE)
+    rows = len(range(0, _COUNT, _EVERY))
+    return (time.perf_counter() - begin) * (rows / _PILOT_COUNT) ** 2 * (1.0 + 1.5**2)
+
+
+def _case(part: PointSpreadPart, element: ElementPart) -> LensAndPoint:
+    return LensAndPoint(
         focal_length=element.focal_length,
         object_distance=element.object_distance,
         f_number=element.f_number,
@@ -121,10 +146,18 @@ def _lens(name: str, part: PointSpreadPart, element: ElementPart) -> tuple[_Lens
         field_angle=0.0,
         defocus_waves=0.0,
     )
+
+
+def _targets(part: PointSpreadPart, case: LensAndPoint, count: int) -> TargetGrid:
     half = part.window * case.airy_radius
-    grid = TargetGrid.centred(
-        centre=case.chief_point, pitch=2 * half / (_COUNT - 1), count=_COUNT, distance=case.image_distance
+    return TargetGrid.centred(
+        centre=case.chief_point, pitch=2 * half / (count - 1), count=count, distance=case.image_distance
     )
+
+
+def _lens(name: str, part: PointSpreadPart, element: ElementPart) -> tuple[_Lens, float]:
+    case = _case(part, element)
+    grid = _targets(part, case, _COUNT)
     coarse, fine = (_direct(case, grid, _REFERENCE_TOLERANCE, factor, _EVERY)[0] for factor in (1.0, 1.5))
     error = float(np.linalg.norm(coarse - fine) / np.linalg.norm(fine))
     return _Lens(name=name, case=case, grid=grid, reference=fine), max(error, float(np.finfo(np.float64).eps))

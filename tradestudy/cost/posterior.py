@@ -14,7 +14,7 @@ import numpy as np
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.cameras.stereo import StereoRig
 from tradestudy.cost.depth import fixed_sampling
-from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, entry_of, measure
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.calibration.posteriors import group_of_sample, target_problem
@@ -28,6 +28,7 @@ from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.monte_carlo import propagate
 from tradestudy.uncertainty.sources import ErrorClass, Group
 from tradestudy.uncertainty.streams import scrambled_sobol
+from tradestudy.units import significant
 
 LAPLACE, EMCEE = "normal approximation", "emcee"
 _STEPS: Final = (200, 500, 1000)
@@ -42,6 +43,8 @@ def posterior_cost(
     camera: UncertainCamera,
     allowance: Allowance,
     progress: Progress,
+    *,
+    inferring: float,
 ) -> Measured:
     """Cost of the posterior of one camera that is shown a target, by the depth uncertainty that follows from it.
 
@@ -55,16 +58,29 @@ def posterior_cost(
         Time and repeats.
     progress
         Called with the step and the share done.
+    inferring
+        Seconds that one posterior takes until converged, such as that of the camera took.
     """
     step = "cost: posterior"
     progress(step, 0.0)
     target = part.cameras[camera.name].target
     assert target is not None  # the caller's promise
+    title = f"Posterior of {camera.name}"
+    fewest, most = _REFERENCE_RUNS
+    if not allowance.allows((fewest + 1) * inferring):
+        progress(step, 1.0)
+        why = (
+            f"everything: no time left: a reference of {fewest} posteriors and one beside it take about "
+            f"{significant((fewest + 1) * inferring, 2)} s, {significant(max(allowance.left, 0.0), 2)} s are left; a "
+            "larger --budget measures them"
+        )
+        says = f"Half the central 68.27 % interval of depth of {camera.name} by a calibration inferred from its target."
+        return nothing_measured("posterior", title, says, why)
     problem = _problem(definition, part, camera.name, target)
     width = partial(_half_width, camera, np.array(part.distance_values())[:: _stride(len(part.distance_values()))])
     begin = time.perf_counter()
-    fewest, most = _REFERENCE_RUNS
     widths = [width(_by_emcee(problem, target.maximum_steps, (REFERENCE_SEED, run))) for run in range(fewest)]
+    # A further one takes its share of what these took, and so does what is held against them.
     while len(widths) < most and allowance.allows(2.0 * (time.perf_counter() - begin)):
         widths.append(width(_by_emcee(problem, target.maximum_steps, (REFERENCE_SEED, len(widths)))))
     reference_seconds = time.perf_counter() - begin
@@ -104,7 +120,7 @@ def posterior_cost(
     progress(step, 1.0)
     return Measured(
         name="posterior",
-        title=f"Posterior of {camera.name}",
+        title=title,
         says=f"Half the central 68.27 % interval of depth of {camera.name} on the axis at {int(seen.sum())} distances "
         "by a calibration inferred from its target: seconds of fit, chains and propagation, relative error at the "
         "worst.",

@@ -89,7 +89,7 @@ def point_cost(
     )
     if finest is None:
         progress("cost: spot_point", 1.0)
-        return nothing_measured("spot_point", title, says, taking.too_little(cheapest, "a reference at 1 %"))
+        return nothing_measured("spot_point", title, says, taking.too_little(cheapest, "a reference at 1 % takes"))
     begin = time.perf_counter()
     reference = image("kirchhoff", _point_reference(finest), _REFERENCE_SEED)
     reference_seconds = time.perf_counter() - begin
@@ -210,7 +210,7 @@ def spot_cost(
     says = "All pixels of the picture of the spot: relative L2 error over the pixels."
     if finest is None:
         progress("cost: spot", 1.0)
-        words = f"a reference at {100 * _COARSEST_REFERENCE:g} % and a picture beside it"
+        words = f"a reference at {100 * _COARSEST_REFERENCE:g} % and a picture beside it take"
         return nothing_measured("spot", title, says, taking.too_little(2.0 * coarsest, words))
     begin = time.perf_counter()
     reference = image(replace(best, tolerance=finest), _REFERENCE_SEED, sampling)
@@ -319,7 +319,7 @@ class _Taking:
         """Why nothing is measured: what the least takes, what is left, and what was measured in vain."""
         needed, left = self.paced("kirchhoff", predicted), max(self.allowance.left, 0.0)
         why = (
-            f"everything: {words} take about {significant(needed, 2)} s at the pace of this machine just now, "
+            f"everything: {words} about {significant(needed, 2)} s at the pace of this machine just now, "
             f"{significant(left, 2)} s are left; a larger --budget measures it"
         )
         alone = "; ".join(

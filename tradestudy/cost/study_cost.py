@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import time
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from functools import partial
@@ -98,6 +99,13 @@ def study_cost(
         measured = question(allowance.share(1.0 / (len(questions) - number)))
         if measured is not None:
             found.append(measured)
+    if not found and questions:
+        raise OutOfRangeError(
+            "none of the cameras is usable at any distance of the study, so that there is no depth whose cost could be "
+            "measured",
+            value=", ".join(definition.case.cameras),
+            remedy="ask for other distances, or loosen the conditions under usable:",
+        )
     if not found:
         raise OutOfRangeError(
             "this study asks for nothing that has more than one price",
@@ -121,12 +129,17 @@ def _questions(
         yield lambda allowance: depth_cost(definition, allowance, progress)
         yield from _pictures(declared, plan, progress)
     if (calibration := file.calibration) is not None:
+        begin = time.perf_counter()
         uncertain = uncertain_cameras(definition, calibration, Steps(progress=progress))
+        inferring = time.perf_counter() - begin
         shown = [name for name, camera in calibration.cameras.items() if camera.target is not None]
         yield lambda allowance: calibration_cost(calibration, uncertain, allowance, progress)
         if shown:  # one stands for all: each is a posterior of a dozen parameters and takes as long
             camera = uncertain.cameras[shown[0]]
-            yield lambda allowance: posterior_cost(definition, calibration, camera, allowance, progress)
+            inferred = sum(one.target is not None or one.corners is not None for one in calibration.cameras.values())
+            yield lambda allowance: posterior_cost(
+                definition, calibration, camera, allowance, progress, inferring=inferring / inferred
+            )
     if (spot := file.light_spot) is not None:
         speed, pace = machine.machine_speed(), Pace()
         if not spot.spot.coherent:  # one wave has no points of its own
