@@ -124,6 +124,9 @@ class DisparityErrorLaw(Protocol):
         """By how much the nearest condition of `limit` holds; negative where one is broken, NaN without a picture."""
         ...
 
+    def broken_conditions(self, camera: DepthCamera, distance: float) -> tuple[str, ...]:
+        """Conditions of `limit` that do not hold at a distance [m], in words."""
+
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Electrons of the brightest pixels over what a pixel holds: at most 1."""
         ...

@@ -73,6 +73,10 @@ class PictureDisparityError:
         found = matching_margin(picture_geometry(camera, np.ravel(distance)), self.settings, self.models)
         return found.reshape(np.shape(distance))
 
+    def broken_conditions(self, camera: DepthCamera, distance: float) -> tuple[str, ...]:
+        """Conditions of `limit` that do not hold at a distance [m], in words."""
+        return tuple(name for name, where in self.derived(camera, distance).violated.items() if where[0])
+
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Electrons of the brightest texture over the full well: at most 1."""
         share = filled_share(picture_geometry(camera, np.asarray(distance)), self.settings, self.models)

@@ -208,6 +208,14 @@ def _value_and_error(
         return value, quadrature + aliasing + texture.moved_by_transfer(value)
 
 
+def matching_needs() -> str:
+    """What a matcher needs to reach the bound, in words."""
+    return (
+        f"an error of at most {LARGEST_ERROR_PX:g} px, and a window of at least {SMALLEST_WINDOW_PX:g} samples, "
+        f"{_WINDOW_OVER_BLUR:g} times the blur and {_WINDOW_OVER_LENGTH:g} times the texture's correlation length"
+    )
+
+
 def violated_conditions(
     geometry: PictureGeometry, settings: PictureSettings, bound: FloatArray
 ) -> Mapping[str, BoolArray]:

@@ -238,6 +238,17 @@ def merged(below: Entry, above: Entry) -> Entry:
     return MappingEntry(place=above.place, members=members)
 
 
+def taken_back_in_vain(below: Entry, above: Entry, path: Path) -> Iterator[tuple[Path, Place, Mapping[str, Member]]]:
+    """Every key that one entry takes back from another that does not have it: its path, its place, and what is there."""
+    if not (isinstance(below, MappingEntry) and isinstance(above, MappingEntry)):
+        return
+    for key, member in above.members.items():
+        if key in below.members:
+            yield from taken_back_in_vain(below.members[key].entry, member.entry, (*path, key))
+        elif is_null(member.entry):
+            yield (*path, key), member.key_place, below.members
+
+
 def count_values(entry: Entry) -> int:
     """Count the mappings, lists and scalars of an entry, itself included."""
     return sum(1 for _ in _walk(entry, ()))

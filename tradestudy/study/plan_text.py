@@ -32,11 +32,15 @@ def _lines(plan: Plan) -> Iterator[str]:
         )
         yield ""
         yield f"{situation.title} ({situation.name}): {wanted}"
+        if any(chosen.bounds[q] > plan.accuracy.relative[q] * (1.0 + 1e-9) for q in situation.quantities):
+            yield "  more than is wanted: models are forced, and the others were chosen as if these changed nothing"
         yield from _harmless(chosen.decisions)
         weighed = [decision for decision in chosen.decisions if not _is_harmless(decision)]
         width = max((len(_head(decision)) for decision in weighed), default=0)
         for decision in weighed:
-            yield f"  {_TAKEN if decision.chosen else _LEFT} {_head(decision):<{width}}  {decision.why}"
+            shown = not decision.chosen and decision.slot != "sampling"
+            number = f" ({said})" if shown and (said := _number(decision)) else ""
+            yield f"  {_TAKEN if decision.chosen else _LEFT} {_head(decision):<{width}}  {decision.why}{number}"
             if decision.chosen:
                 yield f"    {'':<{width}}  {_because(decision)}"
     yield ""

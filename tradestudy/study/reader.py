@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import stat
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import cast
@@ -210,7 +210,9 @@ class _Cameras:
             self.note(member.entry.place, name, sharing[0], f"the cameras together hold more than {MOST_VALUES} values")
             return None
         above = {key: member for key, member in own.members.items() if key not in _SHARING}
-        return merged(below, replace(own, members=above))
+        changed = replace(own, members=above)
+        self.problems += _taken_back_in_vain(below, changed, ("cameras", name))
+        return merged(below, changed)
 
     def from_file(self, name: str, file: str, place: Place, _chain: tuple[str, ...]) -> Entry | None:
         """Read a camera's own file."""
@@ -273,16 +275,25 @@ def _overridden(document: Document, override: str, number: int) -> Document:
 def _with_value(document: Document, path: str, text: str, place: Place, value_place: Place) -> Document:
     """Put a value where a dotted path points."""
     steps = document.path_of(path)
+    if _is_comment(text):
+        return document.with_problems(
+            value_place.problem(
+                steps, f"{text.strip()!r} is a comment in YAML, which gives no value; quote it where the sign is meant"
+            )
+        )
     try:
         entry, problems = compose(text, value_place) if text.strip() else (_nothing(value_place), [])
     except UnreadableError as error:
         return document.with_problems(*(replace(problem, path=dotted(steps)) for problem in error.problems))
-    if steps[0] == "cameras" and len(steps) == 3 and steps[2] in _SHARING:
+    if (sharing := next(_shared(steps, entry), None)) is not None:
         return document.with_problems(
             place.problem(
-                steps, f"{steps[2]}: puts the study together and cannot be set; edit the file, or set its values"
+                sharing, f"{sharing[-1]}: puts the study together and cannot be set; edit the file, or set its values"
             )
         )
+    below = document.entry(steps)
+    if below is not None:
+        problems += _taken_back_in_vain(below, entry, steps)
     try:
         root = cast(MappingEntry, _placed(document.root, steps, (), Member(place, entry)))
     except _NoSuchPlaceError as error:
@@ -291,6 +302,35 @@ def _with_value(document: Document, path: str, text: str, place: Place, value_pl
     # What another reading of the study writes itself is the study's own.
     changed = document.with_root(root, steps) if place.file == COMMAND_LINE else replace(document, root=root)
     return changed.with_problems(*problems)
+
+
+def _is_comment(text: str) -> bool:
+    """Whether nothing but comments stands there."""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return bool(lines) and all(line.startswith("#") for line in lines)
+
+
+def _shared(steps: tree.Path, entry: Entry) -> Iterator[tree.Path]:
+    """Where a value, or what is within it, would put a camera together from others."""
+    if steps[0] != "cameras":
+        return
+    if len(steps) == 3 and steps[2] in _SHARING:
+        yield steps
+    elif len(steps) < 3 and isinstance(entry, MappingEntry):
+        for key, member in entry.members.items():
+            yield from _shared((*steps, key), member.entry)
+
+
+def _taken_back_in_vain(below: Entry, above: Entry, path: tree.Path) -> list[Problem]:
+    """Refuse every key that is taken back and is not there."""
+    return [
+        place.problem(where, _nothing_to_take_back(where[-1], members))
+        for where, place, members in tree.taken_back_in_vain(below, above, path)
+    ]
+
+
+def _nothing_to_take_back(key: str | int, members: Mapping[str, Member]) -> str:
+    return f"there is no '{key}' here that null could take back{nearest_name(str(key), members)}"
 
 
 class _NoSuchPlaceError(Exception):
@@ -319,7 +359,9 @@ def _placed(entry: Entry | None, steps: tree.Path, above: tree.Path, new: Member
         entry = MappingEntry(place=new.key_place, members={}, implied=True)
     members, key = dict(entry.members), str(step)
     if not rest and is_null(new.entry):
-        members.pop(key, None)
+        if key not in members:
+            raise _NoSuchPlaceError(_nothing_to_take_back(key, members))
+        del members[key]
         return replace(entry, members=members)
     old = members.get(key)
     changed = _placed(old.entry if old else None, rest, (*above, key), new)

@@ -220,8 +220,12 @@ def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: Fl
 
 
 def _binding(camera: DepthCamera, criteria: UsableCriteria, end: Boundary) -> str:
-    """The limits that are broken just outside an end."""
+    """The limits that are broken just outside an end; of matching, the condition."""
     outside = end.distance * (1.0 - 1e-9 if end.begins else 1.0 + 1e-9)
     limits = evaluate_limits(camera, criteria, np.array([outside]))
     broken = [name for name, limit in limits.items() if not limit.met[0]]
+    law = camera.disparity_error_px
+    if "matching" in broken and not isinstance(law, float | int):
+        conditions = " and ".join(law.broken_conditions(camera, outside))
+        broken[broken.index("matching")] = f"matching: {conditions}"
     return ", ".join(broken)

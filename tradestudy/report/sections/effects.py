@@ -70,11 +70,16 @@ def _wanted(data: xr.Dataset) -> Iterator[str]:
         wanted = data["wanted"].values[:, number]
         if np.isnan(wanted).all():
             continue
-        joint = np.nanmax(data["joint_bound"].values[:, number])
+        joint, least = float(np.nanmax(data["joint_bound"].values[:, number])), float(np.nanmax(wanted))
         yield (
-            f"Wanted of the {_QUANTITIES[str(quantity)]}: {_share(float(np.nanmax(wanted)))}; "
-            f"all omissions together change it by at most {_share(float(joint))}."
+            f"Wanted of the {_QUANTITIES[str(quantity)]}: {_share(least)}; "
+            f"all omissions together change it by at most {_share(joint)}."
         )
+        if joint > least * (1.0 + 1e-9):
+            yield (
+                "That is more than is wanted: the study forces models, and what it leaves free was chosen as if they "
+                "changed nothing."
+            )
 
 
 def _foreseen(run: Mapping[str, Any]) -> Iterator[str]:
@@ -149,6 +154,8 @@ def _rows(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[_Row]:
         told = same_why.pop() if len(same_why) == 1 else verdict
         if verdict.startswith("forced"):
             told = f"{verdict}; {reason}"
+        elif verdict == "refused" and slot != "sampling":
+            told = f"{told}; {reason}"
         yield _Row(
             effect=facts.in_words(slot),
             model=model,

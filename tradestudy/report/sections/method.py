@@ -27,7 +27,7 @@ def method(tree: xr.DataTree) -> Iterator[Block]:
     yield from _uncertainty()
     derived = "matching" in _limits_in_use(tree)
     if derived:
-        yield from _derived_disparity()
+        yield from _derived_disparity(str(facts.dataset(tree, "depth").attrs["matching_needs"]))
     yield from _ranges(derived=derived)
 
 
@@ -38,7 +38,7 @@ def _limits_in_use(tree: xr.DataTree) -> set[str]:
     return {str(name) for name, there in zip(used["limit"].values, used.values, strict=True) if there}
 
 
-def _derived_disparity() -> Iterator[Block]:
+def _derived_disparity(needs: str) -> Iterator[Block]:
     yield Heading(text="Disparity errors that are derived from the picture", anchor="method-derived", level=2)
     yield Paragraph(
         "A derived disparity error is the Cramér–Rao bound of matching two windows of the camera's picture: "
@@ -54,7 +54,8 @@ def _derived_disparity() -> Iterator[Block]:
     yield Paragraph(
         "S is the spectrum of the texture in the picture, H the transfer of lenses and pixels, N the noise, W the side "
         "of the window. The bound is what a good matcher reaches where the error is small against a pixel and the "
-        "window large against blur and texture; where that is not so the distance is not usable, limit “matching”."
+        f"window large against blur and texture: it takes {needs}. Where that is not so the distance is not usable, "
+        "limit “matching”: the declared window decides it as much as the camera does."
     )
 
 

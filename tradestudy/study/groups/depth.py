@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
@@ -35,7 +36,7 @@ def depth_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     leading = tuple(axis.path for axis in axes)
     coordinates: dict[str, Any] = {axis.path: list(axis.labels) for axis in axes}
     coordinates |= _coordinates(definition, definition.case.distance, part_names)
-    result = dataset("depth", stacked, coordinates, leading=leading)
+    result = dataset("depth", stacked, coordinates, leading=leading, attributes={"matching_needs": matching_needs()})
     for axis in axes:
         result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
     return result

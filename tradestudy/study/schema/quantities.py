@@ -66,7 +66,8 @@ def quantity(
             raise UnitError(f"'{value}' is out of range; {dimension.name} {limits} is expected")
         if known is not None and math.isfinite(number) and not known.smallest <= number <= known.largest:
             ends = f"{pretty(known.smallest, dimension)} to {pretty(known.largest, dimension)}"
-            raise UnitError(f"'{value}' is no {known.name}, check its unit; {ends} is expected")
+            check = ", check its unit" if dimension.unit else ""
+            raise UnitError(f"'{value}' is no {known.name}{check}; {ends} is expected")
         return number
 
     return BeforeValidator(read), WithJsonSchema(_json_schema(dimension, limits, infinite=infinite))

@@ -64,6 +64,10 @@ class _Scaled:
         """As the law."""
         return self.law.margin(camera, distance)
 
+    def broken_conditions(self, camera: DepthCamera, distance: float) -> tuple[str, ...]:
+        """Those of the law."""
+        return self.law.broken_conditions(camera, distance)
+
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """As the law."""
         return self.law.saturation(camera, distance)
