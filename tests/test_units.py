@@ -17,6 +17,11 @@ from tradestudy.units import Dimension, UnitError, nearest, parse, pretty, signi
 PINT = pint.UnitRegistry(cache_folder=None)
 
 
+def test_an_astronomical_unit_is_that_of_2012() -> None:
+    """Resolution B2 of the International Astronomical Union; pint knows no capitals."""
+    assert parse("1 AU", units.LENGTH) == parse("1 au", units.LENGTH) == 149_597_870_700.0
+
+
 @pytest.mark.parametrize(
     ("text", "dimension", "si_unit"),
     [
@@ -27,6 +32,9 @@ PINT = pint.UnitRegistry(cache_folder=None)
         ("2.5e-3 km", units.LENGTH, "metre"),
         ("1 inch", units.LENGTH, "metre"),
         ("5000 angstrom", units.LENGTH, "metre"),
+        ("3 ft", units.LENGTH, "metre"),
+        ("2 feet", units.LENGTH, "metre"),
+        ("1.5 au", units.LENGTH, "metre"),
         ("+.5 metres", units.LENGTH, "metre"),
         ("12 mm**2/mm", units.LENGTH, "metre"),
         ("12 mm^2 / mm", units.LENGTH, "metre"),

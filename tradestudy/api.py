@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.definition import StudyDefinition, Value
 from tradestudy.study.loading import load_definition
 from tradestudy.study.progress import Progress
 from tradestudy.wording import counted
@@ -122,7 +122,7 @@ class Study:
             choose(self.definition)
         return self.check_summary()
 
-    def with_values(self, values: Mapping[str, str]) -> Study:
+    def with_values(self, values: Mapping[str, Value]) -> Study:
         """The same study with other values by dotted path, such as ``{"stereo-short.baseline": "50 mm"}``."""
         return Study(self.definition.with_values(values))
 

@@ -204,6 +204,15 @@ class TestSharing:
         document = read(write("cameras:\n  a: {lens: {power: 2 %, x: 1}}\n  b: {like: a, lens: {power: null}}\n"))
         assert document.tree["cameras"]["b"] == {"lens": {"x": 1}}
 
+    def test_what_is_not_there_cannot_be_taken_back(self, write: Write) -> None:
+        document = read(
+            write("cameras:\n  a: {lens: {power: 2 %}, x: 1}\n  b: {like: a, lens: {powr: null}, y: null, x: null}\n")
+        )
+        assert [str(problem).partition(":")[2] for problem in document.problems] == [
+            "3:23: cameras.b.lens.powr: there is no 'powr' here that null could take back; nearest: 'power'",
+            "3:36: cameras.b.y: there is no 'y' here that null could take back; known: 'lens', 'x'",
+        ]
+
     def test_a_forgotten_value_takes_nothing_back(self, write: Write) -> None:
         path = write("title: t\ncameras:\n  a: {kind: mono, lens: {power: 2 %}}\n  b: {like: a, lens: {power: }}\n")
         assert told(read(path)) == [
@@ -253,6 +262,28 @@ class TestValuesFromOutside:
         changed = with_values(base, {"eye.lens.focal_length": "null"})
         assert changed.tree["cameras"]["eye"]["lens"] == {}
         assert base.tree["cameras"]["eye"]["lens"] == {"focal_length": "8 mm"}
+
+    @pytest.mark.parametrize(
+        ("path", "text", "words"),
+        [
+            ("eye.lens.focal", "null", "cameras.eye.lens.focal: there is no 'focal' here that null could take back"),
+            ("eye.lens", "{focal: null}", "cameras.eye.lens.focal: there is no 'focal' here that null could take back"),
+            ("nothing.within", "null", "nothing.within: there is no 'within' here that null could take back"),
+            ("title", "#x", "title: '#x' is a comment in YAML, which gives no value"),
+            ("cameras.new", "{like: eye}", "cameras.new.like: like: puts the study together and cannot be set"),
+            ("cameras", "{new: {from: a.yaml}}", "cameras.new.from: from: puts the study together and cannot be set"),
+        ],
+    )
+    def test_what_a_value_cannot_do_is_refused(self, base: Document, path: str, text: str, words: str) -> None:
+        changed = with_values(base, {path: text})
+        assert len(changed.problems) == 1
+        assert words in str(changed.problems[0])
+        assert changed.tree == base.tree or "lens" in path
+
+    def test_what_is_taken_back_once_cannot_be_taken_back_again(self, base: Document) -> None:
+        once = with_values(base, {"eye.lens.focal_length": "null"})
+        assert not once.problems
+        assert with_values(once, {"eye.lens.focal_length": "null"}).problems
 
     @pytest.mark.parametrize(
         ("override", "message"),

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter, ValidationError
 
 from tests.cameras.builders import r5, stereo
 from tests.study.conftest import STUDIES
@@ -14,7 +15,9 @@ from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
 from tradestudy.cameras.stereo import StereoCalibration
 from tradestudy.errors import StudyError
 from tradestudy.study.claims import claim_value
+from tradestudy.study.definition import Value
 from tradestudy.study.depth import evaluate_depth
+from tradestudy.study.schema.cameras import PixelCount
 from tradestudy.study.usable import evaluate_limits
 
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
@@ -32,7 +35,10 @@ HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
         ("claims.C2.over=[10 m, 0.5 m]", "from near to far"),
         ("usable.overlap=120 %", "from 0 % to 100 %"),
         ("raytrix-r5.calibration.correlation=true", "correlation"),
-        ("stereo-short.sensor.pixel_pitch=1e6 m", "'1e6 m' is no pixel pitch of a sensor, check its unit; 10 nm to 10"),
+        (
+            "stereo-short.sensor.pixel_pitch=1e6 m",
+            "'1e6 m' is no pixel pitch of a sensor, check its unit; 10 nm to 5 mm",
+        ),
         ("stereo-short.baseline=1e-9 m", "is no baseline of two cameras"),
         ("stereo-short.lenses.f_number=1e-300", "'1e-300' is out of range; a number from 1e-30 to 1e30 in SI units is"),
         ("scene.distances=[0.4 m]", "1 value stands here; at least 2 are expected"),
@@ -97,3 +103,32 @@ def test_an_uncertainty_that_the_closed_form_misses_names_no_usable_distance() -
         rig = stereo(triangulation=rule, calibration=turned)
         limits = evaluate_limits(rig, UsableCriteria(), np.array([0.5, 5.0]))
         assert limits["closed_form"].met.tolist() == usable
+
+
+@pytest.mark.parametrize("distances", [("400 mm", "2 m"), ["400 mm", "2 m"], "[400 mm, 2 m]"])
+def test_lists_may_be_given_as_python_has_them(distances: Value) -> None:
+    study = load(HEADLINE).with_values({"scene.distances": distances})
+    assert study.definition.case.distance.tolist() == [0.4, 2.0]
+
+
+def test_mappings_may_be_given_as_python_has_them() -> None:
+    study = load(HEADLINE).with_values({"scene.distances": {"from": "1 m", "to": "2 m", "points": 3}})
+    assert study.definition.case.distance[[0, -1]].tolist() == [1.0, 2.0]
+    quoted = load(HEADLINE).with_values({"sweep": {"stereo-short.baseline": ["10 mm", "40 mm"]}})
+    assert quoted.with_values({"title": '"it\'s: [one], #2"'}).file.title == "it's: [one], #2"
+
+
+def test_a_path_that_is_no_text_is_refused_in_words() -> None:
+    with pytest.raises(TypeError, match=r"a path to a value is a text such as 'scene.distances.to', not 3"):
+        load(HEADLINE).with_values({3: "1 m"})  # type: ignore[dict-item]  # the mistake that is tested
+
+
+def test_distances_and_pixels_of_spacecraft_are_no_slips() -> None:
+    far = load(HEADLINE).with_values({"scene.distances": ["1 m", "1 au", "1e20 m"], "readings": {}, "claims": {}})
+    for camera in far.definition.case.cameras.values():
+        depth = evaluate_depth(camera, far.definition.case.distance)
+        assert not np.isnan(depth.uncertainty).any()
+    counts = TypeAdapter(PixelCount)
+    assert counts.validate_python(1_000_000) == 1_000_000
+    with pytest.raises(ValidationError, match="less than or equal to 1000000"):
+        counts.validate_python(1_000_001)

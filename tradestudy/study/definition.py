@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,8 @@ from tradestudy.study.schema.cameras import ConventionalPart
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
+
+Value = str | float | bool | None | Sequence["Value"] | Mapping[str, "Value"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +142,7 @@ class StudyDefinition:
 
     def with_values(
         self,
-        values: Mapping[str, str | float | bool | None],
+        values: Mapping[str, Value],
         *,
         written_at: tuple[str | int, ...] | None = None,
     ) -> StudyDefinition:
@@ -149,10 +151,13 @@ class StudyDefinition:
         Parameters
         ----------
         values
-            New value for each path.
+            New value for each path: what a study file could hold there, its text or as a number, list or mapping.
         written_at
             The mapping of this study that the values stand in, so that their mistakes are reported there.
         """
+        for path in values:
+            if not isinstance(path, str):
+                raise TypeError(f"a path to a value is a text such as 'scene.distances.to', not {path!r}")
         texts = {path: _as_yaml(value) for path, value in values.items()}
         places = None if written_at is None else {path: (*written_at, path) for path in values}
         return StudyDefinition.of(with_values(self.document, texts, written_at=places), self.models)
@@ -222,7 +227,17 @@ def _leaves(path: tuple[str | int, ...], value: Any) -> Iterator[tuple[tuple[str
         yield path, value
 
 
-def _as_yaml(value: str | float | bool | None) -> str:
+def _as_yaml(value: Value) -> str:
+    """Text is YAML already; within lists and mappings it is quoted."""
     if value is None:
         return "null"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_within_brackets, value))}]"
+    if isinstance(value, Mapping):
+        items = (f"{_within_brackets(key)}: {_within_brackets(item)}" for key, item in value.items())
+        return "{" + ", ".join(items) + "}"
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _within_brackets(value: Value) -> str:
+    return "'" + value.replace("'", "''") + "'" if isinstance(value, str) else _as_yaml(value)

@@ -239,7 +239,7 @@ def merged(below: Entry, above: Entry) -> Entry:
 
 
 def taken_back_in_vain(below: Entry, above: Entry, path: Path) -> Iterator[tuple[Path, Place, Mapping[str, Member]]]:
-    """Every key that one entry takes back from another that does not have it: its path, its place, and what is there."""
+    """Every key that an entry takes back from another that does not have it: its path, its place, what is there."""
     if not (isinstance(below, MappingEntry) and isinstance(above, MappingEntry)):
         return
     for key, member in above.members.items():

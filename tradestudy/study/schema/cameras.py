@@ -31,7 +31,7 @@ from tradestudy.study.schema.quantities import (
 )
 
 AttributeName = Annotated[str, Field(pattern=r"^[a-z][\w -]*$", max_length=60)]
-PixelCount = Annotated[int, Field(ge=1, le=100_000, strict=True)]
+PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 
 
 class LensPart(Part):

@@ -108,7 +108,7 @@ PositiveWavelength = Annotated[float, *quantity(units.WAVELENGTH, at_least=1e-8,
 # Far beyond what exists, so that no camera is refused, and near enough to catch a slip of the unit.
 PixelPitch = Annotated[
     float,
-    *quantity(units.LENGTH, above=0.0, known=Known(name="pixel pitch of a sensor", smallest=1e-8, largest=1e-2)),
+    *quantity(units.LENGTH, above=0.0, known=Known(name="pixel pitch of a sensor", smallest=1e-8, largest=5e-3)),
 ]
 FocalLength = Annotated[
     float, *quantity(units.LENGTH, above=0.0, known=Known(name="focal length of a lens", smallest=1e-6, largest=1e4))
@@ -123,7 +123,7 @@ LensToSensor = Annotated[
 Baseline = Annotated[
     float, *quantity(units.LENGTH, above=0.0, known=Known(name="baseline of two cameras", smallest=1e-6, largest=1e12))
 ]
-_OBJECTS = Known(name="distance of an object", smallest=1e-6, largest=1e13)
+_OBJECTS = Known(name="distance of an object", smallest=1e-6, largest=1e20)
 ObjectDistance = Annotated[float, *quantity(units.LENGTH, above=0.0, known=_OBJECTS)]
 ObjectDistanceOrInfinity = Annotated[float, *quantity(units.LENGTH, above=0.0, infinite=True, known=_OBJECTS)]
 DETAIL = Known(name="detail of an object", smallest=1e-9, largest=1e9)
