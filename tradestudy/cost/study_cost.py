@@ -104,7 +104,7 @@ def study_cost(
             "none of the cameras is usable at any distance of the study, so that there is no depth whose cost could be "
             "measured",
             value=", ".join(definition.case.cameras),
-            remedy="ask for other distances, or loosen the conditions under usable:",
+            remedy="ask for other distances, or loosen a condition of what is usable",
         )
     if not found:
         raise OutOfRangeError(
