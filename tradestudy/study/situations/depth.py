@@ -126,8 +126,10 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
     asked = [*(() if file.decision is None else file.decision.at), *(one.at for one in file.solve.values())]
     asked += [end for one in file.requirements.values() for end in one.depth_uncertainty.over]
     own = _applicable(camera, forced)
+    # Where to weigh is found by Fresnel's transfer: a closed form that Kirchhoff's, an integral, hardly differs from.
+    sought = {slot: "fresnel" if name == "kirchhoff" else name for slot, name in own.items() if slot not in _LENGTHS}
     return _Variant(
-        camera=acting(camera, {slot: name for slot, name in own.items() if slot not in _LENGTHS}),
+        camera=acting(camera, sought),
         criteria=definition.case.criteria,
         distance=np.unique(np.append(distance[::step], distance[-1:])),
         asked=tuple(asked),
