@@ -152,7 +152,7 @@ def test_bounds_hold_on_every_light_path_of_the_audit() -> None:
     assert exceeded <= {("162", "spectrum: off"), ("45", "main_lens_diffraction: boundary_wave")}
 
 
-@pytest.mark.parametrize("number", [2, 31, 41, 59])
+@pytest.mark.parametrize("number", [2, 52, 258])
 def test_bounds_hold_on_random_light_paths(number: int) -> None:
     case, kept = random_case(np.random.default_rng([0, number])), measured()[0][str(number)]
     bounds = bounds_of(case)
