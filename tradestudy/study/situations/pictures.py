@@ -34,7 +34,7 @@ from tradestudy.study.depth import depth_uncertainty
 
 # On the reference machine [s]: for every distance at which a run asks for the error; and once for a camera, the lattice
 # of defocus that Kirchhoff's part is interpolated on.
-_SECONDS_PER_DISTANCE: Final = {"fresnel": 1e-3, "airy": 1e-4, "disc": 1e-4, "weighted": 1e-3, "kirchhoff": 1e-3}
+_SECONDS_PER_DISTANCE: Final = {"fresnel": 1e-4, "airy": 1e-5, "disc": 1e-5, "weighted": 1e-4, "kirchhoff": 1e-3}
 _SECONDS_ONCE: Final = {"kirchhoff": 20.0}
 
 
