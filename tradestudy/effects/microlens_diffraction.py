@@ -18,7 +18,7 @@ from tradestudy.effects.picture_change import (
     rim_light,
     source_transfer,
 )
-from tradestudy.optics.chain.microlens_edges import LEAST_ZONES
+from tradestudy.optics.propagation.hybrid import LEAST_ZONES
 
 _SAFETY: Final = {"rays": 1.5, "fresnel": 1.2}  # see `picture_change`
 _LEADING_TERM: Final = (1.5, 5e-4)  # errors of a boundary wave per W/N, and at W = 0: tests/campaigns/light_bounds.md

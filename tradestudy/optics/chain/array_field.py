@@ -270,7 +270,7 @@ def field_table(
             wave=wave.wave,
             kernel=KirchhoffKernel(wavelength=wave.wavelength, obliquity="paper"),
             targets=grid,
-            tolerance=min(_LOOSER * edge_tolerance, 0.1),
+            tolerance=looser_for_edges(edge_tolerance),
             limits=Limits(memory_bytes=memory_limit),
         )
         return FieldTable(
@@ -293,6 +293,11 @@ def field_table(
     result = fast_sum(wave.samples(nodes), wave.kernel, grid, low_rank_tolerance=tolerance, nufft_tolerance=tolerance)
     slow = result.field.reshape(grid.shape) * unit_phasor(-fast_phase(wave, x, y))
     return FieldTable(start=(start[0], start[1]), spacing=spacing, coefficients=_spline(slow))
+
+
+def looser_for_edges(tolerance: float) -> float:
+    """Tolerance to ask of a boundary wave for an image of this one."""
+    return min(_LOOSER * tolerance, 0.1)
 
 
 def blended(tables: list[FieldTable], weights: FloatArray) -> FieldTable:

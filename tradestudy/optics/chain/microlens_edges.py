@@ -15,7 +15,7 @@ import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.chain.accuracy import ChainAccuracy
-from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.array_field import PupilWave, looser_for_edges
 from tradestudy.optics.chain.microlens_nodes import CellNodes
 from tradestudy.optics.chain.pixels import MARGIN
 from tradestudy.optics.chain.ray_wave import RayWave
@@ -24,16 +24,13 @@ from tradestudy.optics.chain.regions import Disc, IntArray
 from tradestudy.optics.chain.scene import LightPath, Microlenses
 from tradestudy.optics.chain.shadow_nodes import lit_share
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
-from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
+from tradestudy.optics.propagation.hybrid import LEAST_ZONES, unchecked_hybrid_field
 from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, SphericalPath
 from tradestudy.optics.propagation.rays import one_ray_per_target
 from tradestudy.optics.propagation.sampling import Limits
 from tradestudy.optics.propagation.targets import TargetGrid
-
-LEAST_ZONES = 0.5  # Fresnel zones across a microlens below which rays and edge nearly cancel: the focus
-_LOOSER = 10.0  # boundary waves err by a hundredth of their tolerance in the intensity: a tenth of the image's is left
 
 
 class _EvenWave(LensWave):
@@ -199,7 +196,7 @@ def add_spheres(
                 y_count=int(high[1] - low[1]),
                 distance=path.detector_distance,
             ),
-            tolerance=min(_LOOSER * accuracy.tolerance, 0.1),
+            tolerance=looser_for_edges(accuracy.tolerance),
             limits=Limits(memory_bytes=accuracy.memory_limit),
         )
         canvas[low[1] : high[1], low[0] : high[0]] += strength * vertex * done.field

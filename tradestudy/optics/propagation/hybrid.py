@@ -35,7 +35,7 @@ from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targ
 from tradestudy.optics.propagation.upsampling import chebyshev_grid
 from tradestudy.optics.propagation.wave_optics import Accuracy, largest_field, propagate_wave, rounding_error
 
-_LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
+LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4
 _POLAR_SHARE = 0.1  # of the tolerance of an evaluation, for sampling on rings
 _FEW_POINTS = 1000  # of a rectangle, up to which looking for fewer costs more than it saves
@@ -347,7 +347,7 @@ def _singular(
     zones = wave.lens.radius**2 * np.sqrt(np.abs(rays.determinant[0])) / wave.wavelength
     reach = math.exp(pole_reach(edge, tolerance)) * wave.lens.radius
     matters = ~rays.found[0] | (np.hypot(rays.u[0], rays.v[0]) <= reach)
-    singular = matters & (zones < _LEAST_ZONES)
+    singular = matters & (zones < LEAST_ZONES)
     lost = np.flatnonzero(~rays.found[0])
     singular[lost] |= within_rim(wave, x[lost], y[lost], z[lost])
     return np.asarray(singular)

@@ -14,7 +14,6 @@ from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.exact_rays import SHIFTS, ray_count, start_of_rays
-from tradestudy.optics.chain.microlens_edges import LEAST_ZONES
 from tradestudy.optics.chain.point_image import plan_waves
 from tradestudy.optics.chain.rays import ray_reach
 from tradestudy.optics.chain.scene import Legs
@@ -28,6 +27,7 @@ from tradestudy.optics.chain.spot_points import (
     outermost,
 )
 from tradestudy.optics.chain.traced_forwards import reached_microlenses
+from tradestudy.optics.propagation.hybrid import LEAST_ZONES
 
 # Processor seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
 SECONDS: Final[Mapping[str, float]] = {
