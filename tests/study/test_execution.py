@@ -75,11 +75,16 @@ def written(serial: api.Result, tmp_path_factory: pytest.TempPathFactory) -> Pat
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[DaskCluster]:
+    import dask
     from distributed import LocalCluster
 
-    with LocalCluster(
-        processes=True, n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
-    ) as local:
+    # A point may cost one worker; every further one takes seconds to start again.
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        LocalCluster(
+            processes=True, n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+        ) as local,
+    ):
         yield DaskCluster(local.scheduler_address)
 
 
