@@ -148,12 +148,15 @@ def test_the_choice_is_the_picture_of_the_plan_and_not_what_it_is_compared_with(
 
 
 def as_accurate_as_asked(seconds_per_tolerance: float, monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """Pictures that err by their tolerance, are foreseen to take a time over it, and take none; those asked for."""
+    """Pictures err by their tolerance, of finer sources by less, are foreseen to take a time over it, and take none.
+
+    Returns the tolerances that are asked for.
+    """
     asked: list[float] = []
 
     def picture(*given: object, accuracy: ChainAccuracy, seed: int) -> ChainImage:
         asked.append(accuracy.tolerance)
-        error = accuracy.tolerance
+        error = accuracy.tolerance / accuracy.source_sampling**4
         return ChainImage(
             pixels=np.array([1.0 + error]),
             numerical_error=error,
@@ -181,11 +184,12 @@ def test_the_spot_is_measured_a_digit_beyond_the_study_against_something_finer(m
     asked = as_accurate_as_asked(0.0, monkeypatch)
     found = measured_spot(1e3)
     # Rays, which take no tolerance of their own, the choice, the reference, and a digit beyond the choice.
-    assert asked[:5] == [0.01, 0.01, 0.01, 0.0005, 0.001]
-    assert found.reference_error == 0.0005
+    assert asked[:5] == [0.01, 0.01, 0.01, 0.001, 0.001]
+    assert found.reference_error == pytest.approx(0.001 / 1.2**4)
+    assert "its source sampled 1.2 times as finely" in found.reference
     errors = {entry.setting: entry.error for entry in of(found, "Kirchhoff")}
     assert errors == {
-        "tolerance 0.1 %": pytest.approx(0.0005, rel=1e-2),
+        "tolerance 0.1 %": pytest.approx(0.001 - 0.001 / 1.2**4, rel=1e-2),
         "tolerance 1 %": pytest.approx(0.0095, rel=1e-2),
         "tolerance 10 %": pytest.approx(0.0995, rel=1e-2),
     }
@@ -195,8 +199,8 @@ def test_the_spot_is_measured_a_digit_beyond_the_study_against_something_finer(m
 
 
 def test_less_time_gives_a_coarser_reference_and_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
-    as_accurate_as_asked(0.01, monkeypatch)  # 1 s at 1 %, 20 s for a twentieth of it
-    found = measured_spot(9.0)
+    as_accurate_as_asked(0.01, monkeypatch)  # 1 s at 1 %, 10 s for a tenth of it
+    found = measured_spot(3.0)
     assert found.reference_error == 0.005
     assert any("tolerance 0.1 %: the reference is no finer" in line for line in found.left_out)
     assert math.isinf(seconds_for_a_tenth_of_what_is_asked(found))

@@ -33,7 +33,7 @@ _POINT_REFERENCES: Final = {1e-5: 3.0, 1e-4: 2.5, 1e-3: 2.0, 1e-2: 1.5}
 _FINER: Final = 1.2
 _TOLERANCES: Final = (0.1, 10.0, 1.0)  # of that of the study
 _FINEST: Final = 1e-6
-_FINER_SOURCE: Final = 1.4  # sampling that keeps the angles of the source below what its points err by; 1.2 does not
+_FINER_SOURCE: Final = 1.2  # more of the angles of the source: what they err by falls to a third
 _COARSEST: Final = 0.2
 _COARSEST_REFERENCE: Final = 0.1
 _REFERENCE_SEED: Final = 1
@@ -96,7 +96,7 @@ def point_cost(
     checked = max(reference.direct_check.values(), default=math.nan)
     others = [run(method, tolerance) for tolerance in _POINT_TOLERANCES for method in _WAVES]
     for one in sorted(others, key=lambda other: other.predicted):
-        taking.take_beside(one, finest)
+        taking.take_beside(one, coarser=one.tolerance > finest)
     progress("cost: spot_point", 1.0)
     return Measured(
         name="spot_point",
@@ -189,11 +189,10 @@ def spot_cost(
         return min((one.predicted for one in waves if one.tolerance > tolerance), default=0.0)
 
     # Its tolerance, how much more finely the source is sampled, and seconds of what shall be held against it.
-    digit = run(replace(best, tolerance=min(standing / 10, _COARSEST))).predicted
+    digit = run(replace(best, tolerance=standing / 10)).predicted
     wishes = [
-        (standing / 20, _FINER_SOURCE, digit),
-        (standing / 20, 1.0, digit),
-        *((factor * standing, 1.0, cheapest_beside(factor * standing)) for factor in (0.5, 1, 2, 5)),
+        (standing / 10, _FINER_SOURCE, digit),
+        *((factor * standing, 1.0, cheapest_beside(factor * standing)) for factor in (0.1, 0.5, 1, 2, 5)),
         (_COARSEST_REFERENCE, 1.0, 0.0 if taking.taken else cheapest_beside(_COARSEST_REFERENCE)),
     ]
     finest, sampling = next(
@@ -216,15 +215,16 @@ def spot_cost(
     reference = image(replace(best, tolerance=finest), _REFERENCE_SEED, sampling)
     reference_seconds = time.perf_counter() - begin
     for one in waves:
-        taking.take_beside(one, finest)
+        taking.take_beside(one, coarser=one.tolerance > finest or (one.tolerance == finest and sampling > 1.0))
     progress("cost: spot", 1.0)
     entries = taking.entries(reference.pixels)
     return Measured(
         name="spot",
         title=title,
         says=says,
-        reference=f"Kirchhoff on both legs at a tolerance of {100 * finest:g} %, its source sampled {sampling:g} times "
-        "as finely, with its own stated error",
+        reference=f"Kirchhoff on both legs at a tolerance of {100 * finest:g} %"
+        + (f", its source sampled {sampling:g} times as finely" if sampling > 1.0 else "")
+        + ", with its own stated error",
         reference_error=reference.numerical_error,
         reference_seconds=reference_seconds,
         entries=entries,
@@ -328,11 +328,11 @@ class _Taking:
         )
         return "; ".join(filter(None, (why, alone)))
 
-    def take_beside(self, run: _Run, reference: float) -> None:
-        """Measure one picture by waves unless that was tried before, or the reference is no finer."""
+    def take_beside(self, run: _Run, *, coarser: bool) -> None:
+        """Measure one picture by waves that is coarser than the reference, unless that was tried before."""
         if (run.method, run.setting) in self.tried:
             return
-        if run.tolerance <= reference:
+        if not coarser:
             self.left_out.append(f"{_words(run)}: the reference is no finer, for which there was no time")
         else:
             self.take(run)
