@@ -75,7 +75,7 @@ def main() -> None:
 
     def samples(tolerance: float) -> float:
         work = LightWork(scene=scene, tolerance=tolerance)
-        return work.source_points * work.lit_microlenses * work.patch_side**2
+        return work.source_points * work.patch.work(path, lit=work.lit_microlenses)
 
     pixels = path.pixels.shape[0] * path.pixels.shape[1] * path.microlenses.count
     point = {legs: picture(legs, FINE, point=True) for legs in (FRESNEL, KIRCHHOFF)}
@@ -89,7 +89,7 @@ def main() -> None:
         "sample of a patch": patch,
         "sample of a patch in double precision": picture(KIRCHHOFF, DOUBLE, repeats=1) / samples(DOUBLE),
         "sample of a patch, boundary wave": edges
-        / (behind.source_points * behind.lit_microlenses * behind.patch_side**2),
+        / (behind.source_points * behind.lit_microlenses * behind.patch.side**2),
         "sample of the detector": point[FRESNEL] / LightWork(scene=scene, tolerance=FINE).detector_side ** 2,
         "node of a coherent disc, Fresnel": coherent_node(FRESNEL),
         "node of a coherent disc, Kirchhoff": coherent_node(KIRCHHOFF),

@@ -81,7 +81,8 @@ def test_a_disc_is_kirchhoffs_within_its_stated_error(first: LegMethod) -> None:
     disc = DiscSource(diameter=0.1e-3, distance=24e-3)
     edge, area = (image(path, disc, first, last, 5e-2) for last in ("boundary_wave", "kirchhoff"))
     assert 1e-4 < relative(edge.pixels, area.pixels) < edge.numerical_error + area.numerical_error < 0.1
-    assert 0.0 < edge.handed_over < 0.5
+    # The light of rays is one sphere throughout, that of waves holds what the edge of the main lens adds.
+    assert edge.handed_over < 1e-12 if first == "geometric" else 1e-3 < edge.handed_over < 0.5
 
 
 def test_light_beside_the_lenses_goes_on_by_kirchhoff() -> None:

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy import special
+from scipy import integrate, special
 
 from tests.optics.small_chain import WAVELENGTH, camera, relative
 from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, DiscSource, PixelGrid
@@ -21,7 +21,7 @@ from tradestudy.optics.propagation.lens import CircularLens
 def test_it_is_what_leaves_the_patches() -> None:
     """All of it over the plane: beyond a square of half side H falls the share h/H. None falls on the patch."""
     grid = PixelGrid(pitch=2e-6, shape=(801, 801))
-    found = far_light(grid, np.array([[5e-6, -3e-6], [0.0, 8e-6]]), 40e-6, np.array([0.25, 0.5]))
+    found = far_light(grid, np.array([[5e-6, -3e-6], [0.0, 8e-6]]), 40e-6, np.array([0.25, 0.5]), np.zeros(2))
     assert found.sum() == pytest.approx(0.75 * (1 - 40 / 801), rel=0.02)
     assert np.all(found[400 - 15 : 400 + 15, 400 - 15 : 400 + 15] == 0.0)
 
@@ -31,11 +31,50 @@ def test_its_law_is_airys() -> None:
     v = np.linspace(60.0, 60.0 + 20 * math.pi, 4001)
     left = special.j0(v) ** 2 + special.j1(v) ** 2
     assert np.trapezoid(left * v, v) / (v[-1] - v[0]) == pytest.approx(2 / math.pi, rel=1e-3)
-    light = far_light(PixelGrid(pitch=1e-6, shape=(601, 601)), np.zeros((1, 2)), 20e-6, np.ones(1))
+    light = far_light(PixelGrid(pitch=1e-6, shape=(601, 601)), np.zeros((1, 2)), 20e-6, np.ones(1), np.zeros(1))
     centres = 1e-6 * (np.arange(601) - 300)
     radius = np.hypot(centres, centres[:, None])
     rings = [r * light[(radius > r) & (radius <= 2 * r)].sum() for r in (40e-6, 80e-6, 140e-6)]
     assert max(rings) < 1.02 * min(rings)
+
+
+@pytest.mark.parametrize("radius", [10e-6, 25e-6, 34e-6])
+def test_a_blurred_disc_keeps_it_too(radius: float) -> None:
+    """Its law, integrated over pixels far finer than the distance to the edge of the rays, is all that left."""
+    half, pitch, side = 40e-6, 1e-6, 1201
+    grid = PixelGrid(pitch=pitch, shape=(side, side))
+    found = far_light(grid, np.zeros((1, 2)), half, np.ones(1), np.array([radius])).sum()
+    edge = side * pitch / 2
+
+    def beyond(square: float) -> float:
+        """By quadrature over azimuth and distance from a square on."""
+        inner, _ = integrate.dblquad(
+            lambda r, phi: 0.5 * (1 / (r - radius) ** 2 + 1 / (r + radius) ** 2),
+            0.0, math.pi / 4, lambda phi: square / math.cos(phi), lambda phi: 1.0, epsrel=1e-8,
+        )  # fmt: skip
+        return 8 * inner
+
+    assert found == pytest.approx(1 - beyond(edge) / beyond(half), rel=0.02)
+
+
+def test_the_law_of_a_blurred_disc_is_that_of_its_edge() -> None:
+    """Kirchhoff's light well outside a disc of rays, averaged over rings and fringes, beside 1/r³."""
+    v_edge, share = 40.0, np.linspace(1.4, 2.4, 6)
+    found = []
+    for v in v_edge * share:  # Lommel: a uniform pupil, defocused until its rays fill a disc of v_edge
+        around = v + np.linspace(-math.pi, math.pi, 41)
+        found.append(np.mean([_defocused(one, v_edge) for one in around]))
+    law = (share**2 + 1) / (share * (share**2 - 1) ** 2)
+    scale = np.array(found) / law
+    assert scale.max() < 1.15 * scale.min()
+    assert np.ptp(np.log(np.array(found) * share**3)) > 3 * np.ptp(np.log(scale))
+
+
+def _defocused(v: float, v_edge: float) -> float:
+    """Irradiance of a circular pupil with a quadratic phase, by direct quadrature."""
+    t, w = np.polynomial.legendre.leggauss(400)
+    t, w = (t + 1) / 2, w / 2
+    return float(abs(np.sum(w * t * special.j0(v * t) * np.exp(0.5j * v_edge * t**2))) ** 2)
 
 
 def test_points_keep_their_light() -> None:

@@ -18,6 +18,7 @@ import numpy as np
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import direct_field
+from tradestudy.optics.chain.detector_patch import lit_radius
 from tradestudy.optics.chain.landing import (
     irradiance_frequency,
     landing_nodes,
@@ -37,7 +38,6 @@ from tradestudy.optics.chain.sources import (
     symmetries,
     tolerated_density,
 )
-from tradestudy.optics.chain.spot_points import lit_radius
 from tradestudy.optics.propagation.lens import PointSource
 
 _SAFETY = 1.5  # the two computations share some of their error

@@ -8,9 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.image import chain_image
+from tradestudy.optics.chain.regions import IntArray
 from tradestudy.optics.chain.scene import Legs, LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.propagation.lens import PointSource
@@ -36,10 +37,14 @@ def separate_image(
     present = np.unique(owner)
     for number, index in enumerate(present, start=1):
         mine = owner == index
-        rows, columns = (np.flatnonzero(mine.any(axis=axis)) for axis in (1, 0))
-        window = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        window = _window(mine)
         alone = chain_image(
-            _alone(path, int(index), window), source, wavelength=wavelength, legs=legs, accuracy=accuracy, rng=rng
+            microlens_alone(path, int(index), owner),
+            source,
+            wavelength=wavelength,
+            legs=legs,
+            accuracy=accuracy,
+            rng=rng,
         )
         pixels[window] += np.where(mine[window], alone.pixels, 0.0)
         errors.append(alone.numerical_error * float(np.linalg.norm(alone.pixels)))
@@ -61,7 +66,7 @@ def separate_image(
     )
 
 
-def nearest_microlens(path: LightPath) -> np.ndarray[tuple[int, ...], np.dtype[np.int_]]:
+def nearest_microlens(path: LightPath) -> IntArray:
     """Index of the microlens before each pixel, shape (rows, columns): centres lie 1 + b_L/z times farther out."""
     edges = path.pixels.edges_x, path.pixels.edges_y
     x, y = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
@@ -71,9 +76,15 @@ def nearest_microlens(path: LightPath) -> np.ndarray[tuple[int, ...], np.dtype[n
     return np.asarray(np.argmin(distance + 1e-9 * path.microlenses.pitch * np.arange(len(seen)), axis=-1))
 
 
-def _alone(path: LightPath, index: int, window: tuple[slice, slice]) -> LightPath:
-    """One microlens and a window of the pixels."""
-    lenses, grid = path.microlenses, path.pixels
+def _window(mine: BoolArray) -> tuple[slice, slice]:
+    """The smallest rectangle of pixels, as rows and columns, that holds all that are marked."""
+    rows, columns = (np.flatnonzero(mine.any(axis=axis)) for axis in (1, 0))
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+
+
+def microlens_alone(path: LightPath, index: int, owner: IntArray) -> LightPath:
+    """One microlens and the pixels that it owns, of those that `nearest_microlens` gives it."""
+    lenses, grid, window = path.microlenses, path.pixels, _window(owner == index)
     one = slice(index, index + 1)
     middle = [
         (edges[part.start] + edges[part.stop]) / 2

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,28 +12,27 @@ from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
-from tradestudy.optics.chain.pixels import light_on_pixels
+from tradestudy.optics.chain.averaging_error import angular_error, radial_error
 from tradestudy.optics.chain.point_image import compute_point, reference_law
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.sources import (
     DiscSource,
     SourceNodes,
+    Symmetry,
     moved_image,
     orbits,
     source_nodes,
     symmetries,
     tolerated_density,
 )
-from tradestudy.optics.chain.spot_points import PointLight, Spot, point_light, prepare_spot, tables_at
+from tradestudy.optics.chain.spot_points import Spot, lights_of, mean_on_pixels, point_light, prepare_spot, tables_at
 
-_THREADS = 2
 _CHECKED_POINTS = 2
 # So few points may err by less than others do, and what all lack alike weighs more in the smoother picture of the spot:
 # of the light spot at 0.1 %, points err by 0.05 to 0.06 %, and all together by 0.08 %.
 _SAFETY_OF_TWO = 2.0
 _MOST_DRAWN = 40
 _HARDLY_ANY = 0.1  # of what a point brings on average
-_RESOLVED = 0.5  # error of a quarter of the angles below which its further fall can be told
 
 
 def wave_spot_image(
@@ -77,13 +75,12 @@ def wave_spot_image(
     group = symmetries(path, source)
     images = _ring_images(spot, nodes, group, done)
     rings = np.mean([moved_image_stack(images.pixels, one) for one in group], axis=0)
-    pixels = np.tensordot(nodes.radial_weights, rings[:, 2:].mean(axis=1), axes=1)
+    pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
     size = float(np.linalg.norm(pixels))
     per_point = _points_check(spot, nodes, float(pixels.sum()), rng)
-    averaging = (_angular_error(nodes, rings) / size, _radial_error(nodes, rings) / size) if size > 0.0 else (0.0, 0.0)
     terms = {
-        "source angles": averaging[0],
-        "source radii": averaging[1],
+        "source angles": angular_error(spot, nodes, rings, group) / size if size > 0.0 else 0.0,
+        "source radii": radial_error(spot, nodes, rings.mean(axis=1), images.along) / size if size > 0.0 else 0.0,
         "single points": per_point,
         "pixel integration": images.pixel_error,
     }
@@ -116,81 +113,39 @@ def source_density(accuracy: ChainAccuracy) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class _RingImages:
-    """Mean pixel image of each ring from some of its angles, shape (rings, 4, rows, columns).
+    """Mean pixel image of each ring from its even and from its odd angles, and images of the first one of each.
 
-    From every fourth angle, from every fourth two further on, from all even ones, and from all odd ones. Where symmetry
-    carries the first into the second they are one.
+    Shapes (rings, 2, rows, columns) and (rings, rows, columns).
     """
 
     pixels: FloatArray
+    along: FloatArray
     pixel_error: float
     points: int
     handed_over: float
 
 
-def _ring_images(
-    spot: Spot, nodes: SourceNodes, group: list[tuple[int, int, bool]], done: Callable[[float], None]
-) -> _RingImages:
+def _ring_images(spot: Spot, nodes: SourceNodes, group: list[Symmetry], done: Callable[[float], None]) -> _RingImages:
     """Follow the light of one point of every orbit of the symmetries."""
-    images, errors, points, handed = [], [], 0, spot.tables.handed_over if spot.tables else 0.0
-    with ThreadPoolExecutor(_THREADS) as pool:
-        for ring in range(len(nodes.rings)):
-            chosen = list(orbits(nodes, ring, group))
-            points += len(chosen)
-            at = [(float(x), float(y)) for x, y in (nodes.rings[ring][i] for i, _ in chosen)]
-            shared = tables_at(spot, at)
-            lights = list(pool.map(lambda p, s=shared: point_light(spot, p, s[p]), at))
-            handed = max(handed, *(light.handed_over for light in lights))
-            known = [(i, n, light) for (i, n), light in zip(chosen, lights, strict=True)]
-            means = []
-            for step, first in ((4, 0), (4, 2), (2, 0), (2, 1)):
-                part = [(n, light) for i, n, light in known if i % step == first]
-                part = part or [(n, light) for i, n, light in known if i % 4 == 0]
-                means.append(_mean_on_pixels(spot, part))
-            images.append([one[0] for one in means])
-            errors.append(max(one[1] for one in means))
-            done(sum(len(one) for one in nodes.rings[: ring + 1]) / len(nodes.all))
-    return _RingImages(pixels=np.asarray(images), pixel_error=max(errors), points=points, handed_over=handed)
-
-
-def _mean_on_pixels(spot: Spot, part: list[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
-    """Weighted mean of points on the pixels, and the error of integrating over them."""
-    points = sum(n for n, _ in part)
-    intensity = np.asarray(sum(n * light.intensity for n, light in part), dtype=np.float64) / points
-    pixels, error = light_on_pixels(intensity, spot.path.pixels, per_pixel=spot.per_pixel)
-    return pixels + sum(n * light.far for n, light in part) / points, error
-
-
-def _angular_error(nodes: SourceNodes, rings: FloatArray) -> float:
-    """Error of half the angles, even against odd, carried on to that of all as it fell from that of a quarter.
-
-    Spectra that decay fast square it, or more once a quarter of the angles resolves something; twice that is stated,
-    and no more than its power 3/2, which starved nodes bear out.
-    """
-    sums = np.tensordot(nodes.radial_weights, rings, axes=1)
-    size = float(np.linalg.norm(sums[2:].mean(axis=0)))
-    quarter, half = (float(np.linalg.norm(sums[k] - sums[k + 1])) / 2 / size for k in (0, 2))
-    if not 0.0 < half < 1.0:
-        return half * size
-    if quarter <= half:
-        return size * math.pow(half, 1.5)
-    fell = math.log(half) / math.log(quarter) if quarter < 1.0 else math.inf
-    power = min(max(fell, 1.5), 2.4 if quarter < _RESOLVED else 2.0)
-    return size * min(math.pow(half, 1.5), 2.0 * math.pow(half, power))
-
-
-def _radial_error(nodes: SourceNodes, rings: FloatArray) -> float:
-    """Highest Legendre coefficient that the rings resolve, carried on to the first that they do not."""
-    n = nodes.radial_points.size
-    legendre = np.polynomial.legendre.legvander(2 * nodes.radial_points - 1, n - 1)
-    coefficients = np.tensordot(
-        (legendre * nodes.radial_weights[:, None]).T * (2 * np.arange(n) + 1)[:, None],
-        rings[:, 2:].mean(axis=1),
-        axes=1,
+    images, along, errors, points, handed = [], [], [], 0, spot.tables.handed_over if spot.tables else 0.0
+    for ring in range(len(nodes.rings)):
+        chosen = list(orbits(nodes, ring, group))
+        points += len(chosen)
+        lights = lights_of(spot, nodes.rings[ring][[index for index, _ in chosen]])
+        handed = max(handed, *(light.handed_over for light in lights))
+        known = [(index, n, light) for (index, n), light in zip(chosen, lights, strict=True)]
+        means = [mean_on_pixels(spot, [(n, light) for i, n, light in known if i % 2 == odd]) for odd in (0, 1)]
+        images.append([pixels for pixels, _ in means])
+        along.append(mean_on_pixels(spot, [(1, lights[0])])[0])
+        errors.append(max(error for _, error in means))
+        done(sum(len(one) for one in nodes.rings[: ring + 1]) / len(nodes.all))
+    return _RingImages(
+        pixels=np.asarray(images),
+        along=np.asarray(along),
+        pixel_error=max(errors),
+        points=points,
+        handed_over=handed,
     )
-    last = float(np.linalg.norm(coefficients[-1])) / (2 * n - 1)
-    size = float(np.linalg.norm(coefficients[0]))
-    return last * min(1.0, math.sqrt(last / size))
 
 
 def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.Generator) -> float:

@@ -1,14 +1,16 @@
-"""One point of a spot: what all its points share, and the light of one of them on small detector patches.
+"""One point of a spot: what all its points share, and the light of one of them on the detector.
 
 What is shared is computed once: the main-lens field at a few distances of the source from the axis (it turns with the
-source, and is interpolated in between), the nodes of a microlens, the transfer to the detector. Behind each microlens
-the light is followed on a patch about its ray image only; patches of one source point add as fields.
+source, and is interpolated in between), the nodes of a microlens, the transfer to the detector. Behind the array the
+light of all microlenses is followed over the whole detector at once, or of each on a patch about its ray image;
+patches of one source point add as fields.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,29 +19,25 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave
 from tradestudy.optics.chain.arriving_light import point_wave
-from tradestudy.optics.chain.detector_transfer import (
-    Response,
-    Transfer,
-    choose_transfer,
-    half_band,
-    propagate,
-    response,
-)
+from tradestudy.optics.chain.detector_patch import detector_patch, disc_ends, lit_radius, outermost
+from tradestudy.optics.chain.detector_transfer import Response, propagate, response
 from tradestudy.optics.chain.far_light import far_light
-from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
-from tradestudy.optics.chain.microlens_nodes import CellNodes
-from tradestudy.optics.chain.microlens_plane import MicrolensPlane, microlens_plane, resolved_cycles, shadowed
-from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels, samples_per_pixel
+from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
+from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
+from tradestudy.optics.chain.microlens_plane import MicrolensPlane, resolved_cycles, shadowed
+from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
 from tradestudy.optics.chain.ray_wave import RayWave
-from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
+from tradestudy.optics.chain.rays import RayReach, ray_reach
 from tradestudy.optics.chain.regions import IntArray
 from tradestudy.optics.chain.scene import Legs, LightPath
-from tradestudy.optics.chain.shadow_nodes import lit_share
+from tradestudy.optics.chain.shadow_nodes import lit_share, padded
 from tradestudy.optics.chain.source_tables import Place, SourceTables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
+from tradestudy.optics.chain.whole_detector import field_on_detector
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 
+_THREADS = 2
 SINGLE_PRECISION_FROM = 1e-3  # tolerance above which 32-bit floats add nothing to the error
 
 
@@ -57,6 +55,7 @@ class Spot:
     cycles: float
     transmission: ComplexArray
     response: Response
+    whole_detector: bool
     half_patch: float
     per_pixel: int
     lit_within: float
@@ -82,19 +81,24 @@ def prepare_spot(
 ) -> Spot:
     """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
     distance = np.linalg.norm(nodes.all, axis=1)
-    outer = outermost(source, nodes)
-    reaches = [ray_reach(path, point) for point in (source.centre, outer)]
+    reaches = disc_ends(path, source, nodes)
     paraxial = legs.to_detector == "fresnel"
-    patch = detector_patch(path, reaches, wavelength, paraxial, accuracy)
-    plane = microlens_plane(
+    patch = detector_patch(path, source, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy)
+    cycles = resolved_cycles(
         path,
-        reaches[1],
+        reaches[-1],
         wavelength=wavelength,
-        paraxial=paraxial,
-        target_reach=patch.half_side,
+        target_reach=patch.target_reach,
         density=accuracy.microlens_nodes,
     )
-    lit_within = max(lit_radius(path, point, wavelength, accuracy) for point in (source.centre, outer))
+    plane = MicrolensPlane(
+        path=path,
+        wavelength=wavelength,
+        paraxial=paraxial,
+        cell=cell_nodes(path.microlenses, cycles=cycles),
+    )
+    ends = (source.centre, outermost(source, nodes))
+    lit_within = max(lit_radius(path, point, wavelength, accuracy) for point in ends)
     tables = None
     if legs.to_array != "geometric":
         tables = source_tables(
@@ -104,7 +108,7 @@ def prepare_spot(
             wavelength=wavelength,
             method=legs.to_array,
             accuracy=accuracy,
-            half_width=lit_within + path.microlenses.cell_reach,
+            half_width=math.inf if patch.whole_detector else lit_within + path.microlenses.cell_reach,
         )
     return Spot(
         path=path,
@@ -114,81 +118,18 @@ def prepare_spot(
         accuracy=accuracy,
         tables=tables,
         plane=plane,
-        cycles=resolved_cycles(
-            path,
-            reaches[1],
-            wavelength=wavelength,
-            target_reach=patch.half_side,
-            density=accuracy.microlens_nodes,
-        ),
+        cycles=cycles,
         transmission=plane.transmission(source.centre),
         response=response(
             patch.transfer,
             largest_carrier=patch.tilt / wavelength + patch.transfer.frequency_step,
             single=accuracy.tolerance >= SINGLE_PRECISION_FROM,
         ),
+        whole_detector=patch.whole_detector,
         half_patch=patch.half_side,
         per_pixel=patch.per_pixel,
         lit_within=lit_within,
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class DetectorPatch:
-    """The part of the detector behind one microlens that light of one source point is followed on."""
-
-    half_side: float
-    per_pixel: int
-    tilt: float
-    transfer: Transfer
-
-
-def outermost(source: DiscSource, nodes: SourceNodes) -> PointSource:
-    """The node that is farthest from the axis."""
-    edge = nodes.all[np.argmax(np.linalg.norm(nodes.all, axis=1))]
-    return PointSource(x=float(edge[0]), y=float(edge[1]), distance=source.distance)
-
-
-def detector_patch(
-    path: LightPath, reaches: list[RayReach], wavelength: float, paraxial: bool, accuracy: ChainAccuracy
-) -> DetectorPatch:
-    """Patch, samples and transfer that hold the light of all points, from the rays of centre and rim of the disc."""
-    margin = accuracy.fresnel_lengths * math.sqrt(wavelength * path.detector_distance)
-    half = max(float(one.spread.max()) for one in reaches) + margin
-    node_reach = path.microlenses.cell_reach
-    kept = node_reach + half
-    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
-    per_pixel = samples_per_pixel(path.pixels, accuracy.pixel_sampling * 2 * band * path.pixels.pitch)
-    spacing = path.pixels.pitch / per_pixel
-    tilt = _steepest(reaches[0], reaches[1])
-    transfer = choose_transfer(
-        wavelength=wavelength,
-        distance=path.detector_distance,
-        paraxial=paraxial,
-        node_reach=node_reach,
-        target_reach=half + spacing,
-        kept_reach=kept,
-        spacing=spacing,
-        tilt=tilt,
-        tolerance=accuracy.tolerance,
-    )
-    return DetectorPatch(half_side=half, per_pixel=per_pixel, tilt=tilt, transfer=transfer)
-
-
-def lit_radius(path: LightPath, point: PointSource, wavelength: float, accuracy: ChainAccuracy) -> float:
-    """Radius about the chief ray of a point within which its light may reach the middle of a microlens [m]."""
-    depth = abs(path.image_at_array(point)[2])
-    beyond = accuracy.fresnel_lengths * math.sqrt(wavelength * max(depth, path.detector_distance))
-    return blur_radius(path, point) + beyond + path.microlenses.cell_reach
-
-
-def _steepest(centre: RayReach, rim: RayReach) -> float:
-    """Largest slope at the middle of any microlens: the disc's centre's, and as much more as any point of its rim's.
-
-    The rim point that was traced may lie across the direction of a microlens, and another one along it.
-    """
-    added = np.linalg.norm(rim.slope - centre.slope, axis=1).max()
-    return float(np.linalg.norm(centre.slope, axis=1).max() + added)
 
 
 def tables_at(spot: Spot, at: list[Place]) -> dict[Place, FieldTable | None]:
@@ -224,9 +165,10 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
     """Follow the light of one source point from the array to the detector."""
     wave = spot.wave(*at)
     reach = ray_reach(spot.path, wave.source)
-    kind = np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
+    if spot.whole_detector:
+        return _light_of_all(spot, wave, at, table, reach)
     rows, columns = (n * spot.per_pixel + 2 * MARGIN for n in spot.path.pixels.shape)
-    canvas = np.zeros((rows, columns), dtype=kind)
+    canvas = np.zeros((rows, columns), dtype=_kind(spot))
     far, power, carried = np.zeros(spot.path.pixels.shape), 0.0, 0.0
     for group in _lit_groups(spot, wave, at, table):
         rest = group.field
@@ -234,16 +176,7 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
             spheres = split_spheres(spot.path, wave, which=group.which, cell=group.cell, field=group.field)
             rest = spheres.rest
             power += spheres.power
-            carried += add_spheres(
-                canvas,
-                path=spot.path,
-                wave=wave,
-                spheres=spheres,
-                reach=reach,
-                half_patch=spot.half_patch,
-                spacing=spot.spacing,
-                accuracy=spot.accuracy,
-            )
+            carried += _add_edges(spot, canvas, wave, spheres, reach)
         if rest.any():
             far += _add_light(spot, canvas, reach, replace(group, field=rest))
     return PointLight(
@@ -251,6 +184,60 @@ def point_light(spot: Spot, at: Place, table: FieldTable | None) -> PointLight:
         far=far / wave.power(),
         handed_over=1.0 - carried / power if power > 0.0 else 0.0,
     )
+
+
+def _light_of_all(
+    spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTable | None, reach: RayReach
+) -> PointLight:
+    """Follow the light of all microlenses over the whole detector at once; none falls beyond."""
+    plane, lenses = spot.plane, spot.path.microlenses
+    if isinstance(wave, RayWave):
+        cells = [shadowed(lenses, plane.cell, wave.lit, index, spot.cycles) for index in range(lenses.count)]
+        plane = replace(plane, cell=padded(cells))
+        field, transmission = wave.field(*plane.positions), plane.transmission(wave.source)
+    else:
+        assert spot.tables is not None
+        assert table is not None  # waves to the array have one
+        field, transmission = spot.tables.field(at, table, *plane.positions), _transmission(spot, wave)
+    rest, spheres = field, None
+    if spot.legs.to_detector == "boundary_wave":
+        spheres = split_spheres(spot.path, wave, which=np.arange(lenses.count), cell=plane.cell, field=field)
+        rest = spheres.rest
+    canvas = field_on_detector(
+        plane,
+        (rest * transmission).astype(_kind(spot)),
+        response=spot.response,
+        per_pixel=spot.per_pixel,
+        tolerance=spot.accuracy.tolerance / 20,
+        threads=1,
+    )
+    handed_over = 0.0
+    if spheres is not None and spheres.power > 0.0:
+        handed_over = 1.0 - _add_edges(spot, canvas, wave, spheres, reach) / spheres.power
+    return PointLight(
+        intensity=np.asarray(np.abs(canvas) ** 2 / wave.power()),
+        far=np.zeros(spot.path.pixels.shape),
+        handed_over=handed_over,
+    )
+
+
+def _add_edges(spot: Spot, canvas: ComplexArray, wave: PupilWave | RayWave, spheres: Spheres, reach: RayReach) -> float:
+    """Add spheres by rays and boundary waves; return the power that needed no integral."""
+    return add_spheres(
+        canvas,
+        path=spot.path,
+        wave=wave,
+        spheres=spheres,
+        reach=reach,
+        half_patch=spot.half_patch,
+        spacing=spot.spacing,
+        accuracy=spot.accuracy,
+    )
+
+
+def _kind(spot: Spot) -> type[np.complexfloating]:
+    """Precision of fields on the detector."""
+    return np.complex64 if spot.accuracy.tolerance >= SINGLE_PRECISION_FROM else np.complex128
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,7 +310,10 @@ def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> 
     held = np.sum(np.abs(patches) ** 2, axis=(1, 2), dtype=np.float64) * spot.spacing**2
     half = side * spot.spacing / 2
     middles = centres + start + half - spot.spacing / 2
-    return far_light(spot.path.pixels, middles, half, np.maximum(sent - held, 0.0))
+    # The law about a disc of rays is one of round edges; squares keep that of a focus, whose mean theirs is far away.
+    round_edge = spot.path.microlenses.aperture == "circular"
+    radii = reach.spread[lit.which] if round_edge else np.zeros(lit.which.size)
+    return far_light(spot.path.pixels, middles, half, np.maximum(sent - held, 0.0), radii)
 
 
 def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
@@ -362,3 +352,19 @@ def _add_patches(
         wave_x = unit_phasor(2 * np.pi * fx * x).astype(patches.dtype)
         wave_y = unit_phasor(2 * np.pi * fy * y).astype(patches.dtype)
         canvas[y0:y1, x0:x1] += patch[y0 - i : y1 - i, x0 - j : x1 - j] * wave_y[:, None] * wave_x
+
+
+def lights_of(spot: Spot, places: FloatArray) -> list[PointLight]:
+    """Follow source points, shape (n, 2), side by side."""
+    at = [(float(x), float(y)) for x, y in places]
+    shared = tables_at(spot, at)
+    with ThreadPoolExecutor(_THREADS) as pool:
+        return list(pool.map(lambda place: point_light(spot, place, shared[place]), at))
+
+
+def mean_on_pixels(spot: Spot, part: list[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
+    """Weighted mean of points on the pixels, and the error of integrating over them."""
+    points = sum(n for n, _ in part)
+    intensity = np.asarray(sum(n * light.intensity for n, light in part), dtype=np.float64) / points
+    pixels, error = light_on_pixels(intensity, spot.path.pixels, per_pixel=spot.per_pixel)
+    return pixels + sum(n * light.far for n, light in part) / points, error

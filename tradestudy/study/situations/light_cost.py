@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
 
@@ -12,21 +12,17 @@ import numpy as np
 
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
-from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.detector_patch import DetectorPatch, detector_patch, disc_ends, lit_radius
 from tradestudy.optics.chain.exact_rays import SHIFTS, ray_count, start_of_rays
-from tradestudy.optics.chain.point_image import plan_waves
 from tradestudy.optics.chain.rays import ray_reach
 from tradestudy.optics.chain.scene import Legs
+from tradestudy.optics.chain.separate_lenses import microlens_alone, nearest_microlens
 from tradestudy.optics.chain.source_tables import table_count
 from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
-from tradestudy.optics.chain.spot_points import (
-    SINGLE_PRECISION_FROM,
-    detector_patch,
-    lit_radius,
-    outermost,
-)
+from tradestudy.optics.chain.spot_points import SINGLE_PRECISION_FROM
 from tradestudy.optics.chain.traced_forwards import reached_microlenses
+from tradestudy.optics.chain.whole_detector import plan_detector
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES
 
 # Processor seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
@@ -38,8 +34,8 @@ SECONDS: Final[Mapping[str, float]] = {
     "exact ray from the source": 2.0e-7,
     "exact ray from the source past a microlens": 1e-8,
     "first exact ray past a microlens": 1e-4,
-    "sample of a patch": 4.5e-8,
-    "sample of a patch in double precision": 1.2e-7,
+    "sample of a patch": 4.0e-8,
+    "sample of a patch in double precision": 6.0e-8,
     "sample of a patch, boundary wave": 1.0e-7,
     "sample of a patch, boundary wave in focus": 5e-9,
     "sample of the detector": 3.0e-7,
@@ -67,19 +63,25 @@ class LightWork:
     tolerance: float
 
     @cached_property
-    def patch_side(self) -> int:
-        """Samples along a side of the periodic grid behind one microlens."""
-        scene = self.scene
-        ends = (scene.source.centre, outermost(scene.source, self._nodes))
-        reaches = [ray_reach(scene.path, point) for point in ends]
-        return detector_patch(scene.path, reaches, scene.wavelength, False, self._accuracy).transfer.count
+    def patch(self) -> DetectorPatch:
+        """Where light of a disc is followed behind the array."""
+        path, source = self.scene.path, self.scene.source
+        return detector_patch(
+            path,
+            source,
+            disc_ends(path, source, self._nodes),
+            wavelength=self.scene.wavelength,
+            paraxial=False,
+            accuracy=self._accuracy,
+        )
 
     @cached_property
     def detector_side(self) -> int:
-        """The same for all microlenses and pixels at once, as a single point is computed."""
-        scene = self.scene
-        wave = PupilWave(path=scene.path, source=scene.source.centre, wavelength=scene.wavelength, method="kirchhoff")
-        return plan_waves(wave, False, self._accuracy).transfer.count
+        """Samples along a side of the grid for all microlenses and pixels at once, as a single point is computed."""
+        path, wavelength = self.scene.path, self.scene.wavelength
+        reach = ray_reach(path, self.scene.source.centre)
+        plan = plan_detector(path, [reach], wavelength=wavelength, paraxial=False, accuracy=self._accuracy)
+        return plan.transfer.count
 
     @property
     def _accuracy(self) -> ChainAccuracy:
@@ -109,20 +111,25 @@ class LightWork:
         return float(np.mean(np.maximum(seen.sum(axis=1), 1)))
 
     def seconds_of_disc(self, *, laws: Legs, separate: bool) -> float:
-        """A picture of the whole disc; of every microlens alone, without the symmetry of the array, if separate."""
-        points, lit = self.source_points, self.lit_microlenses
-        repeats = 1.0
+        """A picture of the whole disc; of every microlens alone, each as dear as the first, if separate."""
         if separate:
-            repeats = float(self.scene.path.microlenses.count)
-            points, lit = points * len(symmetries(self.scene.path, self.scene.source)), 1.0
+            return self.scene.path.microlenses.count * self._alone.seconds_of_disc(laws=laws, separate=False)
+        points, lit = self.source_points, self.lit_microlenses
         unit = "sample of a patch" + (" in double precision" if self.tolerance < SINGLE_PRECISION_FROM else "")
-        fields = table_count(self._accuracy)
-        samples = points * lit * self.patch_side**2
-        return repeats * (
-            (SECONDS[unit] + self._seconds_of_edges(laws)) * samples
-            + self._seconds_of_field(laws) * fields
+        return (
+            SECONDS[unit] * points * self.patch.work(self.scene.path, lit=lit)
+            + points * self._seconds_of_edges(laws, lit=lit)
+            + self._seconds_of_field(laws) * table_count(self._accuracy)
             + self.seconds_of_point(laws=laws)
         )
+
+    @cached_property
+    def _alone(self) -> LightWork:
+        """The work of the first microlens with its own pixels."""
+        path = self.scene.path
+        owner = nearest_microlens(path)
+        alone = microlens_alone(path, int(owner.min()), owner)
+        return replace(self, scene=replace(self.scene, path=alone))
 
     def seconds_of_exact_rays(self, *, point: bool) -> float:
         """A picture by rays of exact directions, computed twice to state its error, and not refined after that."""
@@ -139,7 +146,7 @@ class LightWork:
 
     def seconds_of_point(self, *, laws: Legs) -> float:
         """A picture of a single point, computed twice to state its error."""
-        behind = self._seconds_of_edges(laws) * self.lit_microlenses * self.patch_side**2
+        behind = self._seconds_of_edges(laws, lit=self.lit_microlenses)
         return SECONDS["sample of the detector"] * self.detector_side**2 + self._seconds_of_field(laws) + behind
 
     def _seconds_of_field(self, laws: Legs) -> float:
@@ -149,12 +156,13 @@ class LightWork:
         # Rays need no table, about as good as nothing to Fresnel's.
         return SECONDS["microlens field, Kirchhoff" if laws.to_array == "kirchhoff" else "microlens field, Fresnel"]
 
-    def _seconds_of_edges(self, laws: Legs) -> float:
-        """What a boundary wave behind the array adds to each sample; in focus it finds that it has none to add."""
+    def _seconds_of_edges(self, laws: Legs, *, lit: float) -> float:
+        """What a boundary wave behind the array adds to a source point; in focus it finds that it has none to add."""
         if laws.to_detector != "boundary_wave":
             return 0.0
         in_focus = self.scene.largest_microlens_fresnel_number < LEAST_ZONES
-        return SECONDS["sample of a patch, boundary wave" + (" in focus" if in_focus else "")]
+        unit = "sample of a patch, boundary wave" + (" in focus" if in_focus else "")
+        return SECONDS[unit] * lit * self.patch.side**2
 
 
 def seconds_of_rays(path: LightPath, *, point: bool) -> float:

@@ -1,0 +1,142 @@
+"""Where light of a spot is followed: on patches while they do, over the whole detector where they would not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.optics.small_chain import PITCH, WAVELENGTH, camera, relative
+from tradestudy.optics.chain import (
+    KIRCHHOFF,
+    ChainAccuracy,
+    ChainImage,
+    DiscSource,
+    Legs,
+    LightPath,
+    PixelGrid,
+    chain_image,
+    square_centres,
+)
+from tradestudy.optics.chain import spot_points as module
+from tradestudy.optics.chain.detector_patch import DetectorPatch, detector_patch, disc_ends
+from tradestudy.optics.chain.point_image import compute_point
+from tradestudy.optics.chain.sources import source_nodes
+from tradestudy.optics.chain.spot_image import source_density
+from tradestudy.optics.chain.spot_points import point_light, prepare_spot, tables_at
+from tradestudy.optics.propagation.lens import CircularLens, PointSource
+
+WIDE = CircularLens(radius=0.4e-3, focal_length=2e-3, lens_phase="parabolic")  # lights all three microlenses
+DISC = DiscSource(diameter=0.1e-3, distance=24e-3)
+FINE, COARSE = ChainAccuracy(tolerance=1e-3), ChainAccuracy(tolerance=5e-2)
+MIXED = Legs(to_array="geometric", to_detector="kirchhoff")
+
+
+def patch(path: LightPath, accuracy: ChainAccuracy) -> DetectorPatch:
+    nodes = source_nodes(path, DISC, wavelength=WAVELENGTH, density=source_density(accuracy))
+    return detector_patch(
+        path, DISC, disc_ends(path, DISC, nodes), wavelength=WAVELENGTH, paraxial=False, accuracy=accuracy
+    )
+
+
+def errors_of_points(path: LightPath, legs: Legs, accuracy: ChainAccuracy) -> list[float]:
+    """Relative distance of a few points of the disc from their own, far finer computation."""
+    nodes = source_nodes(path, DISC, wavelength=WAVELENGTH, density=source_density(accuracy))
+    spot = prepare_spot(path, DISC, nodes, WAVELENGTH, legs, accuracy)
+    found = []
+    for x, y in nodes.all[:: len(nodes.all) // 4]:
+        at = (float(x), float(y))
+        wave = spot.wave(*at)
+        truth = compute_point(wave, legs.to_detector, ChainAccuracy(tolerance=1e-5)).pixels / wave.power()
+        found.append(relative(point_light(spot, at, tables_at(spot, [at])[at]).on_pixels(spot), truth))
+    return found
+
+
+@pytest.mark.parametrize("legs", [KIRCHHOFF, MIXED], ids=["waves", "rays to the array"])
+def test_points_keep_to_a_thousandth_where_patches_cannot(legs: Legs, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In focus, what microlenses throw on their neighbours' pixels interferes; patches know only how much it is."""
+    path = camera(main_lens=WIDE)
+    assert patch(path, FINE).whole_detector
+    assert max(errors_of_points(path, legs, FINE)) < 2e-4
+    choose = module.detector_patch
+    patches = ChainAccuracy(tolerance=1e-3, memory_limit=1.0)  # the whole detector takes more at once
+    monkeypatch.setattr(module, "detector_patch", lambda *a, accuracy, **k: choose(*a, accuracy=patches, **k))
+    assert min(errors_of_points(path, legs, FINE)) > 5e-4
+
+
+def test_the_cheaper_one_is_taken_unless_it_misses_the_tolerance() -> None:
+    row = camera(main_lens=WIDE)
+    assert not patch(row, COARSE).whole_detector
+    large = camera(
+        main_lens=WIDE,
+        centres=square_centres(pitch=PITCH, count=21),
+        focal_lengths=np.full(441, 76e-6),
+        pixels=PixelGrid(pitch=4e-6, shape=(137, 137)),
+    )
+    both = [patch(large, ChainAccuracy(tolerance=2e-3, memory_limit=limit)) for limit in (1.0, 8e9)]
+    assert not any(one.whole_detector for one in both)
+    alone = camera(
+        main_lens=WIDE,
+        centres=np.zeros((1, 2)),
+        focal_lengths=np.array([76e-6]),
+        pixels=PixelGrid(pitch=4e-6, shape=(7, 7)),
+    )
+    assert not patch(alone, COARSE).whole_detector
+    assert patch(alone, FINE).whole_detector
+    assert not patch(alone, ChainAccuracy(tolerance=1e-3, memory_limit=1.0)).whole_detector
+
+
+def test_corners_of_patches_hold_no_light_that_starved_nodes_invent() -> None:
+    """On wide patches more nodes of the microlenses change nothing, far from the ray images, too."""
+    path = camera(main_lens=WIDE, pixels=PixelGrid(pitch=4e-6, shape=(61, 61)))
+    found = []
+    for density in (1.0, 2.0):
+        chosen = ChainAccuracy(tolerance=1e-2, diffraction_reach=2.0, microlens_nodes=density)
+        nodes = source_nodes(path, DISC, wavelength=WAVELENGTH, density=source_density(chosen))
+        spot = prepare_spot(path, DISC, nodes, WAVELENGTH, KIRCHHOFF, chosen)
+        assert not spot.whole_detector
+        found.append(point_light(spot, (0.0, 0.0), tables_at(spot, [(0.0, 0.0)])[0.0, 0.0]).on_pixels(spot))
+    assert relative(found[0], found[1]) < 1e-5
+
+
+def test_averages_over_the_source_are_as_wrong_as_is_stated() -> None:
+    """Against a disc of many more nodes, whose shadow moves across every microlens: a slow fall of all spectra."""
+    path, disc = camera(main_lens=WIDE), DiscSource(diameter=1.2e-3, distance=24e-3)
+
+    def image(sampling: float) -> ChainImage:
+        return chain_image(
+            path, disc, wavelength=WAVELENGTH, legs=KIRCHHOFF, rng=np.random.default_rng(0),
+            accuracy=ChainAccuracy(tolerance=1e-2, source_sampling=sampling),
+        )  # fmt: skip
+
+    truth = image(2.0).pixels
+    for sampling in (0.35, 0.6, 1.0):
+        found = image(sampling)
+        error = relative(found.pixels, truth)
+        stated = math.hypot(found.error_terms["source angles"], found.error_terms["source radii"])
+        assert error < stated < 6 * error, sampling
+
+
+@pytest.mark.parametrize("extended", [False, True], ids=["point", "disc"])
+def test_a_window_narrower_than_a_fresnel_length_is_the_middle_of_a_wide_one(extended: bool) -> None:
+    """Where the band ends with the window its edge rings on every pixel: light is followed beyond."""
+    source = DISC if extended else PointSource(distance=24e-3)
+
+    def image(side: int) -> ChainImage:
+        path = camera(
+            centres=np.zeros((1, 2)),
+            focal_lengths=np.array([0.6e-3]),
+            aperture_width=13e-6,
+            pitch=14e-6,
+            detector_distance=0.63e-3,
+            pixels=PixelGrid(pitch=3.5e-6, shape=(side, side)),
+        )
+        return chain_image(
+            path, source, wavelength=WAVELENGTH, legs=KIRCHHOFF, rng=np.random.default_rng(0),
+            accuracy=ChainAccuracy(tolerance=1e-4),
+        )  # fmt: skip
+
+    narrow, wide = image(5), image(55)
+    assert narrow.numerical_error < 1e-3
+    assert relative(narrow.pixels, wide.pixels[25:30, 25:30]) < narrow.numerical_error + wide.numerical_error

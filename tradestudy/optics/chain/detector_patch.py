@@ -1,0 +1,185 @@
+"""Where light of one source point of a disc is followed on the detector: a patch behind each microlens, or all of it.
+
+Patches are quick, but what light of one microlens does beyond its patch is known in amount only. The whole detector at
+once misses nothing, and is taken where it costs about as much: where patches are about as large as the detector.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.optics.chain.accuracy import ChainAccuracy
+from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, half_band
+from tradestudy.optics.chain.microlens_nodes import cell_nodes
+from tradestudy.optics.chain.microlens_plane import resolved_cycles
+from tradestudy.optics.chain.pixels import samples_per_pixel
+from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
+from tradestudy.optics.chain.scene import LightPath
+from tradestudy.optics.chain.sources import DiscSource, SourceNodes
+from tradestudy.optics.chain.whole_detector import DetectorPlan, plan_detector
+from tradestudy.optics.propagation.lens import PointSource
+
+_NODE = 10.0  # what a node of a microlens takes, in samples of the detector
+_FEWEST_NODES = 6.0  # of a microlens, over the square of the cycles that they resolve
+# Tolerance that patches meet: of microlenses in focus, which interfere beyond them, points err by 5e-4. Below it the
+# whole detector may cost as many times more.
+_MET_BY_PATCHES = 2e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class DetectorPatch:
+    """The part of the detector that light of one source point is followed on behind one microlens.
+
+    Attributes
+    ----------
+    whole_detector
+        Whether all microlenses are followed over the whole detector at once.
+    half_side
+        How far from its ray image the light of a microlens is followed along x and y [m].
+    target_reach
+        Farthest target from a ray image that the nodes of the microlenses must resolve [m].
+    per_pixel
+        Samples along a pixel.
+    tilt
+        Largest sine of a carrier.
+    transfer
+        Grid and law of the leg.
+    nodes
+        Of one microlens.
+    """
+
+    whole_detector: bool
+    half_side: float
+    target_reach: float
+    per_pixel: int
+    tilt: float
+    transfer: Transfer
+    nodes: int
+
+    @property
+    def side(self) -> float:
+        """Samples along a side of what is followed."""
+        return 2.0 * self.half_side / self.transfer.spacing
+
+    def work(self, path: LightPath, *, lit: float) -> float:
+        """What following one source point takes, in samples of the detector, if it lights this many microlenses."""
+        if self.whole_detector:
+            return self.transfer.count**2 + _NODE * self.nodes * path.microlenses.count
+        return lit * (self.transfer.count**2 + _NODE * self.nodes)
+
+
+def disc_ends(path: LightPath, source: DiscSource, nodes: SourceNodes) -> list[RayReach]:
+    """Rays of the centre of a disc and of its node that is farthest from the axis."""
+    return [ray_reach(path, point) for point in (source.centre, outermost(source, nodes))]
+
+
+def outermost(source: DiscSource, nodes: SourceNodes) -> PointSource:
+    """The node that is farthest from the axis."""
+    edge = nodes.all[np.argmax(np.linalg.norm(nodes.all, axis=1))]
+    return PointSource(x=float(edge[0]), y=float(edge[1]), distance=source.distance)
+
+
+def detector_patch(
+    path: LightPath,
+    source: DiscSource,
+    reaches: Sequence[RayReach],
+    *,
+    wavelength: float,
+    paraxial: bool,
+    accuracy: ChainAccuracy,
+) -> DetectorPatch:
+    """Choose patches or the whole detector; `reaches` are those of `disc_ends`."""
+    patch = _patch(path, reaches, wavelength, paraxial, accuracy)
+    within = lit_radius(path, source.centre, wavelength, accuracy)
+    chief = np.asarray(path.chief_point(source.centre))
+    lit = max(1, int(np.sum(np.linalg.norm(path.microlenses.centres - chief, axis=1) <= within)))
+    affordable = max(1.0, _MET_BY_PATCHES / accuracy.tolerance) * patch.work(path, lit=lit)
+    # To a margin only where patches do not do: what it loses is not given back as that beyond patches is.
+    for everywhere in (True, False) if accuracy.tolerance < _MET_BY_PATCHES else (True,):
+        plan = plan_detector(
+            path, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy, everywhere=everywhere
+        )
+        cycles = _cycles(path, reaches[-1], plan.target_reach, wavelength, accuracy)
+        if plan.transfer.count**2 + _NODE * _FEWEST_NODES * cycles**2 * path.microlenses.count > affordable:
+            continue  # without nodes, of which there may be too many to hold
+        whole = _whole(path, plan, cell_nodes(path.microlenses, cycles=cycles).x.size)
+        held = plan.memory(whole.nodes * path.microlenses.count) <= accuracy.memory_limit
+        if held and whole.work(path, lit=lit) <= affordable:
+            return whole
+    return patch
+
+
+def _whole(path: LightPath, plan: DetectorPlan, nodes: int) -> DetectorPatch:
+    """The whole detector at once, on so many nodes of each microlens."""
+    return DetectorPatch(
+        whole_detector=True,
+        half_side=max(path.pixels.shape) * path.pixels.pitch,
+        target_reach=plan.target_reach,
+        per_pixel=plan.per_pixel,
+        tilt=0.0,
+        transfer=plan.transfer,
+        nodes=nodes,
+    )
+
+
+def _cycles(path: LightPath, reach: RayReach, target_reach: float, wavelength: float, accuracy: ChainAccuracy) -> float:
+    """Cycles over a half aperture that the nodes of a microlens resolve."""
+    return resolved_cycles(
+        path, reach, wavelength=wavelength, target_reach=target_reach, density=accuracy.microlens_nodes
+    )
+
+
+def _patch(
+    path: LightPath, reaches: Sequence[RayReach], wavelength: float, paraxial: bool, accuracy: ChainAccuracy
+) -> DetectorPatch:
+    """Patch, samples and transfer that hold the light of all points, from the rays of centre and rim of the disc."""
+    margin = accuracy.fresnel_lengths * math.sqrt(wavelength * path.detector_distance)
+    half = max(float(one.spread.max()) for one in reaches) + margin
+    node_reach = path.microlenses.cell_reach
+    kept = node_reach + half
+    band = half_band(wavelength, path.detector_distance, kept, paraxial=paraxial, tolerance=accuracy.tolerance)
+    per_pixel = samples_per_pixel(path.pixels, accuracy.pixel_sampling * 2 * band * path.pixels.pitch)
+    spacing = path.pixels.pitch / per_pixel
+    tilt = _steepest(reaches[0], reaches[-1])
+    transfer = choose_transfer(
+        wavelength=wavelength,
+        distance=path.detector_distance,
+        paraxial=paraxial,
+        node_reach=node_reach,
+        target_reach=half + spacing,
+        kept_reach=kept,
+        spacing=spacing,
+        tilt=tilt,
+        tolerance=accuracy.tolerance,
+    )
+    corner = math.sqrt(2.0) * half
+    cycles = _cycles(path, reaches[-1], corner, wavelength, accuracy)
+    return DetectorPatch(
+        whole_detector=False,
+        half_side=half,
+        target_reach=corner,
+        per_pixel=per_pixel,
+        tilt=tilt,
+        transfer=transfer,
+        nodes=cell_nodes(path.microlenses, cycles=cycles).x.size,
+    )
+
+
+def lit_radius(path: LightPath, point: PointSource, wavelength: float, accuracy: ChainAccuracy) -> float:
+    """Radius about the chief ray of a point within which its light may reach the middle of a microlens [m]."""
+    depth = abs(path.image_at_array(point)[2])
+    beyond = accuracy.fresnel_lengths * math.sqrt(wavelength * max(depth, path.detector_distance))
+    return blur_radius(path, point) + beyond + path.microlenses.cell_reach
+
+
+def _steepest(centre: RayReach, rim: RayReach) -> float:
+    """Largest slope at the middle of any microlens: the disc's centre's, and as much more as any point of its rim's.
+
+    The rim point that was traced may lie across the direction of a microlens, and another one along it.
+    """
+    added = np.linalg.norm(rim.slope - centre.slope, axis=1).max()
+    return float(np.linalg.norm(centre.slope, axis=1).max() + added)
