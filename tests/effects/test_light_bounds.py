@@ -147,8 +147,8 @@ def test_bounds_hold_on_every_light_path_of_the_audit() -> None:
         stated += all(finite)
         exceeded |= {(number, effect) for effect, change in found.items() if change > bounds[effect]}
     assert stated > 0.85 * len(changes) > 200
-    # Two misses in 2 300, each by two thirds of its bound. A bound of the boundary wave that held case 45, too, would
-    # be idle: three times this one, which is 56 times the change in the median.
+    # One miss in 2 300, by two thirds of its bound. A bound of the boundary wave that held case 45, too, would be idle:
+    # three times this one, which is 56 times the change in the median.
     assert exceeded <= {("45", "main_lens_diffraction: boundary_wave")}
 
 
