@@ -60,7 +60,7 @@ def radial_error(spot: Spot, nodes: SourceNodes, rings: FloatArray, along: Float
     between = (1 - np.cos((np.r_[0.0, turn] + np.r_[turn, math.pi]) / 2)) / 2
     radii = spot.source.diameter / 2 * np.sqrt(between)
     places = np.column_stack([spot.source.x + radii, np.full(radii.size, spot.source.y)])
-    more = np.array([mean_on_pixels(spot, [(1, light)])[0] for light in lights_of(spot, places)])
+    more = np.array([light.on_pixels(spot) for light in lights_of(spot, places)])
     n = turn.size
     legendre = np.polynomial.legendre.legvander(2 * np.r_[nodes.radial_points, between] - 1, 2 * n)
     weights = np.linalg.solve(legendre.T, np.eye(2 * n + 1)[0])

@@ -40,8 +40,8 @@ class DetectorPatch:
         Whether all microlenses are followed over the whole detector at once.
     half_side
         How far from its ray image the light of a microlens is followed along x and y [m].
-    target_reach
-        Farthest target from a ray image that the nodes of the microlenses must resolve [m].
+    cycles
+        Over a half aperture, that the nodes of a microlens resolve.
     per_pixel
         Samples along a pixel.
     tilt
@@ -54,7 +54,7 @@ class DetectorPatch:
 
     whole_detector: bool
     half_side: float
-    target_reach: float
+    cycles: float
     per_pixel: int
     tilt: float
     transfer: Transfer
@@ -106,23 +106,23 @@ def detector_patch(
         cycles = _cycles(path, reaches[-1], plan.target_reach, wavelength, accuracy)
         if plan.transfer.count**2 + _NODE * _FEWEST_NODES * cycles**2 * path.microlenses.count > affordable:
             continue  # without nodes, of which there may be too many to hold
-        whole = _whole(path, plan, cell_nodes(path.microlenses, cycles=cycles).x.size)
+        whole = _whole(path, plan, cycles)
         held = plan.memory(whole.nodes * path.microlenses.count) <= accuracy.memory_limit
         if held and whole.work(path, lit=lit) <= affordable:
             return whole
     return patch
 
 
-def _whole(path: LightPath, plan: DetectorPlan, nodes: int) -> DetectorPatch:
-    """The whole detector at once, on so many nodes of each microlens."""
+def _whole(path: LightPath, plan: DetectorPlan, cycles: float) -> DetectorPatch:
+    """The whole detector at once."""
     return DetectorPatch(
         whole_detector=True,
         half_side=max(path.pixels.shape) * path.pixels.pitch,
-        target_reach=plan.target_reach,
+        cycles=cycles,
         per_pixel=plan.per_pixel,
         tilt=0.0,
         transfer=plan.transfer,
-        nodes=nodes,
+        nodes=cell_nodes(path.microlenses, cycles=cycles).x.size,
     )
 
 
@@ -156,12 +156,11 @@ def _patch(
         tilt=tilt,
         tolerance=accuracy.tolerance,
     )
-    corner = math.sqrt(2.0) * half
-    cycles = _cycles(path, reaches[-1], corner, wavelength, accuracy)
+    cycles = _cycles(path, reaches[-1], math.sqrt(2.0) * half, wavelength, accuracy)  # to its corners
     return DetectorPatch(
         whole_detector=False,
         half_side=half,
-        target_reach=corner,
+        cycles=cycles,
         per_pixel=per_pixel,
         tilt=tilt,
         transfer=transfer,

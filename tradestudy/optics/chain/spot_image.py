@@ -136,7 +136,7 @@ def _ring_images(spot: Spot, nodes: SourceNodes, group: list[Symmetry], done: Ca
         known = [(index, n, light) for (index, n), light in zip(chosen, lights, strict=True)]
         means = [mean_on_pixels(spot, [(n, light) for i, n, light in known if i % 2 == odd]) for odd in (0, 1)]
         images.append([pixels for pixels, _ in means])
-        along.append(mean_on_pixels(spot, [(1, lights[0])])[0])
+        along.append(lights[0].on_pixels(spot))
         errors.append(max(error for _, error in means))
         done(sum(len(one) for one in nodes.rings[: ring + 1]) / len(nodes.all))
     return _RingImages(

@@ -24,7 +24,7 @@ from tradestudy.optics.chain.detector_transfer import Response, propagate, respo
 from tradestudy.optics.chain.far_light import far_light
 from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
-from tradestudy.optics.chain.microlens_plane import MicrolensPlane, resolved_cycles, shadowed
+from tradestudy.optics.chain.microlens_plane import MicrolensPlane, shadowed
 from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
 from tradestudy.optics.chain.ray_wave import RayWave
 from tradestudy.optics.chain.rays import RayReach, ray_reach
@@ -84,18 +84,11 @@ def prepare_spot(
     reaches = disc_ends(path, source, nodes)
     paraxial = legs.to_detector == "fresnel"
     patch = detector_patch(path, source, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy)
-    cycles = resolved_cycles(
-        path,
-        reaches[-1],
-        wavelength=wavelength,
-        target_reach=patch.target_reach,
-        density=accuracy.microlens_nodes,
-    )
     plane = MicrolensPlane(
         path=path,
         wavelength=wavelength,
         paraxial=paraxial,
-        cell=cell_nodes(path.microlenses, cycles=cycles),
+        cell=cell_nodes(path.microlenses, cycles=patch.cycles),
     )
     ends = (source.centre, outermost(source, nodes))
     lit_within = max(lit_radius(path, point, wavelength, accuracy) for point in ends)
@@ -118,7 +111,7 @@ def prepare_spot(
         accuracy=accuracy,
         tables=tables,
         plane=plane,
-        cycles=cycles,
+        cycles=patch.cycles,
         transmission=plane.transmission(source.centre),
         response=response(
             patch.transfer,
