@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import json
+import time
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,7 +16,7 @@ from typer.testing import CliRunner
 from tradestudy import api
 from tradestudy.api import Study
 from tradestudy.cli import app
-from tradestudy.cost import measuring, stored
+from tradestudy.cost import depth_reference, measuring, stored
 from tradestudy.cost.measuring import Allowance, forget, measure
 from tradestudy.cost.study_cost import study_cost
 from tradestudy.errors import OutOfRangeError
@@ -26,6 +29,15 @@ from tradestudy.results import GROUPS
 
 ASKED = "What would one more digit cost?"
 HOW = "python -m tradestudy cost STUDY"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def budgets_of_processor_time() -> Iterator[None]:
+    """What else runs on the machine does not decide how much fits a budget here."""
+    with pytest.MonkeyPatch.context() as patch:
+        for timing in (measuring, depth_reference):
+            patch.setattr(timing, "time", SimpleNamespace(perf_counter=time.process_time))
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -152,6 +164,22 @@ def test_where_nothing_is_usable_that_is_said(study: Study) -> None:
     strict = study.with_values({"usable.relative_uncertainty": "0.00001 %"})
     with pytest.raises(OutOfRangeError, match="none of the cameras is usable at any distance of the study"):
         strict.cost(budget=1.0)
+
+
+def test_a_camera_that_is_usable_nowhere_is_left_out_and_named(study: Study) -> None:
+    strict = study.with_values({"usable.relative_uncertainty": "0.5 %"})
+    found = strict.cost(budget=2.0)
+    assert "stereo at up to" in str(found["says"].values[0])
+    assert "plenoptic: usable at no distance of the study" in str(found["left_out"].values[0])
+
+
+def test_depth_that_is_measured_nowhere_stands_beside_what_has_a_cost(study: Study) -> None:
+    part = {"scene": ["1 m", "2 m"], "sharp": {"one-pixel": {"blur": "1 px"}}}
+    nowhere = study.with_values({"usable.relative_uncertainty": "0.00001 %", "depth_of_field": part})
+    found = nowhere.cost(budget=2.0)
+    left_out = dict(zip(found["cost_quantity"].values.tolist(), found["left_out"].values.tolist(), strict=True))
+    assert "usable at no distance" in left_out["depth_uncertainty"]
+    assert "depth_of_field" in left_out
 
 
 def test_keeping_time_for_a_reference_shortens_what_comes_before_it() -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth import propagation_cost
 from tradestudy.cost.draws_saved import SOBOL
-from tradestudy.cost.entries import Measured
+from tradestudy.cost.entries import Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance
 from tradestudy.study.calibration.cameras import UncertainCameras
 from tradestudy.study.calibration.propagation import sampling_of
@@ -19,30 +21,44 @@ from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.linear import linear
 
+_UNBOUNDED: Final = (
+    "its errors have no covariance, or it sees no distance of the calibration with infinity three deviations away"
+)
+
 
 def calibration_cost(
     part: CalibrationStudyPart, uncertain: UncertainCameras, allowance: Allowance, progress: Progress
-) -> Measured | None:
-    """Cost of the depth uncertainty of every camera of the calibration part, on the axis, noise and calibration."""
+) -> Measured:
+    """Cost of the depth uncertainty of every camera of the calibration part, on the axis, noise and calibration.
+
+    Cameras whose interval of depth is bounded at none of its distances are left out and named.
+    """
     places = np.array(part.distance_values())
     wanted = places[np.unique(np.linspace(0, places.size - 1, min(MOST_PLACES, places.size)).astype(int))]
-    cases = [case for camera in uncertain.cameras.values() if (case := _case(camera, wanted)) is not None]
+    found = {name: _case(camera, wanted) for name, camera in uncertain.cameras.items()}
+    cases = [case for case in found.values() if case is not None]
+    name, title = "calibrated_depth_uncertainty", "Depth uncertainty with all calibration errors"
+    says = (
+        f"Half the central 68.27 % interval of depth of {len(cases)} cameras on the axis at up to {MOST_PLACES} "
+        "distances each where infinity is three deviations away, through the exact models: seconds for all of them "
+        "together, relative error at the worst."
+    )
     if not cases:
-        return None
+        return nothing_measured(name, title, says, f"everything: of each camera, {_UNBOUNDED}")
     rule = sampling_of(part.accuracy, part.budget, wanted.size)
-    return propagation_cost(
+    measured = propagation_cost(
         cases,
         allowance,
         progress,
-        name="calibrated_depth_uncertainty",
-        title="Depth uncertainty with all calibration errors",
-        says=f"Half the central 68.27 % interval of depth of {len(cases)} cameras on the axis at up to {MOST_PLACES} "
-        "distances each where infinity is three deviations away, through the exact models: seconds for all of them "
-        "together, relative error at the worst.",
+        name=name,
+        title=title,
+        says=says,
         chosen=SOBOL,
         asked=part.accuracy,
         more=((SOBOL, f"until {100.0 * part.accuracy:g} %", rule),),
     )
+    unbounded = tuple(f"{one}: {_UNBOUNDED}" for one, case in found.items() if case is None)
+    return replace(measured, left_out=(*unbounded, *measured.left_out))
 
 
 def _case(camera: UncertainCamera, places: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Case | None:

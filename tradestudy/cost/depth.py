@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Final
 
@@ -13,7 +14,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth_reference import SUPERSCRIPTS, reference_of
 from tradestudy.cost.draws_saved import PLAIN, SOBOL, gain
-from tradestudy.cost.entries import Entry, Measured, nothing_measured
+from tradestudy.cost.entries import NOWHERE_USABLE, Entry, Measured, nothing_measured
 from tradestudy.cost.interval_quadrature import half_width
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
 from tradestudy.errors import OutOfRangeError, UnaffordableError
@@ -38,23 +39,30 @@ _RULES_AFTER: Final = 13  # power of two of the draws, after which draws by othe
 _UNTIL_CONVERGED: Final = 8.0  # times as many draws as those, which such a rule is expected to take
 
 
-def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Progress) -> Measured | None:
-    """Cost of the depth uncertainty of the study's cameras as declared; None where none measures depth anywhere."""
-    cases = [case for name, camera in definition.case.cameras.items() for case in _declared(definition, name, camera)]
+def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Progress) -> Measured:
+    """Cost of the depth uncertainty of the study's cameras as declared; those usable nowhere are left out and named."""
+    cameras = definition.case.cameras
+    cases = [case for name, camera in cameras.items() for case in _declared(definition, name, camera)]
+    name, title = "depth_uncertainty", "Depth uncertainty"
+    usable = [case.name for case in cases]
+    says = (
+        f"Half the central 68.27 % interval of depth of {', '.join(usable or cameras)} at up to {MOST_PLACES} "
+        "distances each where they are usable: seconds for all of them together, relative error at the worst."
+    )
     if not cases:
-        return None
-    cameras = ", ".join(case.name for case in cases)
-    return propagation_cost(
+        return nothing_measured(name, title, says, NOWHERE_USABLE)
+    measured = propagation_cost(
         cases,
         allowance,
         progress,
-        name="depth_uncertainty",
-        title="Depth uncertainty",
-        says=f"Half the central 68.27 % interval of depth of {cameras} at up to {MOST_PLACES} distances each where "
-        "they are usable: seconds for all of them together, relative error at the worst.",
+        name=name,
+        title=title,
+        says=says,
         chosen=CLOSED_FORM,
         asked=definition.file.accuracy.wanted().relative["depth_uncertainty"],
     )
+    unusable = tuple(f"{one}: usable at no distance of the study" for one in cameras if one not in usable)
+    return replace(measured, left_out=(*unusable, *measured.left_out))
 
 
 CLOSED_FORM: Final = "closed form"

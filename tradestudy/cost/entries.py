@@ -186,6 +186,9 @@ def _frontier(measured: Measured) -> list[tuple[float, float]]:
     return [(max(entry.error, floor), entry.seconds) for entry, on in zip(entries, kept, strict=True) if on]
 
 
+NOWHERE_USABLE: Final = "everything: usable at no distance of the study; other distances or looser limits measure it"
+
+
 def nothing_measured(name: str, title: str, says: str, why: str) -> Measured:
     """A table without entries, and why."""
     return Measured(

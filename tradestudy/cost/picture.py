@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.accuracy import Accuracy
-from tradestudy.cost.entries import Measured, nothing_measured
+from tradestudy.cost.entries import NOWHERE_USABLE, Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, entry_of, measure
 from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.effects.base import OFF, SlotName
@@ -61,7 +61,7 @@ def picture_cost(
     *,
     progress: Progress,
     name: str,
-) -> Measured | None:
+) -> Measured:
     """Measure the sets of picture models that a selection could take for one camera, against all at their best.
 
     Parameters
@@ -79,15 +79,13 @@ def picture_cost(
 
     Returns
     -------
-    Measured or None
-        None where the camera is usable at no distance of the study.
+    Measured
+        Without entries where the camera is usable at no distance of the study, or the time does not allow a reference.
     """
     camera = definition.case.cameras[situation.name]
     assert isinstance(camera, AnyDepthCamera)  # a situation of depth has no other
     chosen = acting(camera, _names(selection))
     places = _places(definition, chosen)
-    if places.size == 0:
-        return None
     step = f"cost: {name}"
     progress(step, 0.0)
     title = f"Picture models: {situation.title}"
@@ -96,6 +94,8 @@ def picture_cost(
         "derived anew: seconds for all of them, relative error at the worst. Settings name what is simpler than the "
         "most complete models."
     )
+    if places.size == 0:
+        return nothing_measured(name, title, says, NOWHERE_USABLE)
     try:
         reference = _reference(camera, places, allowance)
     except UnaffordableError as error:

@@ -19,7 +19,13 @@ from tradestudy.cost.calibration import calibration_cost
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.cost.depth import depth_cost
 from tradestudy.cost.depth_of_field import depth_of_field_cost
-from tradestudy.cost.entries import Measured, next_digit, on_frontier, seconds_for_a_tenth_of_what_is_asked
+from tradestudy.cost.entries import (
+    NOWHERE_USABLE,
+    Measured,
+    next_digit,
+    on_frontier,
+    seconds_for_a_tenth_of_what_is_asked,
+)
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.pace import Pace
 from tradestudy.cost.picture import picture_cost
@@ -93,15 +99,11 @@ def study_cost(
     progress("cost: models of the study", 0.0)
     questions = list(_questions(definition, plan_of(definition), progress))
     allowance = Allowance(seconds=budget, repeats=repeats)
-    found = []
-    for number, question in enumerate(questions):
-        # What one question leaves of its share goes to those after it.
-        measured = question(allowance.share(1.0 / (len(questions) - number)))
-        if measured is not None:
-            found.append(measured)
-    if not found and questions:
+    # What one question leaves of its share goes to those after it.
+    found = [question(allowance.share(1.0 / (len(questions) - number))) for number, question in enumerate(questions)]
+    if found and all(one.left_out == (NOWHERE_USABLE,) for one in found):
         raise OutOfRangeError(
-            "none of the cameras is usable at any distance of the study, so that there is no depth whose cost could be "
+            "none of the cameras is usable at any distance of the study, so that there is nothing whose cost could be "
             "measured",
             value=", ".join(definition.case.cameras),
             remedy="ask for other distances, or loosen a condition of what is usable",
@@ -115,9 +117,7 @@ def study_cost(
     return _dataset(found, budget=budget)
 
 
-def _questions(
-    declared: StudyDefinition, plan: Plan, progress: Progress
-) -> Iterator[Callable[[Allowance], Measured | None]]:
+def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iterator[Callable[[Allowance], Measured]]:
     """What the study asks for, the quickest first, so that the dear ones get what is left."""
     definition, file = plan.definition, declared.file
     if (asked := file.depth_of_field) is not None:
@@ -152,9 +152,7 @@ def _questions(
             )
 
 
-def _pictures(
-    declared: StudyDefinition, plan: Plan, progress: Progress
-) -> Iterator[Callable[[Allowance], Measured | None]]:
+def _pictures(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iterator[Callable[[Allowance], Measured]]:
     """One question for every camera whose disparity error is derived."""
     cameras = declared.case.cameras
     laws = {name: camera.disparity_error_px for name, camera in cameras.items()}
