@@ -1,7 +1,8 @@
 """Where light of one source point of a disc is followed on the detector: a patch behind each microlens, or all of it.
 
 Patches are quick, but what light of one microlens does beyond its patch is known in amount only. The whole detector at
-once misses nothing, and is taken where it costs about as much: where patches are about as large as the detector.
+once misses nothing, and is taken where it costs no more, and below the tolerance that patches meet where it costs as
+many times more as that is finer, points side by side fit into memory, and nothing but time is lost.
 """
 
 from __future__ import annotations
@@ -23,10 +24,12 @@ from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.chain.whole_detector import DetectorPlan, plan_detector
 from tradestudy.optics.propagation.lens import PointSource
 
+POINTS_AT_ONCE = 2  # source points that are followed side by side; each uses one thread of its own
+SINGLE_PRECISION_FROM = 1e-3  # tolerance from which 32-bit floats add nothing to the error
 _NODE = 10.0  # what a node of a microlens takes, in samples of the detector
 _FEWEST_NODES = 6.0  # of a microlens, over the square of the cycles that they resolve
-# Tolerance that patches meet: of microlenses in focus, which interfere beyond them, points err by 5e-4. Below it the
-# whole detector may cost as many times more.
+# Tolerance that patches meet: of microlenses in focus, which interfere beyond them, points err by 5e-4 to 1e-3. Below
+# it the whole detector may cost as many times more.
 _MET_BY_PATCHES = 2e-3
 
 
@@ -39,7 +42,9 @@ class DetectorPatch:
     whole_detector
         Whether all microlenses are followed over the whole detector at once.
     half_side
-        How far from its ray image the light of a microlens is followed along x and y [m].
+        How far from its ray image the light of a microlens is followed along x and y, within the detector [m].
+    side
+        Samples along a side of what is followed, at most those of the detector.
     cycles
         Over a half aperture, that the nodes of a microlens resolve.
     per_pixel
@@ -54,16 +59,12 @@ class DetectorPatch:
 
     whole_detector: bool
     half_side: float
+    side: float
     cycles: float
     per_pixel: int
     tilt: float
     transfer: Transfer
     nodes: int
-
-    @property
-    def side(self) -> float:
-        """Samples along a side of what is followed."""
-        return 2.0 * self.half_side / self.transfer.spacing
 
     def work(self, path: LightPath, *, lit: float) -> float:
         """What following one source point takes, in samples of the detector, if it lights this many microlenses."""
@@ -107,8 +108,9 @@ def detector_patch(
         if plan.transfer.count**2 + _NODE * _FEWEST_NODES * cycles**2 * path.microlenses.count > affordable:
             continue  # without nodes, of which there may be too many to hold
         whole = _whole(path, plan, cycles)
-        held = plan.memory(whole.nodes * path.microlenses.count) <= accuracy.memory_limit
-        if held and whole.work(path, lit=lit) <= affordable:
+        single = accuracy.tolerance >= SINGLE_PRECISION_FROM
+        needed = POINTS_AT_ONCE * plan.memory(whole.nodes * path.microlenses.count, single=single)
+        if needed <= accuracy.memory_limit and whole.work(path, lit=lit) <= affordable:
             return whole
     return patch
 
@@ -117,13 +119,18 @@ def _whole(path: LightPath, plan: DetectorPlan, cycles: float) -> DetectorPatch:
     """The whole detector at once."""
     return DetectorPatch(
         whole_detector=True,
-        half_side=max(path.pixels.shape) * path.pixels.pitch,
+        half_side=_detector_side(path),
+        side=_detector_side(path) / plan.transfer.spacing,
         cycles=cycles,
         per_pixel=plan.per_pixel,
         tilt=0.0,
         transfer=plan.transfer,
         nodes=cell_nodes(path.microlenses, cycles=cycles).x.size,
     )
+
+
+def _detector_side(path: LightPath) -> float:
+    return max(path.pixels.shape) * path.pixels.pitch
 
 
 def _cycles(path: LightPath, reach: RayReach, target_reach: float, wavelength: float, accuracy: ChainAccuracy) -> float:
@@ -160,6 +167,7 @@ def _patch(
     return DetectorPatch(
         whole_detector=False,
         half_side=half,
+        side=min(2.0 * half, _detector_side(path)) / spacing,
         cycles=cycles,
         per_pixel=per_pixel,
         tilt=tilt,

@@ -9,10 +9,14 @@ average out.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.scene import PixelGrid
+
+_STEEPNESS = 4.0  # samples along the way from the edge of the rays to that of the patch, where the law is steepest
 
 
 def far_light(
@@ -23,7 +27,7 @@ def far_light(
     Parameters
     ----------
     grid
-        The detector; a pixel belongs to a patch if its centre does.
+        The detector.
     middles
         Middles (x, y) of the patches [m], shape (n, 2).
     half_side
@@ -38,16 +42,20 @@ def far_light(
     ndarray
         Power on every pixel, shape (rows, columns).
     """
-    x, y = ((edges[1:] + edges[:-1]) / 2 for edges in (grid.edges_x, grid.edges_y))
-    total = np.zeros(grid.shape)
+    # Each sample stands for a part of a pixel, and belongs to a patch if its middle does.
+    parts = max(1, math.ceil(_STEEPNESS * grid.pitch / float(np.min(half_side - radii, initial=math.inf))))
+    spacing = grid.pitch / parts
+    x, y = (edges[0] + spacing * (np.arange(parts * (edges.size - 1)) + 0.5) for edges in (grid.edges_x, grid.edges_y))
+    total = np.zeros((y.size, x.size))
     outside = _outside_square(half_side, radii)
     for (middle_x, middle_y), radius, share in zip(middles, radii, power / outside, strict=True):
         across, along = np.abs(x - middle_x), np.abs(y - middle_y)[:, None]
         beyond = np.maximum(across, along) > half_side
         squared = (across**2 + along**2)[beyond]
         law = (squared + radius**2) / (np.sqrt(squared) * (squared - radius**2) ** 2)
-        total[beyond] += share * grid.pitch**2 * law
-    return total
+        total[beyond] += share * spacing**2 * law
+    rows, columns = grid.shape
+    return np.asarray(total.reshape(rows, parts, columns, parts).sum(axis=(1, 3)))
 
 
 def _outside_square(half_side: float, radii: FloatArray) -> FloatArray:

@@ -19,7 +19,14 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave
 from tradestudy.optics.chain.arriving_light import point_wave
-from tradestudy.optics.chain.detector_patch import detector_patch, disc_ends, lit_radius, outermost
+from tradestudy.optics.chain.detector_patch import (
+    POINTS_AT_ONCE,
+    SINGLE_PRECISION_FROM,
+    detector_patch,
+    disc_ends,
+    lit_radius,
+    outermost,
+)
 from tradestudy.optics.chain.detector_transfer import Response, propagate, response
 from tradestudy.optics.chain.far_light import far_light
 from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
@@ -36,9 +43,6 @@ from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.chain.whole_detector import field_on_detector
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
-
-_THREADS = 2
-SINGLE_PRECISION_FROM = 1e-3  # tolerance above which 32-bit floats add nothing to the error
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -351,7 +355,7 @@ def lights_of(spot: Spot, places: FloatArray) -> list[PointLight]:
     """Follow source points, shape (n, 2), side by side."""
     at = [(float(x), float(y)) for x, y in places]
     shared = tables_at(spot, at)
-    with ThreadPoolExecutor(_THREADS) as pool:
+    with ThreadPoolExecutor(POINTS_AT_ONCE) as pool:
         return list(pool.map(lambda place: point_light(spot, place, shared[place]), at))
 
 

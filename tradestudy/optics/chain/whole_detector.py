@@ -48,9 +48,9 @@ class DetectorPlan:
     per_pixel: int
     transfer: Transfer
 
-    def memory(self, nodes: int) -> float:
-        """What nodes and samples take at once [bytes]."""
-        return 16.0 * (12 * nodes + (_UPSAMPLING + 4) * self.transfer.count**2)
+    def memory(self, nodes: int, *, single: bool = False) -> float:
+        """What nodes and samples take at once, in single or double precision [bytes]."""
+        return (8.0 if single else 16.0) * (12 * nodes + (_UPSAMPLING + 4) * self.transfer.count**2)
 
 
 def plan_detector(

@@ -12,7 +12,13 @@ import numpy as np
 
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
-from tradestudy.optics.chain.detector_patch import DetectorPatch, detector_patch, disc_ends, lit_radius
+from tradestudy.optics.chain.detector_patch import (
+    SINGLE_PRECISION_FROM,
+    DetectorPatch,
+    detector_patch,
+    disc_ends,
+    lit_radius,
+)
 from tradestudy.optics.chain.exact_rays import SHIFTS, ray_count, start_of_rays
 from tradestudy.optics.chain.rays import ray_reach
 from tradestudy.optics.chain.scene import Legs
@@ -20,7 +26,6 @@ from tradestudy.optics.chain.separate_lenses import microlens_alone, nearest_mic
 from tradestudy.optics.chain.source_tables import table_count
 from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
-from tradestudy.optics.chain.spot_points import SINGLE_PRECISION_FROM
 from tradestudy.optics.chain.traced_forwards import reached_microlenses
 from tradestudy.optics.chain.whole_detector import plan_detector
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES
