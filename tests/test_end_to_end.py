@@ -126,6 +126,19 @@ def test_pdf_pages_carry_headings_and_plotted_curves(run_folder: Path) -> None:
     assert columns[columns.argmax() :].sum() > 400
 
 
+def test_the_first_page_of_a_camera_choice_is_silent_on_laws_of_diffraction(run_folder: Path) -> None:
+    """Estimator, relay, yaw and z − f_M decide here; Kirchhoff against Fresnel does not, and must not seem to."""
+    html = (run_folder / "report.html").read_text(encoding="utf-8")
+    body = html[html.index('id="answer"') :]
+    answer = Page()
+    answer.feed(body[: body.index('id="cameras"')])
+    first = pypdfium2.PdfDocument(run_folder / "report.pdf")[0].get_textpage().get_text_range()
+    for text in (" ".join(answer.text), first):
+        assert "Which camera for which distance" in text
+        assert "yaw" in text
+        assert not re.search("kirchhoff|fresnel|boundary wave|diffraction", text, re.IGNORECASE)
+
+
 def test_report_again_gives_identical_bytes(run_folder: Path) -> None:
     kept = {path: path.read_bytes() for path in sorted(run_folder.rglob("*")) if path.is_file()}
     assert tradestudy("report", run_folder, cwd=run_folder).returncode == 0

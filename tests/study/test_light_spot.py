@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from scipy.optimize import brentq
 from scipy.special import j0, j1
 
 import tradestudy
 from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
+from tradestudy.report.document import Bullets, Callout, spans
+from tradestudy.report.sections.light_spot import light_spot_answer
 from tradestudy.study import spot_images
 from tradestudy.study.point_spreads import LensAndPoint, spread_measures
 
@@ -134,6 +138,31 @@ def test_seconds_stand_in_the_record_and_never_in_the_results(result: Result) ->
     spot_images._spot_picture.cache_clear()
     pixels = spot_images.spot_image(part, "kirchhoff").pixels
     assert np.array_equal(pixels, image(result, "kirchhoff"))
+
+
+def findings(result: Result, data: xr.Dataset) -> list[str]:
+    blocks = light_spot_answer(xr.DataTree.from_dict({"/images": data}), result.run_record, {})
+    (box,) = (block for block in blocks if isinstance(block, Callout))
+    (bullets,) = box.blocks
+    assert isinstance(bullets, Bullets)
+    return ["".join(span.text for span in spans(item)).replace("\u00a0", " ") for item in bullets.items]
+
+
+def test_the_answer_says_what_the_picture_of_the_study_is(result: Result) -> None:
+    data = result.data["images"].to_dataset()
+    assert findings(result, data)[-1].endswith(" s.")
+    for method, said in (
+        ("kirchhoff", "it is the reference above."),
+        ("geometric", "it is the picture by paraxial rays above."),
+    ):
+        found = findings(result, data.assign(chosen_image=data["image"].sel(propagator=method, drop=True)))
+        assert found[-1].endswith(said)
+        assert not [text for text in found if "—" in text]
+    # Without methods to compare there is one picture, the study's own, which takes its time.
+    single = data.sel(propagator=["kirchhoff"], against=["kirchhoff"])
+    seconds = {"image: chosen": 3.0}
+    alone = replace(result, run_record={**result.run_record, "seconds": seconds})
+    assert findings(alone, single)[0].endswith("is the reference: 3 s here (published: about 50 hours).")
 
 
 def test_report_shows_seconds_hours_and_why_they_do_not_compare(result: Result, tmp_path: Path) -> None:
