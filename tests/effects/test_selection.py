@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import re
 
 import pytest
@@ -10,13 +11,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tradestudy.accuracy import Accuracy
-from tradestudy.effects.base import Bound, Model, Slot, SlotName
-from tradestudy.effects.selection import select
+from tradestudy.effects.base import Bound, Criterion, Model, Slot, SlotName
+from tradestudy.effects.selection import Chosen, select, sum_of_seconds
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 
 
 def bound(change: float) -> Bound:
-    return Bound(relative_change=change, criterion="a ratio", number=change, reason="because")
+    ratio = Criterion(words="a ratio", definition="one over the other", value=change)
+    return Bound(relative_change=change, criterion=ratio, reason="because")
 
 
 def slot(name: SlotName, *models: tuple[str, float, float]) -> Slot:
@@ -46,6 +48,10 @@ def test_omissions_count_together() -> None:
     why = next(d.why for d in chosen.decisions if d.slot == "defocus_blur" and d.model.name == "off")
     assert "4 %" in why
     assert "4.8 %" in why
+    assert [d.seconds for d in chosen.decisions] == [0.5, 1.5, 1.0, 1.5, 4.0]  # each in the place of the one that acts
+    spared = {d.model.name: d.why for d in chosen.decisions if d.slot == "sensor_noise" and not d.chosen}
+    assert spared["shot+read"].startswith("not needed: ")
+    assert spared["shot+read"].endswith("and shot suffices, for 1.5 s in all instead of 4 s")
     hardly = select(TWO, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.0479))
     why = next(d.why for d in hardly.decisions if d.slot == "defocus_blur" and d.model.name == "off")
     assert why.endswith("4.79 % wanted, but with the other omissions 4.8 %")
@@ -93,6 +99,28 @@ def test_models_that_cannot_be_combined_are_never_chosen() -> None:
         seconds=lambda models: float("inf") if models["defocus_blur"].name == "off" else 1.0,
     )
     assert chosen.name_of("defocus_blur") == "disc"
+    assert [d.seconds for d in chosen.decisions if d.slot == "defocus_blur"] == [math.inf, 1.0]
+
+
+def test_what_cannot_stand_beside_the_others_costs_what_the_cheapest_companion_makes_it() -> None:
+    """Rays on both legs or on none: either alone costs what both do."""
+
+    def both_or_none(chosen: Chosen) -> float:
+        names = {chosen["main_lens_diffraction"].name, chosen["microlens_diffraction"].name}
+        return sum_of_seconds(chosen) if len(names) == 1 else math.inf
+
+    legs: tuple[SlotName, ...] = ("main_lens_diffraction", "microlens_diffraction")
+    slots = [slot(leg, ("off", 0.5, 0.25), ("fresnel", 0.0, 4.0)) for leg in legs]
+    wanted = Accuracy.of_all(0.01)
+    chosen = select(slots, quantities=("depth_uncertainty",), accuracy=wanted, seconds=both_or_none)
+    assert [(d.model.name, d.seconds) for d in chosen.decisions] == [("off", 0.5), ("fresnel", 8.0)] * 2
+    harmless = [slot(leg, ("off", 0.0, 9.0), ("fresnel", 0.0, 4.0)) for leg in legs]
+    chosen = select(harmless, quantities=("depth_uncertainty",), accuracy=wanted, seconds=both_or_none)
+    why = next(d.why for d in chosen.decisions if d.model.name == "off")
+    assert why == (
+        "not taken: changes the depth uncertainty by at most 0 %, 1 % wanted, but it cannot be combined with the other "
+        "models that act"
+    )
 
 
 def test_an_unknown_forced_model_is_refused() -> None:
@@ -131,3 +159,8 @@ def test_the_choice_is_a_search_by_hand(table: list[list[tuple[float, float, int
     else:
         assert max(chosen.bounds.values()) <= wanted * (1 + 1e-9)
         assert not fitting or chosen.seconds <= min(fitting)
+        for decision in chosen.decisions:
+            own = chosen.chosen[decision.slot]
+            assert decision.seconds == chosen.seconds - own.seconds + decision.model.seconds
+            if decision.seconds < chosen.seconds:  # what is cheaper was not left aside for nothing
+                assert decision.why.startswith("refused: ")

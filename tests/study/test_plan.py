@@ -9,6 +9,7 @@ import pytest
 
 import tradestudy
 from tradestudy.api import Study
+from tradestudy.cameras.stereo import StereoRig
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.study.depth import depth_uncertainty
 from tradestudy.study.plan import Plan
@@ -43,8 +44,10 @@ def test_stereo_with_a_declared_error_simulates_no_diffraction_at_5_m_and_says_w
     bound = chosen.chosen["main_lens_diffraction"].bounds["depth_uncertainty"]
     assert bound.relative_change == 0.0
     assert bound.reason.startswith("the disparity error is declared, 0.1 px")
-    # The number that an expert wants beside it: 1.22 λ N over the pixel, f/8 focused at 1 m, 8 mm lens.
-    assert bound.number == pytest.approx(1.21967 * 550e-9 * 8 / 10e-6, rel=0.02)
+    # The number that an expert wants beside it: 1.22 λ N over the pixel, f/8 focused at 1 m; the 30.5 mm of one reading
+    # make the working f-number larger than the 8 mm of the study do.
+    working = 8 * 1 / (1 - 30.5e-3)
+    assert bound.criterion.value == pytest.approx(1.21967 * 550e-9 * working / 10e-6, rel=1e-3)
 
 
 def test_a_hand_lens_with_a_derived_error_simulates_diffraction_and_suffers_from_stopping_down(
@@ -127,6 +130,32 @@ def test_bounds_are_the_worst_of_every_reading_and_design() -> None:
     whole, part = study.plan(), alone.plan()
     bound = [p.selections["stereo-65-across"].bounds["depth_uncertainty"] for p in (whole, part)]
     assert bound[0] > 2.0 * bound[1]
+
+
+def test_a_declared_error_tells_the_largest_blur_of_usable_distances_and_where_it_is(close_plan: Plan) -> None:
+    """In focus at 55.3 mm, where the range of the study is nearest to it nothing is blurred: that is not the number."""
+    blur = close_plan.selections["pair-declared"].chosen["defocus_blur"].bounds["depth_uncertainty"].criterion
+    camera = close_plan.definition.case.cameras["pair-declared"]
+    assert isinstance(camera, StereoRig)
+    f, focus = 18.3e-3, 55.3e-3
+    sensor = f * focus / (focus - f)
+    expected = f / 9.8 * sensor * abs(1 / focus - 1 / blur.at) / 7.4e-6
+    assert blur.value == pytest.approx(expected, rel=1e-9)
+    assert blur.at == pytest.approx(42e-3, rel=1e-9)
+    assert blur.value > 30.0
+    assert "blur over pixel 39.5 at 42 mm" in str(close_plan).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def test_every_number_of_a_plan_has_a_formula_and_every_model_a_time(close_plan: Plan) -> None:
+    text = str(close_plan)
+    for selection in close_plan.selections.values():
+        for decision in selection.decisions:
+            for bound in decision.model.bounds.values():
+                assert bound.criterion.definition
+                if not np.isnan(bound.criterion.value):
+                    assert f"    {bound.criterion.words}: {bound.criterion.definition}" in text
+    dear = next(d for d in close_plan.selections["pair-f22"].decisions if d.model.name == "kirchhoff")
+    assert dear.seconds > 10.0 * close_plan.selections["pair-f22"].seconds
 
 
 def test_the_plan_reads_like_a_table(close_plan: Plan) -> None:

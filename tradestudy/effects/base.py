@@ -33,6 +33,31 @@ NOTHING_LEFT_OUT: Final = "nothing is left out"
 
 
 @dataclass(frozen=True, kw_only=True)
+class Criterion:
+    """The number that tells how strong an effect is.
+
+    Parameters
+    ----------
+    words
+        What it is, in words: "blur over pixel", "Fresnel number of the pupil from the array".
+    definition
+        Its formula, with the symbols explained, so that a reader can compute it; empty only of `COMPLETE`.
+    value
+        Its value at the worst place of the study; NaN where the effect has none.
+    at
+        Distance at which it is the worst [m]; NaN where it belongs to no distance.
+    """
+
+    words: str
+    definition: str
+    value: float
+    at: float = math.nan
+
+
+COMPLETE: Final = Criterion(words="left out", definition="", value=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Bound:
     """How far a quantity moves at most if a model stands in for the dearest model of its slot.
 
@@ -41,11 +66,9 @@ class Bound:
     relative_change
         Upper bound on |with this model − with the dearest| / with the dearest; infinite where none can be stated.
     criterion
-        The number that it follows from, in words: "blur over pixel", "Fresnel number".
-    number
-        Its value at the worst place of the study.
+        The number that it follows from.
     reason
-        One sentence that lets an expert agree or disagree.
+        One sentence that lets an expert agree or disagree: the rule by which the number decides, whatever it decides.
 
     Raises
     ------
@@ -54,8 +77,7 @@ class Bound:
     """
 
     relative_change: float
-    criterion: str
-    number: float
+    criterion: Criterion
     reason: str
 
     def __post_init__(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tradestudy.effects.base import OFF, Bound, Model, Slot
+from tradestudy.effects.base import OFF, Bound, Criterion, Model, Slot
 
 LINEAR = "linear"
 
@@ -31,14 +31,22 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
     )
     off = Bound(
         relative_change=share_of_uncertainty,
-        criterion="their share of the depth uncertainty",
-        number=share_of_uncertainty,
+        criterion=Criterion(
+            words="share of calibration errors in the depth uncertainty",
+            definition="1 − u/u₀; u the depth uncertainty without them, u₀ with them, the largest at any distance; "
+            "twice that where the disparity error is derived, at most 1",
+            value=share_of_uncertainty,
+        ),
         reason=reason,
     )
     linear = Bound(
         relative_change=linear_error,
-        criterion="departure from the exact camera model, over the uncertainty",
-        number=linear_error,
+        criterion=Criterion(
+            words="departure from the exact camera model, over the uncertainty",
+            definition="stated error of the depth uncertainty in closed form over that uncertainty, the largest at "
+            "usable distances",
+            value=linear_error,
+        ),
         reason="errors add up in disparity, where they act almost linearly; one-deviation errors through the exact "
         "camera model tell how nearly",
     )

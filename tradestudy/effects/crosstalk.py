@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import OFF, Model, Slot
+from tradestudy.effects.base import OFF, Criterion, Model, Slot
 from tradestudy.effects.interference import interference_change, light_behind_neighbours
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import bound_of, complete
@@ -28,9 +28,14 @@ def crosstalk_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     change,
-                    criterion="pixels between the outermost ray and the neighbour's cell",
-                    number=float(np.min(scene.margins, initial=np.inf)) / scene.path.pixels.pitch,
-                    reason="every pixel takes the light of its nearest microlens alone",
+                    criterion=Criterion(
+                        words="pixels between the outermost ray and the neighbour's cell",
+                        definition="least distance of a ray on the detector from the border of its microlens's cell, "
+                        "over the pixel pitch; negative behind a neighbour",
+                        value=float(np.min(scene.margins, initial=np.inf)) / scene.path.pixels.pitch,
+                    ),
+                    reason="diffraction carries 0.2 of its width λ b/w over a ray's distance from the border of its "
+                    "cell across, where it may interfere: unless all rays stay many such widths away, it counts",
                 ),
             ),
             Model(name="coherent", bounds=complete()),

@@ -5,10 +5,18 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from tradestudy.effects.base import OFF, Model, Slot
+from tradestudy.effects.base import OFF, Criterion, Model, Slot
 from tradestudy.effects.interference import interference_change
 from tradestudy.effects.light_scene import LightScene
-from tradestudy.effects.picture_change import bound_of, complete, law_change, lit_transfer, picture_change, rim_light
+from tradestudy.effects.picture_change import (
+    bound_of,
+    complete,
+    law_change,
+    lit_transfer,
+    picture_change,
+    ray_displacement,
+    rim_light,
+)
 
 _SAFETY: Final = {"rays": 1.5, "fresnel": 1.8}  # see `picture_change`
 _HARDLY_ANY: Final = 1e-9  # Fresnel zones: the array in the main image, for which no bound is stated
@@ -40,9 +48,14 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     rays,
-                    criterion="Fresnel number of the pupil from the array",
-                    number=scene.main_fresnel_number,
-                    reason="rays leave out the wave from the rim of the pupil, and microlenses that interfere",
+                    criterion=Criterion(
+                        words="Fresnel number of the pupil from the array",
+                        definition="N = R²/λ |1/z − 1/b|; R the radius of the pupil, z from the main lens to the "
+                        "array, b to the main image",
+                        value=scene.main_fresnel_number,
+                    ),
+                    reason="rays leave out the wave from the rim of the pupil, which falls only as the fourth root of "
+                    "this number, and microlenses that interfere: both count unless pixel and source average them",
                 ),
             ),
             Model(
@@ -50,9 +63,14 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     leading * wave,
-                    criterion="waves of aberration per Fresnel zone",
-                    number=per_zone,
-                    reason="the wave from the rim of the pupil is its leading term for many Fresnel zones",
+                    criterion=Criterion(
+                        words="waves of aberration per Fresnel zone of the pupil",
+                        definition="W/N; W the change of path in waves, exact against paraxial, from the rim of the "
+                        "pupil against that of the ray, root mean square; N the Fresnel number of the pupil",
+                        value=per_zone,
+                    ),
+                    reason="the leading term of the wave from the rim of the pupil errs by a thousandth of that wave "
+                    "and twice this number",
                 ),
             ),
             Model(
@@ -60,9 +78,9 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     fresnel,
-                    criterion="displacement of rays over pixel",
-                    number=law.displacement / scene.path.pixels.pitch,
-                    reason="second-order paths leave out aberration of the main lens, which moves light",
+                    criterion=ray_displacement(scene, law, "main lens"),
+                    reason="second-order paths leave out aberration of the main lens, which moves light so far: it "
+                    "counts unless that is well below a pixel, or the picture has no detail as fine",
                 ),
             ),
             Model(name="kirchhoff", bounds=complete()),

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from typing import Final
 
-from tradestudy.effects.base import OFF, Model, Slot
+from tradestudy.effects.base import OFF, Criterion, Model, Slot
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     aperture_transfer,
     bound_of,
     complete,
+    diffraction_width,
     edge_wave,
     frequencies,
     law_change,
     picture_change,
     pixel_transfer,
+    ray_displacement,
     rim_light,
     source_transfer,
 )
@@ -52,9 +54,9 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     _SAFETY["rays"] * spread,
-                    criterion="width of a diffraction image over pixel",
-                    number=1.0 / (scene.cutoff * scene.path.pixels.pitch),
-                    reason="rays leave out the spread by the aperture of a microlens",
+                    criterion=diffraction_width(scene),
+                    reason="rays leave out the spread by the aperture of a microlens: it counts unless it is far "
+                    "narrower than a pixel, or than the image of the source",
                 ),
             ),
             *((_boundary_wave(scene),) if scene.path.microlenses.aperture == "circular" else ()),
@@ -63,9 +65,9 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     fresnel,
-                    criterion="displacement of rays over pixel",
-                    number=law.displacement / scene.path.pixels.pitch,
-                    reason="second-order paths leave out aberration behind the array, which moves light",
+                    criterion=ray_displacement(scene, law, "array"),
+                    reason="second-order paths leave out aberration behind the array, which moves light so far: it "
+                    "counts unless that is well below a pixel, or the picture has no detail as fine",
                 ),
             ),
             Model(name="kirchhoff", bounds=complete()),
@@ -83,10 +85,16 @@ def _boundary_wave(scene: LightScene) -> Model:
         bounds=bound_of(
             scene,
             0.0 if in_focus else 2.0 * leading * edge_wave(max(scene.microlens_fresnel_number, LEAST_ZONES)),
-            criterion="waves of aberration per Fresnel zone",
-            number=per_zone,
+            criterion=Criterion(
+                words="waves of aberration per Fresnel zone of a microlens",
+                definition="W/N; W the change of path in waves, exact against paraxial, from the rim of a microlens "
+                "against that of the ray, root mean square; N = (w/2)²/λ |1/a + 1/b − 1/f|, w the width that is lit, "
+                f"a the main image before the array, b the detector behind it, but at least {LEAST_ZONES:g}",
+                value=per_zone,
+            ),
             reason="in focus all light is left to Kirchhoff's integral"
             if in_focus
-            else "the wave from the rim of a microlens is its leading term for many Fresnel zones",
+            else "the leading term of the wave from the rim of a microlens errs by 0.0005 of that wave and 1.5 times "
+            "this number",
         ),
     )

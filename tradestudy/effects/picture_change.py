@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import j0, j1
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import NOTHING_LEFT_OUT, Bound
+from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, Criterion
 from tradestudy.effects.light_scene import LawDifference, LightScene
 from tradestudy.optics.arrays import FloatArray
 
@@ -153,22 +153,36 @@ def law_change(scene: LightScene, law: LawDifference) -> float:
     return picture_change(scene, turned * lit_transfer(scene)) + law.brightness
 
 
-def bound_of(
-    scene: LightScene, change: float, *, criterion: str, number: float, reason: str
-) -> Mapping[Quantity, Bound]:
+def bound_of(scene: LightScene, change: float, *, criterion: Criterion, reason: str) -> Mapping[Quantity, Bound]:
     """The bound on pixels; infinite, with why, where rays and widths say nothing."""
     why = scene.why_unbounded
     change = math.inf if why or not math.isfinite(change) else change
-    return {
-        "pixel_intensity": Bound(
-            relative_change=change, criterion=criterion, number=number, reason=why if why else reason
-        )
-    }
+    return {"pixel_intensity": Bound(relative_change=change, criterion=criterion, reason=why if why else reason)}
 
 
 def complete() -> Mapping[Quantity, Bound]:
     """Of the model that leaves nothing out."""
-    return {"pixel_intensity": Bound(relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT)}
+    return {"pixel_intensity": Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)}
+
+
+def ray_displacement(scene: LightScene, law: LawDifference, of: str) -> Criterion:
+    """By what Fresnel's law leaves out of the paths of a lens."""
+    return Criterion(
+        words=f"displacement of rays by the {of} over pixel",
+        definition="δ/p; δ the root mean square by which rays land elsewhere on the detector by exact than by "
+        "parabolic paths, p the pixel pitch",
+        value=law.displacement / scene.path.pixels.pitch,
+    )
+
+
+def diffraction_width(scene: LightScene) -> Criterion:
+    """Of the image that diffraction at a microlens makes of a point."""
+    return Criterion(
+        words="width of a diffraction image over pixel",
+        definition="λ b/(w p); b from the array to the detector, w the width of a microlens that is lit, p the pixel "
+        "pitch",
+        value=1.0 / (scene.cutoff * scene.path.pixels.pitch),
+    )
 
 
 def _finite(displacement: float) -> float:

@@ -10,6 +10,7 @@ from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     bound_of,
     complete,
+    diffraction_width,
     frequencies,
     lit_transfer,
     peak_change,
@@ -36,9 +37,9 @@ def pixel_integration_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     _SAFETY * change + sampled_fringes(scene),
-                    criterion="width of a diffraction image over pixel",
-                    number=1.0 / (scene.cutoff * scene.path.pixels.pitch),
-                    reason="one sample at the centre stands for the whole pixel",
+                    criterion=diffraction_width(scene),
+                    reason="one sample at the centre stands for the whole pixel: it counts unless diffraction, defocus "
+                    "or the source make the picture smooth over many pixels",
                 ),
             ),
             Model(name="square", bounds=complete()),

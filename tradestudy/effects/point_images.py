@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import NOTHING_LEFT_OUT, Bound, Model, Slot
+from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, Criterion, Model, Slot
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
@@ -116,18 +116,21 @@ def diffraction_of_points(images: Sequence[PointImage]) -> Slot:
                 bounds={
                     "psf_width": Bound(
                         relative_change=worst.fresnel_change(),
-                        criterion="displacement of rays over the diffraction radius",
-                        number=worst.displacement / worst.diffraction_radius,
-                        reason="second-order paths leave out aberration, which widens the image of a point",
+                        criterion=Criterion(
+                            words="displacement of rays over the diffraction radius",
+                            definition="δ/(0.535 λ N); δ the root mean square by which rays land elsewhere by exact "
+                            "than by parabolic paths, N the working f-number: the worst of the declared cases",
+                            value=worst.displacement / worst.diffraction_radius,
+                        ),
+                        reason="second-order paths leave out aberration, which widens the image of a point: it counts "
+                        "unless it is well below the width of diffraction and blur",
                     )
                 },
                 seconds=SECONDS_PER_IMAGE["fresnel"] * len(images),
             ),
             Model(
                 name="kirchhoff",
-                bounds={
-                    "psf_width": Bound(relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT)
-                },
+                bounds={"psf_width": Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)},
                 seconds=SECONDS_PER_IMAGE["kirchhoff"] * len(images),
             ),
         ),

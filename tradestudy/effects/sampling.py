@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import Bound, Model, Slot
+from tradestudy.effects.base import Bound, Criterion, Model, Slot
 
 TOLERANCES: Final = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
@@ -29,8 +29,11 @@ def sampling(quantity: Quantity, tolerances: Sequence[float] = TOLERANCES) -> Sl
                 bounds={
                     quantity: Bound(
                         relative_change=tolerance,
-                        criterion="numerical tolerance",
-                        number=tolerance,
+                        criterion=Criterion(
+                            words="numerical tolerance",
+                            definition="relative error that the nodes of all integrals are placed for",
+                            value=tolerance,
+                        ),
                         reason="nodes are placed to meet it, and every result states what it reached",
                     )
                 },

@@ -12,7 +12,7 @@ import numpy as np
 from tradestudy.accuracy import Accuracy, Quantity
 from tradestudy.effects.base import Model, Slot, SlotName
 from tradestudy.errors import UnaffordableError
-from tradestudy.units import FRACTION, pretty
+from tradestudy.units import DURATION, FRACTION, pretty
 
 Chosen = Mapping[SlotName, Model]
 _MOST_SETS = 200_000
@@ -20,12 +20,26 @@ _MOST_SETS = 200_000
 
 @dataclass(frozen=True, kw_only=True)
 class Decision:
-    """What became of one model, and why."""
+    """What became of one model, and why.
+
+    Parameters
+    ----------
+    slot, model
+        The effect and the way to treat it.
+    chosen, forced
+        Whether it acts, and whether the study insists on it.
+    seconds
+        Predicted cost of the set that acts, with this model in its slot [s]; where it cannot be combined with the
+        others, with the cheapest change of one more slot, infinite without any.
+    why
+        One sentence: the change, the limit, and what else decided.
+    """
 
     slot: SlotName
     model: Model
     chosen: bool
     forced: bool
+    seconds: float
     why: str
 
 
@@ -119,7 +133,7 @@ def select(
     totals = {q: math.fsum(model.change_of(q) for model in chosen.values()) for q in quantities}
     return Selection(
         chosen=chosen,
-        decisions=tuple(_decisions(slots, chosen, totals, accuracy, forced)),
+        decisions=tuple(_decisions(slots, chosen, totals, accuracy, forced, seconds)),
         bounds=totals,
         seconds=float(costs[affordable][order[0]]),
     )
@@ -153,23 +167,44 @@ def _decisions(
     totals: Mapping[Quantity, float],
     accuracy: Accuracy,
     forced: Mapping[SlotName, str],
+    seconds: Callable[[Chosen], float],
 ) -> list[Decision]:
     found = []
     held = {q: math.fsum(one.change_of(q) for name, one in chosen.items() if name not in forced) for q in totals}
+    least = seconds(chosen)
     for slot in slots:
         own = chosen[slot.name]
         for model in slot.models:
             is_forced = slot.name in forced and model is own
+            cost = least if model is own else seconds({**chosen, slot.name: model})
             found.append(
                 Decision(
                     slot=slot.name,
                     model=model,
                     chosen=model is own,
                     forced=is_forced,
-                    why=_why(model, own, held, accuracy, is_forced=is_forced, slot_forced=slot.name in forced),
+                    seconds=cost if math.isfinite(cost) else _cheapest_beside(slot, model, slots, chosen, seconds),
+                    why=_why(
+                        model, own, held, accuracy, (cost, least), is_forced=is_forced, slot_forced=slot.name in forced
+                    ),
                 )
             )
     return found
+
+
+def _cheapest_beside(
+    slot: Slot, model: Model, slots: Sequence[Slot], chosen: Chosen, seconds: Callable[[Chosen], float]
+) -> float:
+    """Cost of the set that acts with a model in its slot and another one in any other slot, the least."""
+    return min(
+        (
+            seconds({**chosen, slot.name: model, other.name: one})
+            for other in slots
+            if other is not slot
+            for one in other.models
+        ),
+        default=math.inf,
+    )
 
 
 def _why(
@@ -177,6 +212,7 @@ def _why(
     own: Model,
     totals: Mapping[Quantity, float],
     accuracy: Accuracy,
+    costs: tuple[float, float],
     *,
     is_forced: bool,
     slot_forced: bool,
@@ -199,9 +235,12 @@ def _why(
     )
     if joint > 1.0:
         return f"refused: {held}, but with the other omissions {_above(100.0 * joint * wanted, 100.0 * wanted)} %"
-    if model.seconds >= own.seconds and model.change_of(quantity) >= own.change_of(quantity):
-        return f"not taken: {held}, and {own.name}, which leaves out no more, costs no more"
-    return f"not needed: {held}, and {own.name} suffices"
+    cost, least = costs
+    if math.isinf(cost):
+        return f"not taken: {held}, but it cannot be combined with the other models that act"
+    if cost > least:
+        return f"not needed: {held}, and {own.name} suffices, for {_told_apart(least, cost)}"
+    return f"not taken: {held}, and {own.name}, which leaves out no more, costs no more"
 
 
 def _worst(model: Model, totals: Mapping[Quantity, float], accuracy: Accuracy) -> tuple[Quantity, float]:
@@ -275,6 +314,13 @@ def _share(value: float) -> str:
     if value >= 10.0:
         return "without bound" if math.isinf(value) else pretty(value, FRACTION)
     return f"{100.0 * value:.{2 if value < 0.1 else 3}g} %"
+
+
+def _told_apart(least: float, cost: float) -> str:
+    """Two costs with the digits that tell them apart."""
+    texts = ([pretty(value, DURATION, digits=digits) for value in (least, cost)] for digits in range(2, 17))
+    first, second = next((pair for pair in texts if pair[0] != pair[1]), (f"{least!r} s", f"{cost!r} s"))
+    return f"{first} in all instead of {second}"
 
 
 def _words(quantity: Quantity) -> str:

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, Focus
-from tradestudy.effects.base import NOTHING_LEFT_OUT, OFF, Bound, Model, Slot
+from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, OFF, Bound, Criterion, Model, Slot
 from tradestudy.optics.arrays import FloatArray
 
-_COMPLETE: Final = Bound(relative_change=0.0, criterion="left out", number=0.0, reason=NOTHING_LEFT_OUT)
+_COMPLETE: Final = Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)
 
 
 def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCriterion]) -> Slot:
@@ -33,9 +33,14 @@ def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCr
                 bounds={
                     "depth_of_field": Bound(
                         relative_change=change,
-                        criterion="largest change of a near or far end",
-                        number=change,
-                        reason="without the diffraction spot all of the allowed blur is left to defocus",
+                        criterion=Criterion(
+                            words="largest change of a near or far end",
+                            definition="|end without the diffraction spot/end with it − 1|, the largest over cameras, "
+                            "criteria and both ends; infinite where an end appears or vanishes",
+                            value=change,
+                        ),
+                        reason="without the diffraction spot all of the allowed blur is left to defocus; both are "
+                        "closed forms, so that this is the change itself",
                     )
                 },
             ),

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import OFF, Model, Slot
+from tradestudy.effects.base import OFF, Criterion, Model, Slot
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     aperture_transfer,
@@ -55,9 +55,13 @@ def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: 
                 bounds=bound_of(
                     scene,
                     _SAFETY * picture_change(scene, change),
-                    criterion="width of the spectrum over its mean wavelength",
-                    number=width,
-                    reason="the rings of one wavelength stand for those of all",
+                    criterion=Criterion(
+                        words="width of the spectrum over its mean wavelength",
+                        definition="√(Σ s (λ/λ_mean − 1)²); s the share of the light at the wavelength λ",
+                        value=width,
+                    ),
+                    reason="the rings of one wavelength stand for those of all, which wash out by the square of π "
+                    "times this number times the Fresnel number: they count unless that product is well below 1",
                 ),
             ),
             Model(name="weighted", bounds=complete()),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tradestudy.effects.base import OFF, Bound, Model, Slot
+from tradestudy.effects.base import OFF, Bound, Criterion, Model, Slot
 
 EXPANSION = "expansion"
 
@@ -29,10 +29,16 @@ def temperature_slot(
         reason = "the study declares no change of temperature"
     else:
         reason = "the uncertainty without it falls short of that with it by at most this share, at any distance"
+    criterion = Criterion(
+        words="relative expansion",
+        definition="coefficient of expansion times the deviation of temperature: relative change, one standard "
+        "deviation, of the baseline or of the distance from main lens to array",
+        value=expansion,
+    )
     off = Model(
         name=OFF,
         bounds={"depth_uncertainty": Bound(
-            relative_change=share_of_uncertainty, criterion="relative expansion", number=expansion, reason=reason,
+            relative_change=share_of_uncertainty, criterion=criterion, reason=reason,
         )},
     )  # fmt: skip
     if not is_declared:
@@ -41,7 +47,7 @@ def temperature_slot(
         name=EXPANSION,
         seconds=seconds,
         bounds={"depth_uncertainty": Bound(
-            relative_change=error, criterion="relative expansion", number=expansion,
+            relative_change=error, criterion=criterion,
             reason="expansion is one more error of the length that it changes",
         )},
     )  # fmt: skip

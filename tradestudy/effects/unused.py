@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import OFF, Bound, Model, Slot, SlotName
+from tradestudy.effects.base import OFF, Bound, Criterion, Model, Slot, SlotName
 
 
 def declared_reason(disparity_error_px: float) -> str:
@@ -19,7 +19,7 @@ def declared_reason(disparity_error_px: float) -> str:
 def unused_slots(
     *,
     reason: str,
-    numbers: Mapping[SlotName, tuple[str, float]],
+    numbers: Mapping[SlotName, Criterion],
     quantities: Sequence[Quantity] = ("depth_uncertainty",),
 ) -> tuple[Slot, ...]:
     """Slots that can only be off, each with the number that tells how strong the effect would be in a picture.
@@ -29,12 +29,12 @@ def unused_slots(
     reason
         Why nothing of it matters.
     numbers
-        The slots; for each, a criterion in words and its value, for the reader.
+        The slots; for each, the number that tells a reader how strong the effect is.
     quantities
         That do not move.
     """
     found = []
-    for name, (criterion, number) in numbers.items():
-        bound = Bound(relative_change=0.0, criterion=criterion, number=number, reason=reason)
+    for name, criterion in numbers.items():
+        bound = Bound(relative_change=0.0, criterion=criterion, reason=reason)
         found.append(Slot(name=name, models=(Model(name=OFF, bounds=dict.fromkeys(quantities, bound)),)))
     return tuple(found)

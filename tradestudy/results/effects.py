@@ -7,6 +7,14 @@ from typing import Final
 
 from tradestudy.results.variable import Variable
 
+TIMES_WITH_A_MODEL: Final = (
+    "predicted on the reference machine for all models that act in the piece, with this one in its slot; where it "
+    "cannot stand beside the others, with the cheapest change of one more"
+)
+WHERE_NUMBERS_ARE_TAKEN: Final = (
+    "A distance behind a number is where it is the worst: of usable distances, and a tenth beyond where the disparity "
+    "error is derived from the picture; where none stands, the number is the same at all or belongs to none."
+)
 EFFECTS: Final[Mapping[str, Variable]] = {
     "situation": Variable(dims=("decision",), units="", long_name="camera, lens or light path the model belongs to"),
     "slot": Variable(dims=("decision",), units="", long_name="effect"),
@@ -21,6 +29,7 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         error="it is a bound",
     ),
     "criterion": Variable(dims=("decision",), units="", long_name="number that the bound follows from"),
+    "definition": Variable(dims=("decision",), units="", long_name="formula of that number"),
     "number": Variable(
         dims=("decision",),
         units="1",
@@ -28,12 +37,18 @@ EFFECTS: Final[Mapping[str, Variable]] = {
         "of the kind is there to divide by",
         error="closed form; of light paths from sampled rays, a mean over some hundreds to thousands of them",
     ),
+    "number_at": Variable(
+        dims=("decision",),
+        units="m",
+        long_name="distance at which the number is the worst; NaN where it belongs to none",
+        error="one of the distances that are looked at",
+    ),
     "reason": Variable(dims=("decision",), units="", long_name="why the bound holds"),
     "why": Variable(dims=("decision",), units="", long_name="why the model was taken or not"),
     "predicted_seconds": Variable(
         dims=("decision",),
         units="s",
-        long_name="predicted cost of the model on the reference machine",
+        long_name=f"cost {TIMES_WITH_A_MODEL}; infinite where nothing can be combined with it",
         error="a factor of 2",
     ),
     "joint_bound": Variable(

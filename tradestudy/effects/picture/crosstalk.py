@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from tradestudy.effects.base import OFF, Slot
+from tradestudy.effects.picture.criteria import reach_over_airy
 from tradestudy.effects.picture.trial import PictureTrial, bounded
 
 
@@ -15,16 +16,14 @@ def crosstalk(trial: PictureTrial) -> Slot:
     share of light without the texture dims contrast, and the error grows by as much.
     """
     reach = trial.microlens_reach_airy
-    if math.isinf(reach):
-        return Slot(
-            name="crosstalk",
-            models=(bounded(trial, OFF, 0.0, "half a micro-image over Airy radius", math.nan,
-                            "there are no micro-images side by side"),),
-        )  # fmt: skip
-    share = min(1.0, 2.0 / (math.pi * 1.22 * math.pi * reach))
+    criterion = reach_over_airy(math.nan if math.isinf(reach.value) else reach.value, reach.at)
+    if math.isinf(reach.value):
+        reason = "there are no micro-images side by side"
+        return Slot(name="crosstalk", models=(bounded(trial, OFF, 0.0, criterion, reason),))
+    share = min(1.0, 2.0 / (math.pi * 1.22 * math.pi * reach.value))
     change = share / (1.0 - share) if share < 1.0 else math.inf
-    return Slot(
-        name="crosstalk",
-        models=(bounded(trial, OFF, change, "half a micro-image over Airy radius", reach,
-                        "no more light than an Airy pattern holds beyond half a micro-image comes from a neighbour"),),
-    )  # fmt: skip
+    reason = (
+        "no more light comes from a neighbour than an Airy pattern holds beyond half a micro-image, 0.17 over this "
+        "number of it: the bound is that share"
+    )
+    return Slot(name="crosstalk", models=(bounded(trial, OFF, change, criterion, reason),))

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from tradestudy.effects.base import OFF, Slot
+from tradestudy.effects.picture.criteria import blur_over_pixel
 from tradestudy.effects.picture.trial import PictureTrial, weighed
-
-_CRITERION = "blur over pixel"
 
 
 def defocus_blur(trial: PictureTrial) -> Slot:
     """Off or the disc; where diffraction is by waves, the defocus belongs to it."""
+    blur = blur_over_pixel(trial.blur_px.value, trial.blur_px.at)
     return Slot(
         name="defocus_blur",
         models=(
-            weighed(trial, "defocus_blur", OFF, criterion=_CRITERION, number=trial.blur_px,
-                    reason="a blur smaller than a pixel takes little of the texture that a matcher uses"),
-            weighed(trial, "defocus_blur", "disc", criterion=_CRITERION, number=trial.blur_px,
-                    reason="the disc is the most complete model of defocus here"),
+            weighed(trial, "defocus_blur", OFF, blur,
+                    "blur takes texture from a matcher, below a pixel as the square of this number: it counts unless "
+                    "it is well below 1 at every distance"),
+            weighed(trial, "defocus_blur", "disc", blur, "the disc is the most complete model of defocus here"),
         ),
     )  # fmt: skip

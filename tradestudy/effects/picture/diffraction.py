@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final, Literal
 
-from tradestudy.effects.base import OFF, Model, Slot
+from tradestudy.effects.base import OFF, Criterion, Model, Slot
+from tradestudy.effects.picture.criteria import main_lens_airy, microlens_airy
 from tradestudy.effects.picture.trial import MARGIN, PictureTrial, bounded
 
 # Numerical error of a transfer by Kirchhoff, which Fresnel's is held against.
@@ -20,26 +21,39 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
     """
     stage = 0 if at == "main_lens_diffraction" else 1
     airy = (trial.main_lens_airy_px, trial.microlens_airy_px)[stage]
-    waves = trial.aberration_waves[stage]
-    if math.isnan(airy):
+    spread = (main_lens_airy, microlens_airy)[stage](airy.value, airy.at)
+    if math.isnan(airy.value):
         absent = "this camera's picture is formed without microlenses between it and the scene"
-        return Slot(name=at, models=(bounded(trial, OFF, 0.0, "Airy radius over pixel", math.nan, absent),))
+        return Slot(name=at, models=(bounded(trial, OFF, 0.0, spread, absent),))
+    waves = trial.aberration_waves[stage]
+    paths = Criterion(
+        words="waves between exact and parabolic paths",
+        definition="R⁴/(8 λ) (1/b³ + 1/a³) for a parabolic lens, R⁴/(8 λ) |1/b³ − (1/f − 1/a)³| for one of exact "
+        "paths; R the radius of the aperture, f the focal length, a and b the distances to the object and to the plane "
+        "of the picture",
+        value=waves.value,
+        at=waves.at,
+    )
     left_out = MARGIN * trial.paraxial_change[stage] + trial.obliquity[stage] / 2.0 + _TRANSFER_ERROR
-    spread, paths = "Airy radius over pixel", "waves between exact and parabolic paths"
 
     def held_against_fresnel(name: str, reason: str) -> Model:
-        return bounded(trial, name, MARGIN * trial.change(at, name) + left_out, spread, airy, reason)
+        return bounded(trial, name, MARGIN * trial.change(at, name) + left_out, spread, reason)
 
     return Slot(
         name=at,
         models=(
             held_against_fresnel(
-                OFF, "an Airy pattern smaller than a pixel takes little of the texture that a matcher uses"
+                OFF, "diffraction takes texture from a matcher, below a pixel in proportion to this number: it counts "
+                "unless it is far below 1 at every distance, or defocus has taken that texture before"
             ),
-            held_against_fresnel("airy", "disc times Airy misses how defocus and diffraction act together"),
-            bounded(trial, "fresnel", left_out, paths, waves,
-                    "parabolic waves in place of spherical ones leave out the path of this many waves at the rim"),
-            bounded(trial, "kirchhoff", 0.0, paths, waves,
+            held_against_fresnel(
+                "airy", "the transfer of the disc times that of Airy misses how defocus and diffraction act together: "
+                "it counts unless one of the two is well below a pixel"
+            ),
+            bounded(trial, "fresnel", left_out, paths,
+                    "parabolic waves in place of spherical ones leave out the path of this many waves at the rim, as "
+                    "much as so much defocus does: it counts unless it is well below a quarter"),
+            bounded(trial, "kirchhoff", 0.0, paths,
                     "exact paths and cosines: the most complete model here"),
         ),
     )  # fmt: skip

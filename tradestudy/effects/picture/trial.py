@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import Bound, Model, SlotName
+from tradestudy.effects.base import Bound, Criterion, Model, SlotName
 
 # Trials are made at some of the distances and with one slot changed at a time; what lies in between, and what two
 # slots do together beyond the sum of each, has to fit into this factor.
 MARGIN: Final = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Worst:
+    """The worst value over all places, and the distance where it stands [m]; NaN where it belongs to none."""
+
+    value: float
+    at: float = math.nan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,29 +61,29 @@ class PictureTrial:
     """
 
     change: Callable[[SlotName, str], float]
-    blur_px: float
-    main_lens_airy_px: float
-    microlens_airy_px: float
-    aberration_waves: tuple[float, float]
+    blur_px: Worst
+    main_lens_airy_px: Worst
+    microlens_airy_px: Worst
+    aberration_waves: tuple[Worst, Worst]
     paraxial_change: tuple[float, float]
     obliquity: tuple[float, float]
-    electrons: float
+    electrons: Worst
     illumination: float
     read_noise_share: float
     quantisation_share: float
     spectrum_width: float
-    microlens_reach_airy: float
+    microlens_reach_airy: Worst
     amplification: float
     seconds: Callable[[str], float]
 
 
-def weighed(trial: PictureTrial, slot: SlotName, name: str, *, criterion: str, number: float, reason: str) -> Model:
+def weighed(trial: PictureTrial, slot: SlotName, name: str, criterion: Criterion, reason: str) -> Model:
     """A model whose bound is its trial with the margin."""
-    return bounded(trial, name, MARGIN * trial.change(slot, name), criterion, number, reason)
+    return bounded(trial, name, MARGIN * trial.change(slot, name), criterion, reason)
 
 
-def bounded(trial: PictureTrial, name: str, change: float, criterion: str, number: float, reason: str) -> Model:
+def bounded(trial: PictureTrial, name: str, change: float, criterion: Criterion, reason: str) -> Model:
     """A model whose bound on the disparity error was found otherwise."""
     quantity: Quantity = "depth_uncertainty"
-    bound = Bound(relative_change=trial.amplification * change, criterion=criterion, number=number, reason=reason)
+    bound = Bound(relative_change=trial.amplification * change, criterion=criterion, reason=reason)
     return Model(name=name, bounds={quantity: bound}, seconds=trial.seconds(name))

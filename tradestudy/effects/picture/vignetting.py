@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from tradestudy.effects.base import OFF, Slot
+from tradestudy.effects.picture.criteria import light_left
 from tradestudy.effects.picture.trial import PictureTrial, weighed
 
 
 def vignetting(trial: PictureTrial) -> Slot:
     """Off, or cos⁴ with the stops at the field angle where depth is asked for."""
-    lost = "light left at the field angle"
+    left = light_left(trial.illumination)
     return Slot(
         name="vignetting",
         models=(
-            weighed(trial, "vignetting", OFF, criterion=lost, number=trial.illumination,
-                    reason="fewer electrons mean more shot noise in proportion; on the axis none are lost"),
-            weighed(trial, "vignetting", "cos4", criterion=lost, number=trial.illumination,
-                    reason="cos⁴ and the overlap of the stops are closed forms"),
+            weighed(trial, "vignetting", OFF, left,
+                    "the share of light that is lost raises noise over signal by half of itself or more, and a "
+                    "bound is twice what was tried: nothing is left out where this number is 1, as on the axis"),
+            weighed(trial, "vignetting", "cos4", left, "cos⁴ and the overlap of the stops are closed forms"),
         ),
     )  # fmt: skip

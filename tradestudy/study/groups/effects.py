@@ -27,11 +27,13 @@ def effects_group(plan: Plan) -> xr.Dataset:
                 [decision.model.change_of(q) if q in one.quantities else math.nan for q in QUANTITIES]
                 for one, decision in decisions
             ],
-            "criterion": [bound.criterion for bound in worst],
-            "number": [bound.number for bound in worst],
+            "criterion": [bound.criterion.words for bound in worst],
+            "definition": [bound.criterion.definition for bound in worst],
+            "number": [bound.criterion.value for bound in worst],
+            "number_at": [bound.criterion.at for bound in worst],
             "reason": [bound.reason for bound in worst],
             "why": [decision.why for _, decision in decisions],
-            "predicted_seconds": [decision.model.seconds for _, decision in decisions],
+            "predicted_seconds": [decision.seconds for _, decision in decisions],
             "joint_bound": [
                 [plan.selections[one.name].bounds.get(q, math.nan) for q in QUANTITIES] for one in plan.situations
             ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -12,20 +12,31 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.depth_camera import Limit, UsableCriteria, declared_disparity_error
-from tradestudy.effects.base import OFF, Slot, SlotName
+from tradestudy.effects.base import OFF, Criterion, Slot, SlotName
 from tradestudy.effects.calibration import calibration_slot
-from tradestudy.effects.picture.trial import MARGIN
+from tradestudy.effects.picture.criteria import (
+    blur_over_pixel,
+    electrons,
+    extent_of_points,
+    light_left,
+    main_lens_airy,
+    microlens_airy,
+    pixel_over_pitch,
+    reach_over_airy,
+    spectrum_width,
+)
+from tradestudy.effects.picture.trial import MARGIN, Worst
 from tradestudy.effects.temperature import temperature_slot
 from tradestudy.effects.unused import declared_reason, unused_slots
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.geometry import PictureGeometry, picture_geometry
+from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.acting import AnyDepthCamera, acting
 from tradestudy.study.decision import question_ends
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.depth import depth_uncertainty
-from tradestudy.study.situations.pictures import PictureCase, picture_slots
+from tradestudy.study.situations.pictures import PictureCase, picture_slots, worst_at, worst_of
 from tradestudy.study.situations.situation import Situation
 from tradestudy.study.sweep import sweep_axes
 from tradestudy.study.usable import all_met, evaluate_limits, usable_stretches
@@ -182,28 +193,44 @@ def _picture(variants: Sequence[_Variant], asked: int) -> tuple[Slot, ...]:
         reason = declared_reason(declared_disparity_error(first.camera))
     else:
         reason = "the camera forms no picture at any distance of the study"
-    geometry = picture_geometry(first.camera, _places(first)[:1] if _places(first).size else first.distance[:1])
-    return unused_slots(reason=reason, numbers=_numbers(geometry, first.wavelength))
+    return unused_slots(reason=reason, numbers=_strengths(variants))
 
 
-def _numbers(geometry: PictureGeometry, wavelength: float) -> dict[SlotName, tuple[str, float]]:
-    """How strong each effect is in the picture at one place, whether it reaches depth or not."""
-    pitch = geometry.sample_pitch
-    airy = [
-        math.nan if stage is None else float(FIRST_DARK_RING * wavelength * (stage.f_number * stage.relay)[0] / pitch)
-        for stage in (geometry.main_lens, geometry.microlens)
-    ]
+def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, Criterion]:
+    """How strong each effect is in the picture where it is strongest, whether it reaches depth or not."""
+    pictures = [(variant, _places(variant)) for variant in variants]
+    seen = [(one, places, picture_geometry(one.camera, places)) for one, places in pictures if places.size]
+
+    def strongest(size: Callable[[PictureGeometry, float], FloatArray]) -> Worst:
+        return worst_of(worst_at(places, size(geometry, one.wavelength)) for one, places, geometry in seen)
+
+    blur = strongest(lambda geometry, _wavelength: geometry.blur_px)
+    main_lens = strongest(lambda geometry, wavelength: _airy_px(geometry, geometry.main_lens, wavelength))
+    microlens = strongest(lambda geometry, wavelength: _airy_px(geometry, geometry.microlens, wavelength))
+    reach = strongest(lambda geometry, wavelength: _airy_over_reach(geometry, wavelength))
     return {
-        "defocus_blur": ("blur over pixel", float(geometry.blur_px[0])),
-        "main_lens_diffraction": ("Airy radius of the main lens over pixel", airy[0]),
-        "microlens_diffraction": ("Airy radius of a microlens over pixel", airy[1]),
-        "crosstalk": ("half a micro-image over Airy radius", geometry.widest_window_px / math.sqrt(2.0) / airy[1]),
-        "pixel_integration": ("pixel over pitch", 1.0),
-        "source_extent": ("extent of a point", math.nan),
-        "spectrum": ("width of the spectrum over its centre", math.nan),
-        "vignetting": ("light left on the axis", 1.0),
-        "sensor_noise": ("electrons per pixel", math.nan),
+        "defocus_blur": blur_over_pixel(blur.value, blur.at),
+        "main_lens_diffraction": main_lens_airy(main_lens.value, main_lens.at),
+        "microlens_diffraction": microlens_airy(microlens.value, microlens.at),
+        "crosstalk": reach_over_airy(1.0 / reach.value, reach.at),
+        "pixel_integration": pixel_over_pitch(),
+        "source_extent": extent_of_points(),
+        "spectrum": spectrum_width(math.nan),
+        "vignetting": light_left(math.nan),
+        "sensor_noise": electrons(math.nan, math.nan),
     }
+
+
+def _airy_px(geometry: PictureGeometry, stage: LensStage | None, wavelength: float) -> FloatArray:
+    """Airy radius of a lens on the sensor [samples]; NaN without it."""
+    if stage is None:
+        return np.full(geometry.distance.shape, math.nan)
+    return np.asarray(FIRST_DARK_RING * wavelength * stage.f_number * stage.relay / geometry.sample_pitch)
+
+
+def _airy_over_reach(geometry: PictureGeometry, wavelength: float) -> FloatArray:
+    """Airy radius of a microlens over half a micro-image."""
+    return np.asarray(_airy_px(geometry, geometry.microlens, wavelength) * math.sqrt(2.0) / geometry.widest_window_px)
 
 
 def _picture_case(variant: _Variant) -> PictureCase | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Final
@@ -20,7 +20,7 @@ from tradestudy.effects.picture.pixel_integration import pixel_integration
 from tradestudy.effects.picture.sensor_noise import sensor_noise
 from tradestudy.effects.picture.source_extent import source_extent
 from tradestudy.effects.picture.spectrum import spectrum
-from tradestudy.effects.picture.trial import PictureTrial
+from tradestudy.effects.picture.trial import PictureTrial, Worst
 from tradestudy.effects.picture.vignetting import vignetting
 from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
 from tradestudy.imaging.models import PictureModels, PictureSettings
@@ -135,29 +135,51 @@ class PictureCase:
         )
 
     @property
-    def electrons(self) -> float:
+    def electrons(self) -> Worst:
         """Fewest per pixel, at the edge of the field that is asked for."""
         geometry = self.geometry
         found = mean_electrons(self.settings.light, geometry.light_f_number, geometry.pixel_pitch, self.illumination)
-        return float(np.nanmin(found))
+        return self._least(found)
 
-    def airy_px(self, stage: LensStage | None) -> float:
+    def blur_px(self) -> Worst:
+        """Largest geometric blur [samples]."""
+        return self._largest(self.geometry.blur_px)
+
+    def airy_px(self, stage: LensStage | None) -> Worst:
         """Largest Airy radius of a lens on the sensor [samples]."""
         if stage is None:
-            return math.nan
+            return Worst(value=math.nan)
         radius = FIRST_DARK_RING * self.settings.wavelength * stage.f_number * stage.relay
-        return float(np.nanmax(radius) / self.geometry.sample_pitch)
+        return self._largest(np.asarray(radius / self.geometry.sample_pitch))
+
+    def reach_airy(self) -> Worst:
+        """Half a micro-image over the largest Airy radius of a microlens; infinite without microlenses."""
+        if self.geometry.microlens is None:
+            return Worst(value=math.inf)
+        airy = self.airy_px(self.geometry.microlens)
+        return Worst(value=self.geometry.widest_window_px / math.sqrt(2.0) / airy.value, at=airy.at)
+
+    def _largest(self, values: FloatArray) -> Worst:
+        return worst_at(self.places, values)
+
+    def _least(self, values: FloatArray) -> Worst:
+        found = self._largest(-values)
+        return Worst(value=-found.value, at=found.at)
 
     def aberration_waves(self, stage: LensStage | None) -> float:
+        """Largest path at the rim [waves]."""
+        return self.aberration(stage).value
+
+    def aberration(self, stage: LensStage | None) -> Worst:
         """Path at the rim, ``R⁴/8 (…)`` [waves]; a corrected lens leaves only what defocus makes of it."""
         if stage is None:
-            return 0.0
+            return Worst(value=0.0)
         rim = (stage.aperture_diameter / 2.0) ** 4 / 8.0 / self.settings.wavelength
         there = np.abs(1.0 / stage.plane_distance**3)
         if self.settings.lens_phase == "parabolic":
-            return float(np.nanmax(rim * (there + np.abs(1.0 / stage.object_distance**3))))
+            return self._largest(rim * (there + np.abs(1.0 / stage.object_distance**3)))
         focused = np.abs(1.0 / stage.focal_length - 1.0 / stage.object_distance) ** 3
-        return float(np.nanmax(rim * np.abs(there - focused)))
+        return self._largest(rim * np.abs(there - focused))
 
     def paraxial_change(self, stage: LensStage | None) -> float:
         """Relative change of the disparity error by what Fresnel leaves out of a lens, the largest over the places.
@@ -225,12 +247,12 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
 
     trial = PictureTrial(
         change=lambda slot, name: worst(lambda case: case.change(slot, name)),
-        blur_px=worst(lambda case: float(np.nanmax(case.geometry.blur_px))),
-        main_lens_airy_px=max(case.airy_px(main) for case, main, _ in stages),
-        microlens_airy_px=max(case.airy_px(micro) for case, _, micro in stages),
+        blur_px=worst_of(case.blur_px() for case in cases),
+        main_lens_airy_px=worst_of(case.airy_px(main) for case, main, _ in stages),
+        microlens_airy_px=worst_of(case.airy_px(micro) for case, _, micro in stages),
         aberration_waves=(
-            max(case.aberration_waves(main) for case, main, _ in stages),
-            max(case.aberration_waves(micro) for case, _, micro in stages),
+            worst_of(case.aberration(main) for case, main, _ in stages),
+            worst_of(case.aberration(micro) for case, _, micro in stages),
         ),
         paraxial_change=(
             max(case.paraxial_change(main) for case, main, _ in stages),
@@ -240,15 +262,12 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
             max(case.obliquity(main) for case, main, _ in stages),
             max(case.obliquity(micro) for case, _, micro in stages),
         ),
-        electrons=min(case.electrons for case in cases),
+        electrons=min((case.electrons for case in cases), key=lambda one: one.value),
         illumination=min(case.illumination for case in cases),
         read_noise_share=max(read for read, _ in noise),
         quantisation_share=max(rounding for _, rounding in noise),
         spectrum_width=_widest(cases),
-        microlens_reach_airy=min(
-            math.inf if micro is None else case.geometry.widest_window_px / math.sqrt(2.0) / case.airy_px(micro)
-            for case, _, micro in stages
-        ),
+        microlens_reach_airy=min((case.reach_airy() for case in cases), key=lambda one: one.value),
         amplification=max(case.amplification for case in cases),
         seconds=seconds,
     )
@@ -265,9 +284,24 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
     )
 
 
+def worst_at(places: FloatArray, values: FloatArray) -> Worst:
+    """The largest over places [m], and where it is; nowhere if it is the same everywhere. NaN where all are."""
+    spread = np.broadcast_to(values, places.shape)
+    if np.isnan(spread).all():
+        return Worst(value=math.nan)
+    index = int(np.nanargmax(spread))
+    same = bool(np.nanmin(spread) == spread[index])
+    return Worst(value=float(spread[index]), at=math.nan if same else float(places[index]))
+
+
+def worst_of(found: Iterable[Worst]) -> Worst:
+    """The largest of several; NaN only where none has a value."""
+    return max(found, key=lambda one: -math.inf if math.isnan(one.value) else one.value, default=Worst(value=math.nan))
+
+
 def _noise_shares(case: PictureCase) -> tuple[float, float]:
     """Share of read noise and of rounding in the noise power of the darkest pixel."""
-    sensor, electrons = case.settings.sensor_noise, case.electrons
+    sensor, electrons = case.settings.sensor_noise, case.electrons.value
     shot, read, everything = (
         float(noise_variance(electrons, sensor, model)) for model in ("shot", "shot+read", "shot+read+quantisation")
     )
