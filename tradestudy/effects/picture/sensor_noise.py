@@ -36,6 +36,7 @@ def sensor_noise(trial: PictureTrial) -> Slot:
                     "noise is what makes a matcher err; without it there is no disparity error to speak of"),
             weighed(trial, slot, "shot", both, _RULE),
             weighed(trial, slot, "shot+read", rounding, _RULE),
-            weighed(trial, slot, "shot+read+quantisation", rounding, "all three"),
+            weighed(trial, slot, "shot+read+quantisation", rounding,
+                    "shot, read and rounding noise: the most complete model here"),
         ),
     )  # fmt: skip

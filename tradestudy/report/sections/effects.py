@@ -11,25 +11,24 @@ import numpy as np
 
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.results.effects import TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
 from tradestudy.units import DURATION, FRACTION, pretty, significant
+from tradestudy.wording import distance
 
 if TYPE_CHECKING:
     import xarray as xr
 
 _QUANTITIES = {
-    "depth_uncertainty": "depth uncertainty",
+    "depth_uncertainty": "depth uncertainty, at every distance",
     "depth_of_field": "ends of the depth of field",
-    "pixel_intensity": "pixel intensities",
-    "psf_width": "width of a point's image",
+    "pixel_intensity": "pixel intensities, as relative L2 over the pixels of the picture, √(Σ ΔI²/Σ I²)",
+    "psf_width": "width of a point's image, the radius that holds half its light",
 }
-_COLUMNS = (
-    Column(title="Effect", weight=4),
-    Column(title="Model", weight=5),
-    Column(title="Of", weight=4),
-    Column(title="Changes at most", weight=3),
-    Column(title="Number", weight=5),
-    Column(title="Because", weight=8),
-)
+_OF = Column(title="Of", weight=4)
+_NUMBER = Column(title="Number", weight=4)
+_TAKES = Column(title="Takes", align="right")
+_VERDICT = Column(title="Verdict, and the rule that it follows", weight=13)
+_NOTHING = "nothing is left out"
 
 
 def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
@@ -38,6 +37,8 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
     if not rows:
         return
     data = facts.dataset(tree, "effects")
+    changes = data["bound"].max("quantity").values
+    rows = [row | {"change": float(change)} for row, change in zip(rows, changes, strict=True)]
     yield Heading(text="What was simulated, and what was not", anchor="effects")
     yield Paragraph(
         say(
@@ -50,18 +51,20 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
     yield Table(
         name="effects-that-act",
         caption="The model of each effect that acts, and what it leaves out.",
-        columns=_COLUMNS,
-        rows=tuple(_merged([row for row in rows if row["chosen"]], data)),
-        notes=_blur_note(rows),
+        columns=(_OF, _NUMBER, _VERDICT),
+        rows=tuple(_cells([row | {"predicted_seconds": math.nan} for row in rows if row["chosen"]], data)),
+        notes=(WHERE_NUMBERS_ARE_TAKEN,),
     )
     others = [row for row in rows if not row["chosen"]]
     if others:
         yield Table(
             name="effects-weighed",
             caption="Models that were weighed and not taken.",
-            columns=(*_COLUMNS[:-1], Column(title="Verdict", weight=8)),
-            rows=tuple(_merged(others, data)),
+            columns=(_OF, _NUMBER, _TAKES, _VERDICT),
+            rows=tuple(_cells(others, data)),
+            notes=(f"Takes: {TIMES_WITH_A_MODEL}; —: it can be combined with nothing. {_taken(data)}",),
         )
+    yield from _formulas(rows)
 
 
 def _wanted(data: xr.Dataset) -> Iterator[str]:
@@ -90,80 +93,112 @@ def _foreseen(run: Mapping[str, Any]) -> Iterator[str]:
     yield f"The run was foreseen to take {' to '.join(ends)}, report included; what it took stands under provenance."
 
 
-def _blur_note(rows: list[dict[str, Any]]) -> tuple[str, ...]:
-    """What the number beside defocus is, for studies whose cameras measure depth in a picture."""
-    if not any(str(row["criterion"]) == "blur over pixel" for row in rows):
-        return ()
-    return (
-        "Blur over pixel: diameter of the geometric blur circle on the sensor; diffraction is not in it and has a row "
-        "of its own. It is the largest over the distances at which effects were weighed, which reach a tenth beyond "
-        "the usable range; where the disparity error is declared, that at the nearest of them.",
-    )
+def _taken(data: xr.Dataset) -> str:
+    """What the models that act take, to compare with."""
+    pieces: dict[str, list[str]] = {}
+    for title, seconds in zip(data["piece_title"].values, data["piece_seconds"].values, strict=True):
+        pieces.setdefault(_duration(float(seconds)), []).append(str(title))
+    return f"The models that act take {', '.join(f'{time} ({_listed(names)})' for time, names in pieces.items())}."
+
+
+def _formulas(rows: list[dict[str, Any]]) -> Iterator[Table]:
+    """What the numbers are, each once."""
+    shown = {str(row["criterion"]): str(row["definition"]) for row in rows if _number(row)}
+    if shown:
+        yield Table(
+            name="effects-numbers",
+            caption="What the numbers of both tables are.",
+            columns=(Column(title="Number", weight=4), Column(title="Formula", weight=12)),
+            rows=tuple(shown.items()),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Row:
-    """Pieces of the study that treat an effect alike, numbers as ranges."""
+    """Pieces of the study that treat an effect alike, down to the last digit that is shown."""
 
-    effect: str
+    effects: tuple[str, ...]
     model: str
     pieces: str
-    changes: tuple[float, float]
-    number: str
-    because: str
+    numbers: tuple[tuple[str, str], ...]
+    takes: str
+    why: str
+    rule: str
 
-    def cells(self) -> tuple[Text, ...]:
-        """In the order of the columns."""
-        ends = [_share(change) for change in self.changes]
-        return self.effect, self.model, self.pieces, _range(ends), self.number or "—", self.because
+    @property
+    def heading(self) -> str:
+        """Effects and model, and the name of the number if they have one."""
+        named = ", ".join(self.effects)
+        number = f" — {self.numbers[0][0]}" if len(self.numbers) == 1 else ""
+        return f"{named[:1].upper()}{named[1:]}: {self.model}{number}"
+
+    def cells(self, *, ruled: bool) -> tuple[Text, ...]:
+        """In the order of the columns; a rule that the row above says is not said again."""
+        alone = len(self.numbers) == 1
+        number = "; ".join(value if alone else f"{name} {value}" for name, value in self.numbers)
+        told = f"{self.why}. {self.rule[:1].upper()}{self.rule[1:]}" if self.rule and ruled else self.why
+        taken = (self.takes,) if self.takes else ()
+        return self.pieces, number or "—", *taken, told.replace(" %", "\N{NO-BREAK SPACE}%")
 
 
-def _merged(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[tuple[Text, ...]]:
-    """One row for all pieces that treat an effect alike, and for all effects that one reason keeps from mattering."""
+def _cells(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[tuple[Text, ...]]:
+    """Under a heading for every model, a row for all pieces that are alike in everything."""
+    above = None
+    for row in _merged(rows, data):
+        if above is None or above.heading != row.heading:
+            yield (row.heading,)
+            above = None
+        yield row.cells(ruled=above is None or above.rule != row.rule)
+        above = row
+
+
+def _merged(rows: list[dict[str, Any]], data: xr.Dataset) -> list[_Row]:
+    """Together all effects that one reason keeps from mattering; models in their order."""
     found: list[_Row] = []
     for row in _rows(rows, data):
-        twin = next(
-            (
-                k
-                for k, other in enumerate(found)
-                if row.changes[1] == other.changes[1] == 0.0
-                and (row.model, row.pieces, row.because) == (other.model, other.pieces, other.because)
-            ),
-            None,
-        )
+        twin = next((k for k, other in enumerate(found) if _is_harmless(row) and _are_alike(row, other)), None)
         if twin is None:
             found.append(row)
         else:
             other = found[twin]
-            numbers = [text for text in (other.number, row.number) if text]
-            found[twin] = replace(other, effect=f"{other.effect}, {row.effect}", number="; ".join(numbers))
-    return (row.cells() for row in found)
+            found[twin] = replace(other, effects=(*other.effects, *row.effects), numbers=(*other.numbers, *row.numbers))
+    order = [row.heading for row in found]
+    return sorted(found, key=lambda row: order.index(row.heading))
+
+
+def _is_harmless(row: _Row) -> bool:
+    return row.why in ("changes nothing", _NOTHING)
+
+
+def _are_alike(one: _Row, other: _Row) -> bool:
+    return all(getattr(one, name) == getattr(other, name) for name in ("model", "pieces", "takes", "why", "rule"))
 
 
 def _rows(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[_Row]:
-    """Effects in the order of the light."""
+    """Effects in the order of the light; a row for every number, verdict or time that differs."""
     titles = dict(zip(data["piece"].values, data["piece_title"].values, strict=True))
-    groups: dict[tuple[str, str, str, str], list[dict[str, Any]]] = {}
+    groups: dict[_Row, list[str]] = {}
     for row in rows:
-        verdict = str(row["why"]).split(":")[0].split(";")[0]
-        groups.setdefault((str(row["slot"]), str(row["model"]), verdict, str(row["reason"])), []).append(row)
-    position = {str(name): index for index, name in enumerate(data["decision"].values)}
-    for (slot, model, verdict, reason), members in groups.items():
-        changes = [float(np.nanmax(data["bound"].values[position[str(row["decision"])]])) for row in members]
-        same_why = {str(row["why"]) for row in members}
-        told = same_why.pop() if len(same_why) == 1 else verdict
-        if verdict.startswith("forced"):
-            told = f"{verdict}; {reason}"
-        elif verdict == "refused" and slot != "sampling":
-            told = f"{told}; {reason}"
-        yield _Row(
-            effect=facts.in_words(slot),
-            model=model,
-            pieces=_of([str(row["situation"]) for row in members], titles),
-            changes=(min(changes), max(changes)),
-            number="" if reason == "nothing is left out" else _number(members),
-            because=reason if verdict == "accepted" else told,
+        number = _number(row)
+        told = _Row(
+            effects=(facts.in_words(str(row["slot"])),),
+            model=str(row["model"]),
+            pieces="",
+            numbers=(number,) if number else (),
+            takes=_duration(float(row["predicted_seconds"])),
+            why=_why(row),
+            rule="" if row["reason"] == _NOTHING else str(row["reason"]),
         )
+        groups.setdefault(told, []).append(str(row["situation"]))
+    for told, members in groups.items():
+        yield replace(told, pieces=_of(members, titles))
+
+
+def _why(row: dict[str, Any]) -> str:
+    """The verdict in the words of the plan, which tells no number of what acts and changes nothing."""
+    if row["chosen"] and not row["forced"] and row["change"] == 0.0:
+        return _NOTHING if row["reason"] == _NOTHING else "changes nothing"
+    return str(row["why"])
 
 
 def _of(members: list[str], titles: dict[str, str]) -> str:
@@ -171,18 +206,27 @@ def _of(members: list[str], titles: dict[str, str]) -> str:
     others = [str(title) for name, title in titles.items() if name not in members]
     if len(others) < min(len(members), 2):
         return f"all but {others[0]}" if others else "all"
-    return ", ".join(str(titles[name]) for name in members)
+    return _listed([str(titles[name]) for name in members])
 
 
-def _number(members: list[dict[str, Any]]) -> str:
-    known = [value for row in members if not math.isnan(value := float(row["number"]))]
-    if not known:
+def _listed(titles: list[str]) -> str:
+    """Titles, which may hold commas."""
+    return "; ".join(titles)
+
+
+def _number(row: dict[str, Any]) -> tuple[str, str] | None:
+    """The number of a model: its name, and its value with where it is the worst."""
+    value, at = float(row["number"]), float(row["number_at"])
+    if math.isnan(value) or row["reason"] == _NOTHING:
+        return None
+    return str(row["criterion"]), significant(value) + ("" if math.isnan(at) else f" at {distance(at)}")
+
+
+def _duration(seconds: float) -> str:
+    """Seconds in words; nothing where they are not asked for."""
+    if math.isnan(seconds):
         return ""
-    return f"{members[0]['criterion']}: {_range([significant(min(known), 2), significant(max(known), 2)])}"
-
-
-def _range(ends: list[str]) -> str:
-    return ends[0] if ends[0] == ends[1] else f"{ends[0]} to {ends[1]}"
+    return "—" if math.isinf(seconds) else pretty(seconds, DURATION, digits=2).replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _share(value: float) -> str:

@@ -1,0 +1,117 @@
+"""The tables of effects: every decision of the plan, in its words, with every camera's number."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+import tradestudy
+from tradestudy.effects.base import NOTHING_LEFT_OUT
+from tradestudy.effects.selection import Decision
+from tradestudy.report.document import Paragraph, Table, Text, spans
+from tradestudy.report.sections.effects import effects
+from tradestudy.study.groups.effects import effects_group
+from tradestudy.study.plan import Plan
+from tradestudy.units import DURATION, pretty, significant
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+def plain(text: Text) -> str:
+    return "".join(span.text for span in spans(text)).replace("\u00a0", " ")
+
+
+class Section:
+    """The section of a plan: rows of its tables, each under the heading that stands above it."""
+
+    def __init__(self, plan: Plan) -> None:
+        blocks = list(effects(xr.DataTree.from_dict({"/effects": effects_group(plan)}), {}))
+        self.tables = {block.name: block for block in blocks if isinstance(block, Table)}
+        self.text = " ".join(plain(block.text) for block in blocks if isinstance(block, Paragraph))
+        self.notes = " ".join(plain(note) for table in self.tables.values() for note in table.notes)
+        self.rows: list[tuple[str, list[str]]] = []
+        for name in ("effects-that-act", "effects-weighed"):
+            for row in self.tables[name].rows:
+                if len(row) == 1:
+                    heading = plain(row[0])
+                else:
+                    self.rows.append((heading, [plain(cell) for cell in row]))
+
+    def of(self, decision: Decision, title: str, titles: list[str]) -> tuple[str, list[str]]:
+        """The one row of a model of a piece."""
+        found = [
+            (heading, row)
+            for heading, row in self.rows
+            if f"{heading.lower()} ".partition(": ")[2].startswith(f"{decision.model.name.lower()} ")
+            and decision.slot.replace("_", " ") in heading.partition(":")[0].lower().split(", ")
+            and title in members(row[0], titles)
+        ]
+        assert len(found) == 1, (decision.slot, decision.model.name, title, found)
+        return found[0]
+
+
+def members(of: str, titles: list[str]) -> list[str]:
+    if of == "all":
+        return titles
+    if of.startswith("all but "):
+        return [title for title in titles if title != of.removeprefix("all but ")]
+    return of.split("; ")
+
+
+@pytest.fixture(scope="module", params=[("close_range", None), ("close_range", "0.8 %"), ("light_spot", "1 %")])
+def plan(request: pytest.FixtureRequest) -> Plan:
+    study, tolerance = request.param
+    return tradestudy.load(STUDIES / f"{study}.yaml", tolerance=tolerance).plan()
+
+
+@pytest.fixture(scope="module")
+def section(plan: Plan) -> Section:
+    return Section(plan)
+
+
+def test_every_decision_stands_in_the_words_of_the_plan_with_its_number_and_time(plan: Plan, section: Section) -> None:
+    titles = [one.title for one in plan.situations]
+    text = str(plan)
+    for one in plan.situations:
+        for decision in plan.selections[one.name].decisions:
+            bound = max(decision.model.bounds.values(), key=lambda b: b.relative_change)
+            heading, row = section.of(decision, one.title, titles)
+            if decision.chosen and bound.relative_change == 0.0:
+                assert row[-1].startswith(("changes nothing", NOTHING_LEFT_OUT))
+            else:
+                assert row[-1].startswith(decision.why)
+                assert decision.why in text
+            if bound.reason != NOTHING_LEFT_OUT and not math.isnan(bound.criterion.value):
+                assert bound.criterion.words in f"{heading} {row[1]}"
+                assert significant(bound.criterion.value) in row[1]
+            if not decision.chosen:
+                assert row[2] == pretty(decision.seconds, DURATION, digits=2)
+
+
+def test_every_rule_and_every_formula_is_told(plan: Plan, section: Section) -> None:
+    told = " ".join(row[-1].lower() for _, row in section.rows)
+    formulas = {plain(name): plain(text) for name, text in section.tables["effects-numbers"].rows}
+    for selection in plan.selections.values():
+        for decision in selection.decisions:
+            bound = max(decision.model.bounds.values(), key=lambda b: b.relative_change)
+            assert bound.reason.lower() in told
+            if bound.reason != NOTHING_LEFT_OUT and not math.isnan(bound.criterion.value):
+                assert formulas[bound.criterion.words] == bound.criterion.definition
+    assert all(formulas.values())
+
+
+def test_no_model_is_left_aside_without_a_reason(section: Section) -> None:
+    for _, row in section.rows:
+        verdict = row[-1]
+        if verdict.startswith(("not taken", "not needed")):
+            assert "costs no more" in verdict or "suffices, for" in verdict or "cannot be combined" in verdict
+
+
+def test_what_a_change_of_a_picture_is_and_what_the_models_take_is_said(plan: Plan, section: Section) -> None:
+    pictures = "light-spot" in plan.selections
+    assert ("relative L2 over the pixels of the picture" in section.text) == pictures
+    for one in plan.situations:
+        assert pretty(plan.selections[one.name].seconds, DURATION, digits=2) in section.notes
