@@ -12,8 +12,9 @@ TIMES_WITH_A_MODEL: Final = (
     "cannot stand beside the others, with the cheapest change of one more"
 )
 WHERE_NUMBERS_ARE_TAKEN: Final = (
-    "A distance behind a number is where it is the worst: of usable distances, and a tenth beyond where the disparity "
-    "error is derived from the picture; where none stands, the number is the same at all or belongs to none."
+    "A distance behind a number is where it is the worst, under every reading and at the ends of the sweep: of usable "
+    "distances, or of all for a camera that is usable nowhere, and a tenth beyond them where the disparity error is "
+    "derived from the picture. Where none stands, the number is the same at all or belongs to none."
 )
 EFFECTS: Final[Mapping[str, Variable]] = {
     "situation": Variable(dims=("decision",), units="", long_name="camera, lens or light path the model belongs to"),

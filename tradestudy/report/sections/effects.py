@@ -24,7 +24,7 @@ _QUANTITIES = {
     "pixel_intensity": "pixel intensities, as relative L2 over the pixels of the picture, √(Σ ΔI²/Σ I²)",
     "psf_width": "width of a point's image, the radius that holds half its light",
 }
-_OF = Column(title="Of", weight=4)
+_OF = Column(title="Of", weight=5)
 _NUMBER = Column(title="Number", weight=4)
 _TAKES = Column(title="Takes", align="right")
 _VERDICT = Column(title="Verdict, and the rule that it follows", weight=13)
@@ -51,7 +51,7 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
     yield Table(
         name="effects-that-act",
         caption="The model of each effect that acts, and what it leaves out.",
-        columns=(_OF, _NUMBER, _VERDICT),
+        columns=(_OF, replace(_NUMBER, weight=7), _VERDICT),
         rows=tuple(_cells([row | {"predicted_seconds": math.nan} for row in rows if row["chosen"]], data)),
         notes=(WHERE_NUMBERS_ARE_TAKEN,),
     )
@@ -153,17 +153,41 @@ def _cells(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[tuple[Text,
 
 
 def _merged(rows: list[dict[str, Any]], data: xr.Dataset) -> list[_Row]:
-    """Together all effects that one reason keeps from mattering; models in their order."""
+    """One row for all pieces that are alike, down to the last digit that is shown; models in their order."""
+    titles = dict(zip(data["piece"].values, data["piece_title"].values, strict=True))
+    pieces: dict[_Row, list[str]] = {}
+    for name in titles:
+        for row in _of_a_piece([row for row in rows if row["situation"] == name]):
+            pieces.setdefault(row, []).append(str(name))
+    found = [replace(row, pieces=_of(names, titles)) for row, names in pieces.items()]
+    order = [row.heading for row in found]
+    return sorted(found, key=lambda row: order.index(row.heading))
+
+
+def _of_a_piece(rows: list[dict[str, Any]]) -> list[_Row]:
+    """Models of one piece; all effects that one reason keeps from mattering are one row."""
     found: list[_Row] = []
-    for row in _rows(rows, data):
+    for row in map(_row, rows):
         twin = next((k for k, other in enumerate(found) if _is_harmless(row) and _are_alike(row, other)), None)
         if twin is None:
             found.append(row)
         else:
             other = found[twin]
             found[twin] = replace(other, effects=(*other.effects, *row.effects), numbers=(*other.numbers, *row.numbers))
-    order = [row.heading for row in found]
-    return sorted(found, key=lambda row: order.index(row.heading))
+    return found
+
+
+def _row(row: dict[str, Any]) -> _Row:
+    number = _number(row)
+    return _Row(
+        effects=(facts.in_words(str(row["slot"])),),
+        model=str(row["model"]),
+        pieces="",
+        numbers=(number,) if number else (),
+        takes=_duration(float(row["predicted_seconds"])),
+        why=_why(row),
+        rule="" if row["reason"] == _NOTHING else str(row["reason"]),
+    )
 
 
 def _is_harmless(row: _Row) -> bool:
@@ -171,27 +195,7 @@ def _is_harmless(row: _Row) -> bool:
 
 
 def _are_alike(one: _Row, other: _Row) -> bool:
-    return all(getattr(one, name) == getattr(other, name) for name in ("model", "pieces", "takes", "why", "rule"))
-
-
-def _rows(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[_Row]:
-    """Effects in the order of the light; a row for every number, verdict or time that differs."""
-    titles = dict(zip(data["piece"].values, data["piece_title"].values, strict=True))
-    groups: dict[_Row, list[str]] = {}
-    for row in rows:
-        number = _number(row)
-        told = _Row(
-            effects=(facts.in_words(str(row["slot"])),),
-            model=str(row["model"]),
-            pieces="",
-            numbers=(number,) if number else (),
-            takes=_duration(float(row["predicted_seconds"])),
-            why=_why(row),
-            rule="" if row["reason"] == _NOTHING else str(row["reason"]),
-        )
-        groups.setdefault(told, []).append(str(row["situation"]))
-    for told, members in groups.items():
-        yield replace(told, pieces=_of(members, titles))
+    return all(getattr(one, name) == getattr(other, name) for name in ("model", "takes", "why", "rule"))
 
 
 def _why(row: dict[str, Any]) -> str:
@@ -230,4 +234,4 @@ def _duration(seconds: float) -> str:
 
 
 def _share(value: float) -> str:
-    return "no bound" if math.isinf(value) else pretty(value, FRACTION, digits=2)
+    return "no bound" if math.isinf(value) else pretty(value, FRACTION, digits=2).replace(" ", "\N{NO-BREAK SPACE}")

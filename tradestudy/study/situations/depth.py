@@ -197,8 +197,12 @@ def _picture(variants: Sequence[_Variant], asked: int) -> tuple[Slot, ...]:
 
 
 def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, Criterion]:
-    """How strong each effect is in the picture where it is strongest, whether it reaches depth or not."""
-    pictures = [(variant, _places(variant)) for variant in variants]
+    """How strong each effect is in the picture where it is strongest, whether it reaches depth or not.
+
+    Of usable distances; of all that are pictured, for a camera that is usable nowhere.
+    """
+    anywhere = any(variant.usable.any() for variant in variants)
+    pictures = [(one, one.distance[one.usable] if anywhere else one.imaged) for one in variants]
     seen = [(one, places, picture_geometry(one.camera, places)) for one, places in pictures if places.size]
 
     def strongest(size: Callable[[PictureGeometry, float], FloatArray]) -> Worst:
@@ -253,12 +257,6 @@ def _trial_places(variant: _Variant) -> FloatArray:
         found.append(distance[np.unique(np.linspace(0, distance.size - 1, _TRIAL_DISTANCES).astype(int))])
     places = np.unique(np.concatenate(found))
     return places[camera.images(places)]
-
-
-def _places(variant: _Variant) -> FloatArray:
-    """Where the camera is usable; where it forms a picture at all, if it is usable nowhere."""
-    usable = variant.distance[variant.usable]
-    return usable if usable.size else variant.imaged
 
 
 def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
