@@ -23,6 +23,7 @@ from tradestudy import provenance
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.study.definition import StudyDefinition, Value
 from tradestudy.study.loading import load_definition
+from tradestudy.study.options import options
 from tradestudy.study.progress import Progress
 from tradestudy.wording import counted
 
@@ -205,6 +206,7 @@ class Study:
             "code_hash": provenance.code_hash(),
             "seed": None if self.file.calibration is None else self.file.calibration.seed,
             "inputs": provenance.flattened(self.definition.document.tree),
+            "options": list(options(self.definition.document)),
             "started": started.isoformat(timespec="seconds"),
             "versions": provenance.versions(),
             "machine": provenance.machine(),

@@ -123,6 +123,7 @@ def cost(
         Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
     ] = None,
     set_: SetOption = None,
+    tolerance: ToleranceOption = None,
     repeats: Annotated[
         int, typer.Option("--repeats", metavar="N", help="Time each computation N times or more.")
     ] = FEWEST_REPEATS,
@@ -141,14 +142,15 @@ def cost(
     with _answering(debug=debug):
         from tradestudy import api
 
-        loaded = api.load(study, set_ or ())
+        loaded = api.load(study, set_ or (), tolerance=tolerance)
         directory = out if out is not None else Path("reports") / loaded.name
         with _shown_progress(quiet=quiet) as progress:
             api.cost(loaded, directory, repeats=repeats, budget=budget, progress=progress)
             shown = api.is_finished(loaded, directory)
         if not quiet:
             _say(f"{directory / 'cost.json'}")
-            _say(f"{directory / 'report.html'}" if shown else "The report of the next `run` of this study shows it.")
+            later = "The report of the next `run` of this study into this folder shows it, given the same options."
+            _say(f"{directory / 'report.html'}" if shown else later)
 
 
 @app.command()

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+import shlex
 from dataclasses import replace
 
 import pytest
 import xarray as xr
+from matplotlib.axes import Axes
 
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.study_cost import _dataset
-from tradestudy.figures.cost import _next_digit, cost_drawing, cost_figure
-from tradestudy.report.document import Callout, Table
+from tradestudy.figures.cost import _ARROW, _RING, _next_digit, cost_drawing, cost_figure
+from tradestudy.report.document import Bullets, Callout, Paragraph, Table, Text, spans
 from tradestudy.report.sections.cost import cost as cost_section
 
 
@@ -49,51 +51,89 @@ def as_tree(*measured: Measured) -> xr.DataTree:
     return xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": _dataset(list(measured), budget=30.0)})
 
 
-def answers(data: xr.DataTree) -> list[str]:
-    (box,) = [block for block in cost_section(data, {}) if isinstance(block, Callout)]
+def plain(text: Text) -> str:
+    return "".join(span.text for span in spans(text)).replace("\N{NO-BREAK SPACE}", " ")
+
+
+def answers(data: xr.DataTree, *options: str) -> list[str]:
+    (box,) = [block for block in cost_section(data, {"options": options}, {}) if isinstance(block, Callout)]
     (bullets,) = box.blocks
-    return ["".join(span.text for span in spans).replace("\N{NO-BREAK SPACE}", " ") for spans in bullets.items]
+    assert isinstance(bullets, Bullets)
+    return [plain(item) for item in bullets.items]
 
 
-def star(data: xr.DataTree) -> tuple[float, float] | None:
-    return _next_digit(data["cost"].to_dataset().sel(cost_quantity="q"))
+def rows_of(data: xr.DataTree, name: str) -> list[list[str]]:
+    table = next(block for block in cost_section(data, {}, {}) if isinstance(block, Table) and block.name == name)
+    return [[plain(cell) for cell in row] for row in table.rows]
 
 
-def test_a_measured_tenth_is_priced_and_starred() -> None:
+def star(data: xr.DataTree) -> tuple[str, float, float] | None:
+    found = _next_digit(data["cost"].to_dataset().sel(cost_quantity="q"))
+    return None if found is None else (found.words, found.seconds, found.error)
+
+
+def test_the_next_digit_is_a_measured_entry_and_named() -> None:
     data = tree(entry("1 %", 1e-2, 1.0, chosen=True), entry("0.01 %", 1e-4, 100.0), floor=1e-6)
-    assert answers(data) == ["Quantity: a run errs by 1 % in 1 s; a tenth of that costs 10 s, 10 times as long."]
-    assert star(data) == (pytest.approx(10.0), pytest.approx(1e-3))
-    assert "0.1 % costs 10 s" in cost_drawing(data).alt
+    assert answers(data) == [
+        "Quantity: a run (law, 1 %) errs by 1 % in 1 s; a tenth of that: law, 0.01 %, 100 s, 100 times as long (it "
+        "errs by 0.01 %)."
+    ]
+    assert star(data) == ("law, 0.01 %", 100.0, 1e-4)
+    assert "a tenth of that: law, 0.01 %, 100 s" in cost_drawing(data).alt
+    assert rows_of(data, "cost-digits") == [
+        ["Quantity"],
+        ["10 % to 1 %", "law, 1 %", "1 s", "1 %"],
+        ["0.1 % to 0.01 %", "law, 0.01 %", "100 s", "0.01 %"],
+        ["0.001 % to 0.0001 %", "—", "", ""],
+    ]
+
+
+def test_what_costs_nothing_more_is_said_to() -> None:
+    data = tree(entry("1 %", 1e-2, 5.0, chosen=True), entry("0.01 %", 1e-4, 2.0), floor=1e-6)
+    (said,) = answers(data)
+    assert said.endswith("in 5 s; a tenth of that costs nothing more: law, 0.01 % takes 2 s and errs by 0.01 %.")
+
+
+def test_what_errs_less_in_less_time_is_told_beside_the_next_digit() -> None:
+    entries = entry("1 %", 1e-2, 5.0, chosen=True), entry("0.5 %", 5e-3, 2.0), entry("0.01 %", 1e-4, 20.0)
+    (said,) = answers(tree(*entries, floor=1e-6))
+    assert "a tenth of that: law, 0.01 %, 20 s, 4 times as long" in said
+    assert said.endswith("; law, 0.5 % errs less than that run, by 0.5 %, and takes no more time, 2 s.")
+    (said,) = answers(tree(*entries[:2], floor=1e-6))
+    assert said.endswith("was not reached; law, 0.5 % errs less than that run, by 0.5 %, and takes no more time, 2 s.")
 
 
 def test_where_the_reference_ends_a_tenth_of_what_is_asked_is_priced() -> None:
     data = tree(entry("1 %", 4e-3, 10.0, chosen=True), entry("0.1 %", 6e-4, 40.0), floor=8e-4, asked=1e-2)
     (said,) = answers(data)
-    assert said.startswith("Quantity: a run errs by 0.4 % in 10 s; a tenth of the 1 % that the study asks for costs ")
-    assert "a tenth of that is less than the 0.08 % by which the reference may err" in said
-    found = star(data)
-    assert found is not None
-    assert 10.0 < found[0] < 40.0
-    assert found[1] == pytest.approx(1e-3)
-    table = next(b for b in cost_section(data, {}) if isinstance(b, Table) and b.name == "cost-q-table")
-    assert [str(row[1]).replace("\N{NO-BREAK SPACE}", " ") for row in table.rows] == ["0.4 %", "≤ 0.08 %"]
+    assert said.startswith(
+        "Quantity: a run (law, 1 %) errs by 0.4 % in 10 s; a tenth of the 1 % that the study asks for: law, 0.1 %, "
+        "40 s, 4 times as long (it errs by at most 0.08 %); "
+    )
+    assert said.endswith("a tenth of that run's error is less than the 0.08 % by which the reference may err.")
+    assert star(data) == ("law, 0.1 %", 40.0, 6e-4)
+    assert [row[1] for row in rows_of(data, "cost-q-table")] == ["0.4 %", "≤ 0.08 %"]
+    assert rows_of(data, "cost-digits")[-1] == ["0.01 % to 0.0001 %", "?", "", ""]
 
 
 def test_where_neither_is_told_the_best_that_was_measured_is_priced() -> None:
     data = tree(entry("1 %", 4e-3, 10.0, chosen=True), entry("0.1 %", 6e-4, 40.0), floor=1.1e-3, asked=1e-2)
     (said,) = answers(data)
-    assert "the best measured errs by 0.11 % at most, and that costs 40 s, 4 times as long; a tenth of that is" in said
+    assert "the best measured errs by at most 0.11 %: law, 0.1 %, 40 s, 4 times as long; a tenth of that run's" in said
+    assert star(data) is None
 
 
 def test_what_errs_less_than_the_reference_is_said_to_err_by_at_most_that() -> None:
     (said,) = answers(tree(entry("1 %", 1e-5, 1.0, chosen=True), entry("10 %", 1e-1, 0.1), floor=1e-4))
-    assert said.startswith("Quantity: a run errs by at most 0.01 % in 1 s; a tenth of that is less than the 0.01 %")
+    assert said.startswith("Quantity: a run (law, 1 %) errs by at most 0.01 % in 1 s; a tenth of that run's error is ")
+    assert "which itself took 50 s; where errors fall as the inverse of time, or of its root, it costs about" in said
+    assert "about 500 s to" in said or "about 8.3 min to" in said
 
 
-def test_a_tenth_that_nothing_reaches_names_the_best_and_the_way_to_more() -> None:
+def test_a_tenth_that_nothing_reaches_is_said_not_to_be_reached_and_the_way_to_more() -> None:
     data = tree(entry("1 %", 1e-2, 1.0, chosen=True), floor=1e-6, left_out=("law, 0.1 %: about 99 s, 1 s are left",))
     (said,) = answers(data)
-    assert "a tenth of that was not reached: the best measured errs by 1 % in 1 s; a larger --budget" in said
+    assert "a tenth of that run's error was not reached, and nothing measured errs less; a larger --budget" in said
     assert star(data) is None
 
 
@@ -102,11 +142,79 @@ def test_without_the_choice_the_best_is_named() -> None:
     assert "the best that was, law, 0.1 %, errs by 0.1 % in 9 s" in said
 
 
+def test_the_most_complete_model_has_no_digit_to_buy() -> None:
+    (said,) = answers(tree(entry("simple", 1e-1, 1.0), entry("all", 0.0, 2.0, chosen=True), floor=0.0))
+    assert said.endswith(
+        "a run takes the most complete model that there is (law, all), in 2 s; there is no digit to buy."
+    )
+
+
 def test_where_nothing_was_measured_the_box_says_why_and_how_to_get_it() -> None:
-    (said,) = answers(as_tree(nothing_measured("q", "Quantity", "", "everything: it takes about 90 s")))
+    data = as_tree(nothing_measured("q", "Quantity", "", "everything: it takes about 90 s"))
+    (said,) = answers(data, "--tolerance", "10 %")
     assert said.startswith("Quantity: nothing was measured within the 30 s of this measurement. Left out: everything")
     assert "it takes about 90 s" in said
-    assert "cost STUDY --budget SECONDS" in said
+    assert "cost STUDY --tolerance '10 %' --out DIR --budget SECONDS" in said
+
+
+@pytest.mark.parametrize("value", ["10 %", "a 'b' c", 'say "x"', "it's $HOME", "plain"])
+def test_options_are_quoted_for_a_shell(value: str) -> None:
+    data = xr.DataTree.from_dict({"/depth": xr.Dataset()})
+    _, paragraph = cost_section(data, {"options": ["--set", f"title={value}"]}, {})
+    assert isinstance(paragraph, Paragraph)
+    (command,) = [span.text for span in paragraph.text if span.style == "code"]
+    assert shlex.split(command) == [
+        *("python", "-m", "tradestudy", "cost", "STUDY", "--set", f"title={value}", "--out", "DIR")
+    ]
+
+
+def drawn(data: xr.DataTree) -> Axes:
+    """The panel of the only quantity, laid out."""
+    figure = cost_figure(data)
+    figure.draw_without_rendering()
+    (axes,) = figure.axes
+    return axes
+
+
+def test_no_error_stands_at_a_tick_of_its_own_below_a_break() -> None:
+    axes = drawn(tree(entry("simple", 0.5, 1e-3), entry("all", 0.0, 2e-3, chosen=True), floor=0.0))
+    low, high = axes.get_ylim()
+    ticks = {float(at): label.get_text() for at, label in zip(axes.get_yticks(), axes.get_yticklabels(), strict=True)}
+    (nothing,) = [at for at, label in ticks.items() if label == "no error"]
+    assert low < nothing < 0.5
+    assert all(at > 0.1 for at, label in ticks.items() if label != "no error" and low <= at <= high)
+    assert all(at > 0.1 for at in axes.yaxis.get_minorticklocs() if low <= at <= high)
+    assert any(nothing in line.get_ydata() for line in axes.lines)
+
+
+def test_bounds_are_hollow_with_an_arrow_and_rings_are_whole() -> None:
+    entries = [entry("1 %", 1e-2, 1e-3, chosen=True), entry("fine", 1e-9, 1.0)]
+    for floor, bounds in ((1e-6, 1), (1e-12, 0)):
+        axes = drawn(tree(*entries, floor=floor))
+        hollow = [
+            line for line in axes.lines
+            if line.get_markerfacecolor() == "white" and line.get_marker() != "None" and len(line.get_xdata())
+        ]  # fmt: skip
+        arrows = [line for line in axes.lines if line.get_marker() is _ARROW["marker"]]
+        assert len(hollow) == len(arrows) == bounds
+        assert all(list(line.get_ydata()) == [floor] for line in (*hollow, *arrows))
+        (ring,) = [line for line in axes.lines if line.get_markersize() == _RING["markersize"]]
+        assert not ring.get_clip_on()
+        edge, (at, _) = axes.bbox.x0, axes.transData.transform((1e-3, 1e-2))
+        radius = _RING["markersize"] / 2.0 * axes.figure.dpi / 72.0
+        assert at - radius > edge
+        assert axes.get_xlabel() == "seconds"
+
+
+def test_panels_have_room_where_there_is_no_choice_and_no_bound() -> None:
+    axes = drawn(tree(entry("a", 1e-2, 1e-3), entry("b", 1e-9, 1.0), floor=1e-12))
+    assert axes.figure is not None
+    assert axes.bbox.width > 0.7 * axes.figure.bbox.width
+
+
+def test_the_frontier_has_no_slope_between_entries() -> None:
+    axes = drawn(tree(entry("a", 1e-2, 1e-3, chosen=True), entry("b", 1e-9, 1.0), floor=1e-12))
+    assert axes.lines[0].get_drawstyle() == "steps-post"
 
 
 @pytest.mark.parametrize("longest", ["closed form", "diffraction to the first dark ring", "a model " * 5])

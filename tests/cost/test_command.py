@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import json
+import re
+import shlex
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -28,7 +31,7 @@ from tradestudy.report.sections.cost import cost as cost_section
 from tradestudy.results import GROUPS
 
 ASKED = "What would one more digit cost?"
-HOW = "python -m tradestudy cost STUDY"
+HOW = "python -m tradestudy cost STUDY --out DIR"
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -66,7 +69,7 @@ def test_runs_never_measure_and_show_the_last_cost_or_say_how_to_get_one(study: 
     assert api.is_finished(study, tmp_path)
     api.cost(study, tmp_path, budget=6.0)  # renders the finished run's report again
     assert ASKED in report()
-    assert "a tenth of that costs" in report()
+    assert "a tenth of that: " in report()
     assert not (tmp_path / "report.pdf").exists()
     for name in ("report.html", "figures/cost.svg", "tables/cost_by_entry.csv"):
         (tmp_path / name).unlink()
@@ -85,9 +88,32 @@ def test_the_command_says_which_report_shows_it(study: Study, tmp_path: Path) ->
     found = CliRunner().invoke(app, ["cost", str(tmp_path / "small.yaml"), "--out", str(out), "--budget", "0.5"])
     assert found.exit_code == 0
     assert str(out / "cost.json") in found.output
-    assert "The report of the next `run` of this study shows it." in found.output
+    assert (
+        "The report of the next `run` of this study into this folder shows it, given the same options." in found.output
+    )
     assert not (out / "report.html").exists()
     assert not api.is_finished(study, out)
+
+
+def test_a_report_says_the_command_that_measures_its_cost_and_that_command_does(tmp_path: Path) -> None:
+    file, out = tmp_path / "small.yaml", tmp_path / "out"
+    file.write_text(api.starter("small"), encoding="utf-8")
+
+    def report() -> str:
+        return html.unescape((out / "report.html").read_text(encoding="utf-8"))
+
+    def invoke(*given: str) -> None:
+        found = CliRunner().invoke(app, [*given, "--quiet"])
+        assert found.exit_code == 0, found.output
+
+    invoke("run", str(file), "--tolerance", "10 %", "--set", "stereo.baseline=60 mm", "--out", str(out), "--no-pdf")
+    (said,) = set(re.findall(r"python -m tradestudy (cost STUDY [^<]*)<", report()))
+    assert said == "cost STUDY --set 'cameras.stereo.baseline=60 mm' --tolerance '10 %' --out DIR"
+    places = {"STUDY": str(file), "DIR": str(out)}
+    invoke("cost", str(file), "--out", str(out), "--budget", "0.5")  # as it stands: that of another study
+    assert ASKED not in report()
+    invoke(*(places.get(word, word) for word in shlex.split(said)), "--budget", "0.5")
+    assert ASKED in report()
 
 
 def test_a_cost_of_another_study_or_machine_is_not_shown(
@@ -142,7 +168,8 @@ def test_the_summary_says_what_the_table_says(study: Study, folder: Path) -> Non
 def test_the_chosen_way_is_the_one_that_depth_is_computed_by(study: Study, folder: Path) -> None:
     cost = stored.read_cost(folder, study.hash)
     assert cost is not None
-    assert cost["model"].values[cost["chosen"].values.astype(bool)].tolist() == ["closed form"]
+    assert cost["model"].values[cost["chosen"].values.astype(bool)].tolist() == ["linear in disparity, closed form"]
+    assert "what the table of effects calls calibration: linear" in str(cost["notes"].values[0])
     assert np.all(cost["relative_error"].values >= cost["typical_error"].values)
 
 
@@ -169,8 +196,8 @@ def test_where_nothing_is_usable_that_is_said(study: Study) -> None:
 def test_a_camera_that_is_usable_nowhere_is_left_out_and_named(study: Study) -> None:
     strict = study.with_values({"usable.relative_uncertainty": "0.5 %"})
     found = strict.cost(budget=2.0)
-    assert "stereo at up to" in str(found["says"].values[0])
-    assert "plenoptic: usable at no distance of the study" in str(found["left_out"].values[0])
+    assert "Stereo 300 mm base at up to" in str(found["says"].values[0])
+    assert "Plenoptic 25 mm: usable at no distance of the study" in str(found["left_out"].values[0])
 
 
 def test_depth_that_is_measured_nowhere_stands_beside_what_has_a_cost(study: Study) -> None:
@@ -198,7 +225,9 @@ def test_a_quantity_that_nothing_answers_has_no_panel(study: Study, folder: Path
     assert measured_quantities(answerless) == []
     assert cost_drawing(xr.DataTree.from_dict({"/cost": cost})).draw().svg()
     tree = xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": answerless})
-    (table,) = [block for block in cost_section(tree, {}) if isinstance(block, Table) and block.name.endswith("-table")]
+    (table,) = [
+        block for block in cost_section(tree, {}, {}) if isinstance(block, Table) and block.name.endswith("-table")
+    ]
     assert {row[1] for row in table.rows} == {"no answer"}
 
 
@@ -224,6 +253,6 @@ def test_what_is_timed_once_is_said_to_be(study: Study, monkeypatch: pytest.Monk
     assert set(found["repeats"].values) == {1}
     tree = xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": found})
     table = next(
-        block for block in cost_section(tree, {}) if isinstance(block, Table) and block.name.endswith("-table")
+        block for block in cost_section(tree, {}, {}) if isinstance(block, Table) and block.name.endswith("-table")
     )
     assert {row[5] for row in table.rows} == {"once"}

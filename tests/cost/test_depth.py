@@ -36,7 +36,7 @@ def stereo(distance: FloatArray = DISTANCE) -> Case:
 
     normal = Normal(mean=0.0, standard_deviation=SPREAD)
     sources = Sources(groups=(Source(name="e", distribution=normal, error_class=ErrorClass.RIG),))
-    return Case(name="s", model=model, sources=sources, distance=distance, closed_form=None)  # type: ignore[arg-type]
+    return Case(name="s", title="S", model=model, sources=sources, distance=distance, closed_form=None)  # type: ignore[arg-type]
 
 
 def exact_half_width() -> FloatArray:
@@ -136,7 +136,7 @@ def test_places_without_a_far_end_are_left_out_and_counted(
     assert bool(found.entries) == (endless == 1)
     assert all(math.isfinite(entry.error) for entry in found.entries)
     # At 2 m r = s Z/f B = 3.75 % of the distance, and half of 1/(1 − r) − 1/(1 + r) is r/(1 − r²).
-    said = [f"What a run takes, {LINEAR}, errs most for s at 2 m, where the uncertainty is 3.76 % of the distance."]
+    said = [f"What a run takes, {LINEAR}, errs most for S at 2 m, where the uncertainty is 3.76 % of the distance."]
     assert [note for note in found.notes if "errs most" in note] == said * bool(found.entries)
 
 

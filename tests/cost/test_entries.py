@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 
-import pytest
-
 from tradestudy.cost.entries import (
     Entry,
     Measured,
+    a_tenth_of_what_is_asked,
+    cheapest_within,
+    most_accurate,
     next_digit,
     on_frontier,
-    seconds_for,
-    seconds_for_a_tenth_of_what_is_asked,
 )
 
 
@@ -62,65 +61,109 @@ def test_no_number_is_never_on_it() -> None:
     assert on_frontier([math.nan, 1e-2], [1e-3, 1.0], 0.0).tolist() == [False, True]
 
 
-def test_seconds_lie_between_entries_in_logarithms() -> None:
-    frontier = [(1e-1, 1.0), (1e-3, 100.0)]
-    assert seconds_for(1e-2, frontier) == pytest.approx(10.0, rel=1e-12)
-    assert seconds_for(1e-1 * 10**-0.5, frontier) == pytest.approx(10**0.5, rel=1e-12)
-    assert seconds_for(1e-3, frontier) == pytest.approx(100.0, rel=1e-12)
+def test_the_cheapest_within_an_error_is_an_entry_and_nothing_between_two() -> None:
+    """Closed form and quadrature of the headline study: what lies between them on a log-log line cannot be had."""
+    table = measured(entry("closed form", 1e-5, 840e-6, chosen=True), entry("quadrature", 1e-10, 57e-3), floor=0.0)
+    for error in (9.9e-6, 1e-6, 1e-10):
+        found = cheapest_within(table, error)
+        assert found is not None
+        assert (found.model, found.seconds) == ("quadrature", 57e-3)
+    quick = cheapest_within(table, 1e-5)
+    assert quick is not None
+    assert quick.model == "closed form"
+    assert cheapest_within(table, 9e-11) is None
 
 
-def test_a_loose_error_costs_what_the_cheapest_costs_and_a_tight_one_cannot_be_had() -> None:
-    frontier = [(1e-1, 1.0), (1e-3, 100.0)]
-    assert seconds_for(0.5, frontier) == 1.0
-    assert seconds_for(9e-4, frontier) == math.inf
+def test_of_those_within_an_error_the_one_that_takes_least_counts_not_the_nearest() -> None:
+    table = measured(entry("near", 9e-4, 5.0), entry("dear", 1e-4, 9.0), entry("cheap", 1e-6, 2.0))
+    found = cheapest_within(table, 1e-3)
+    assert found is not None
+    assert found.model == "cheap"
 
 
-def test_an_exact_entry_is_there_or_not() -> None:
-    assert seconds_for(1e-7, [(1e-1, 1.0), (0.0, 7.0)]) == 7.0
+def test_no_entry_is_within_less_than_the_reference_can_tell() -> None:
+    table = measured(entry("a", 1e-8, 1.0), floor=1e-5)
+    assert cheapest_within(table, 1e-5) is not None
+    assert cheapest_within(table, 9e-6) is None
 
 
-def test_the_next_digit_follows_the_frontier_and_not_the_model() -> None:
+def test_an_exact_entry_is_within_any_error_and_no_answer_within_none() -> None:
+    table = measured(entry("line", 1e-1, 1.0), entry("nothing", math.inf, 0.1), entry("exact", 0.0, 7.0), floor=0.0)
+    found, loose = cheapest_within(table, 1e-7), cheapest_within(table, math.inf)
+    assert found is not None
+    assert found.model == "exact"
+    assert loose is not None
+    assert loose.model == "line"
+    assert cheapest_within(measured(), 1.0) is None
+
+
+def test_the_next_digit_is_the_cheapest_of_any_model() -> None:
     found = next_digit(
         measured(
             entry("slow", 1e-2, 50.0, chosen=True),
             entry("slow", 1e-3, 5000.0),
             entry("quick", 1e-1, 1.0),
-            entry("quick", 1e-3, 30.0),
+            entry("quick", 1e-4, 60.0),
         )
     )
     assert found is not None
-    assert (found.error, found.seconds, found.wanted) == (1e-2, 50.0, 1e-3)
-    assert found.needed == pytest.approx(30.0, rel=1e-9)
-    assert (found.best, found.best_seconds) == (1e-3, 30.0)
+    assert found.found is not None
+    assert (found.own.error, found.own.seconds, found.wanted) == (1e-2, 50.0, 1e-3)
+    assert (found.found.model, found.found.error, found.found.seconds) == ("quick", 1e-4, 60.0)
+    assert found.quicker is None
+
+
+def test_what_errs_less_in_no_more_time_is_found() -> None:
+    found = next_digit(
+        measured(
+            entry("own", 1e-2, 50.0, chosen=True),
+            entry("a", 8e-3, 1.0),
+            entry("b", 5e-3, 50.0),
+            entry("c", 1e-5, 50.1),
+        )
+    )
+    assert found is not None
+    assert found.quicker is not None
+    assert found.quicker.model == "b"
+
+
+def test_what_the_reference_cannot_tell_from_the_choice_does_not_err_less() -> None:
+    found = next_digit(measured(entry("own", 1e-4, 5.0, chosen=True), entry("a", 1e-6, 1.0), floor=1e-3))
+    assert found is not None
+    assert found.quicker is None
 
 
 def test_the_next_digit_of_what_is_best_already_cannot_be_had() -> None:
-    found = next_digit(measured(entry("a", 1e-2, 1.0), entry("b", 1e-3, 2.0, chosen=True)))
+    table = measured(entry("a", 1e-2, 1.0), entry("b", 1e-3, 2.0, chosen=True))
+    found, best = next_digit(table), most_accurate(table)
     assert found is not None
-    assert math.isinf(found.needed)
-    assert not found.below_reference
+    assert found.found is None
+    assert best is found.own
 
 
-def test_a_digit_below_the_reference_is_said_to_be() -> None:
-    found = next_digit(measured(entry("a", 1e-4, 1.0, chosen=True), floor=5e-5))
+def test_a_digit_below_the_reference_cannot_be_had() -> None:
+    found = next_digit(measured(entry("a", 1e-4, 1.0, chosen=True), entry("b", 1e-9, 2.0), floor=5e-5))
     assert found is not None
-    assert found.below_reference
+    assert found.found is None
 
 
 def test_of_several_choices_the_most_accurate_counts() -> None:
     found = next_digit(measured(entry("a", 1e-1, 1.0, chosen=True), entry("b", 1e-2, 2.0, chosen=True)))
     assert found is not None
-    assert found.error == 1e-2
+    assert found.own.error == 1e-2
 
 
 def test_without_a_choice_there_is_no_next_digit() -> None:
     assert next_digit(measured(entry("a", 1e-1, 1.0))) is None
+    assert most_accurate(measured()) is None
 
 
-def test_a_tenth_of_what_is_asked_lies_along_the_frontier_too() -> None:
+def test_a_tenth_of_what_is_asked_is_an_entry_too() -> None:
     entries = entry("a", 1e-2, 1.0, chosen=True), entry("a", 1e-4, 100.0)
-    assert seconds_for_a_tenth_of_what_is_asked(measured(*entries, asked=1e-2)) == pytest.approx(10.0, rel=1e-9)
-    assert math.isinf(seconds_for_a_tenth_of_what_is_asked(measured(*entries, asked=1e-4)))
-    assert math.isinf(seconds_for_a_tenth_of_what_is_asked(measured(*entries, asked=1e-2, floor=2e-3)))
-    assert math.isnan(seconds_for_a_tenth_of_what_is_asked(measured(*entries)))
-    assert math.isnan(seconds_for_a_tenth_of_what_is_asked(measured(asked=1e-2)))
+    found = a_tenth_of_what_is_asked(measured(*entries, asked=1e-2))
+    assert found is not None
+    assert found.seconds == 100.0
+    assert a_tenth_of_what_is_asked(measured(*entries, asked=1e-4)) is None
+    assert a_tenth_of_what_is_asked(measured(*entries, asked=1e-2, floor=2e-3)) is None
+    assert a_tenth_of_what_is_asked(measured(*entries)) is None
+    assert a_tenth_of_what_is_asked(measured(asked=1e-2)) is None

@@ -35,7 +35,9 @@ def sources(**laws: Distribution) -> Sources:
 
 
 def case(model: Model, **laws: Distribution) -> Case:
-    return Case(name="c", model=model, sources=sources(**laws), distance=1.0 / INVERSE_DEPTH, closed_form=None)
+    return Case(
+        name="c", title="C", model=model, sources=sources(**laws), distance=1.0 / INVERSE_DEPTH, closed_form=None
+    )
 
 
 def product(values: dict[str, FloatArray]) -> Outcome:

@@ -14,7 +14,7 @@ import tradestudy
 from tradestudy.cameras.focus import SharpRange
 from tradestudy.cost import measuring, spot
 from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
-from tradestudy.cost.entries import Entry, Measured, seconds_for_a_tenth_of_what_is_asked
+from tradestudy.cost.entries import Entry, Measured, a_tenth_of_what_is_asked
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.pace import Pace
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
@@ -193,7 +193,9 @@ def test_the_spot_is_measured_a_digit_beyond_the_study_against_something_finer(m
         "tolerance 1 %": pytest.approx(0.0095, rel=1e-2),
         "tolerance 10 %": pytest.approx(0.0995, rel=1e-2),
     }
-    assert math.isfinite(seconds_for_a_tenth_of_what_is_asked(found))
+    tenth = a_tenth_of_what_is_asked(found)
+    assert tenth is not None
+    assert tenth.words == "Kirchhoff, tolerance 0.1 %"
     (note,) = found.notes
     assert "differs from the reference by 0.95 %; at tolerance 0.1 % it took" in note
 
@@ -203,7 +205,7 @@ def test_less_time_gives_a_coarser_reference_and_says_what_is_missing(monkeypatc
     found = measured_spot(3.0)
     assert found.reference_error == 0.005
     assert any("tolerance 0.1 %: the reference is no finer" in line for line in found.left_out)
-    assert math.isinf(seconds_for_a_tenth_of_what_is_asked(found))
+    assert a_tenth_of_what_is_asked(found) is None
     found = measured_spot(0.15)
     assert found.entries == ()
     assert "a reference at 10 %" in found.left_out[0]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -13,6 +14,7 @@ from tradestudy.cost.depth import propagation_cost
 from tradestudy.cost.draws_saved import SOBOL
 from tradestudy.cost.entries import Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.calibration.cameras import UncertainCameras
 from tradestudy.study.calibration.propagation import sampling_of
 from tradestudy.study.calibration.uncertain_camera import UncertainCamera
@@ -27,7 +29,11 @@ _UNBOUNDED: Final = (
 
 
 def calibration_cost(
-    part: CalibrationStudyPart, uncertain: UncertainCameras, allowance: Allowance, progress: Progress
+    part: CalibrationStudyPart,
+    uncertain: UncertainCameras,
+    titles: Mapping[str, str],
+    allowance: Allowance,
+    progress: Progress,
 ) -> Measured:
     """Cost of the depth uncertainty of every camera of the calibration part, on the axis, noise and calibration.
 
@@ -35,7 +41,7 @@ def calibration_cost(
     """
     places = np.array(part.distance_values())
     wanted = places[np.unique(np.linspace(0, places.size - 1, min(MOST_PLACES, places.size)).astype(int))]
-    found = {name: _case(camera, wanted) for name, camera in uncertain.cameras.items()}
+    found = {name: _case(camera, titles[name], wanted) for name, camera in uncertain.cameras.items()}
     cases = [case for case in found.values() if case is not None]
     name, title = "calibrated_depth_uncertainty", "Depth uncertainty with all calibration errors"
     says = (
@@ -57,11 +63,11 @@ def calibration_cost(
         asked=part.accuracy,
         more=((SOBOL, f"until {100.0 * part.accuracy:g} %", rule),),
     )
-    unbounded = tuple(f"{one}: {_UNBOUNDED}" for one, case in found.items() if case is None)
+    unbounded = tuple(f"{titles[one]}: {_UNBOUNDED}" for one, case in found.items() if case is None)
     return replace(measured, left_out=(*unbounded, *measured.left_out))
 
 
-def _case(camera: UncertainCamera, places: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> Case | None:
+def _case(camera: UncertainCamera, title: str, places: FloatArray) -> Case | None:
     """The camera where its interval is bounded: a line in inverse depth, three deviations to infinity, tells."""
     if camera.sources.covariance() is None:
         return None
@@ -74,5 +80,10 @@ def _case(camera: UncertainCamera, places: np.ndarray[tuple[int, ...], np.dtype[
     if seen.size == 0 or not math.isfinite(float(seen[0])):
         return None
     return Case(
-        name=camera.name, model=camera.model(seen, 0.0), sources=camera.sources, distance=seen, closed_form=None
+        name=camera.name,
+        title=title,
+        model=camera.model(seen, 0.0),
+        sources=camera.sources,
+        distance=seen,
+        closed_form=None,
     )

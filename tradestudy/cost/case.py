@@ -16,8 +16,8 @@ class Case:
 
     Parameters
     ----------
-    name
-        Its key in the study.
+    name, title
+        Its key in the study, from which draws take their seed, and its name in words.
     model, sources
         Its exact model of inverse depth, and what is uncertain.
     distance
@@ -27,6 +27,7 @@ class Case:
     """
 
     name: str
+    title: str
     model: Model
     sources: Sources
     distance: FloatArray

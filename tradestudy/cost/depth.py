@@ -17,6 +17,7 @@ from tradestudy.cost.draws_saved import PLAIN, SOBOL, gain
 from tradestudy.cost.entries import NOWHERE_USABLE, Entry, Measured, nothing_measured
 from tradestudy.cost.interval_quadrature import half_width
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
+from tradestudy.effects.calibration import LINEAR as EFFECT_LINEAR
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
@@ -44,9 +45,11 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
     cameras = definition.case.cameras
     cases = [case for name, camera in cameras.items() for case in _declared(definition, name, camera)]
     name, title = "depth_uncertainty", "Depth uncertainty"
+    titles = {camera: definition.file.cameras[camera].title for camera in cameras}
     usable = [case.name for case in cases]
     says = (
-        f"Half the central 68.27 % interval of depth of {', '.join(usable or cameras)} at up to {MOST_PLACES} "
+        "Half the central 68.27 % interval of depth of "
+        f"{', '.join(titles[camera] for camera in usable or cameras)} at up to {MOST_PLACES} "
         "distances each where they are usable: seconds for all of them together, relative error at the worst."
     )
     if not cases:
@@ -58,18 +61,28 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
         name=name,
         title=title,
         says=says,
-        chosen=CLOSED_FORM,
+        chosen=IN_DISPARITY,
         asked=definition.file.accuracy.wanted().relative["depth_uncertainty"],
     )
-    unusable = tuple(f"{one}: usable at no distance of the study" for one in cameras if one not in usable)
-    return replace(measured, left_out=(*unusable, *measured.left_out))
+    unusable = tuple(f"{titles[one]}: usable at no distance of the study" for one in cameras if one not in usable)
+    return replace(
+        measured,
+        left_out=(*unusable, *measured.left_out),
+        notes=(_WHICH_IS_LINEAR, *measured.notes) if measured.entries else measured.notes,
+    )
 
 
-CLOSED_FORM: Final = "closed form"
+IN_DISPARITY: Final = "linear in disparity, closed form"
 LINEAR, INVERSE = "linear in depth", "linear in inverse depth"
+_WHICH_IS_LINEAR: Final = (
+    f"What a run takes, {IN_DISPARITY}, is what the table of effects calls calibration: {EFFECT_LINEAR}. All errors "
+    "that act are added up as errors of disparity, with their distributions, and the ends of the interval are mapped "
+    f"to depth. {LINEAR.capitalize()} and {INVERSE} are other models, which no run takes for this: lines by difference "
+    "quotients of the exact model, one standard deviation wide, in depth itself or in its inverse."
+)
 QUADRATURE: Final = "quadrature"
 _NODES: Final = {1: "steepest direction alone", 3: "3 nodes per dimension", 5: "5 nodes per dimension"}
-_ORDER: Final = (LINEAR, INVERSE, CLOSED_FORM, QUADRATURE, SOBOL, PLAIN)
+_ORDER: Final = (LINEAR, INVERSE, IN_DISPARITY, QUADRATURE, SOBOL, PLAIN)
 
 
 def propagation_cost(
@@ -136,7 +149,7 @@ def propagation_cost(
         except OutOfRangeError as error:
             left_out.append(f"{model}: {error}")
             continue
-        evaluations = sum(2 * case.sources.dimensions + 1 for case in cases) if model != CLOSED_FORM else math.nan
+        evaluations = sum(2 * case.sources.dimensions + 1 for case in cases) if model != IN_DISPARITY else math.nan
         entries.append(_entry(model, "", evaluations, timed, reference, chosen=model == chosen))
         if model == chosen:
             notes.append(_where_worst(cases, model, timed, reference))
@@ -237,6 +250,7 @@ def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> It
 
     yield Case(
         name=name,
+        title=definition.file.cameras[name].title,
         model=model,
         sources=Sources(groups=tuple(sources)),
         distance=distance,
@@ -256,7 +270,7 @@ def _analytic(cases: Sequence[Case]) -> Iterator[tuple[str, Callable[[int], Floa
     yield INVERSE, lambda _run: _joined(mapped(case) for case in cases)
     closed = [case.closed_form for case in cases if case.closed_form is not None]
     if len(closed) == len(cases):
-        yield CLOSED_FORM, lambda _run: _joined(one() for one in closed)
+        yield IN_DISPARITY, lambda _run: _joined(one() for one in closed)
 
 
 def _joined(parts: Iterator[FloatArray]) -> FloatArray:
@@ -320,10 +334,10 @@ def _errors(timed: Timed[FloatArray], reference: FloatArray) -> FloatArray:
 
 def _where_worst(cases: Sequence[Case], words: str, timed: Timed[FloatArray], reference: FloatArray) -> str:
     """Where what is chosen errs most, and how uncertain depth is there."""
-    places = [(case.name, float(distance)) for case in cases for distance in case.distance]
+    places = [(case.title, float(distance)) for case in cases for distance in case.distance]
     worst = int(np.nanargmax(_errors(timed, reference)))
-    name, distance = places[worst]
+    title, distance = places[worst]
     return (
-        f"What a run takes, {words}, errs most for {name} at {pretty(distance, LENGTH)}, where the uncertainty is "
+        f"What a run takes, {words}, errs most for {title} at {pretty(distance, LENGTH)}, where the uncertainty is "
         f"{pretty(float(reference[worst]) / distance, FRACTION)} of the distance."
     )

@@ -12,6 +12,8 @@ import numpy as np
 from tradestudy.optics.arrays import BoolArray
 
 NEXT_FACTOR: Final = 10.0
+DIGITS: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+_ROUNDING: Final = 1e-12  # of an error that is divided by that factor
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,6 +50,11 @@ class Entry:
     peak_memory: float
     repeats: int
     chosen: bool = False
+
+    @property
+    def words(self) -> str:
+        """Model and setting."""
+        return ", ".join(filter(None, (self.model, self.setting)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +94,10 @@ class Measured:
     notes: tuple[str, ...] = ()
     asked: float = math.nan
 
+    def told(self, entry: Entry) -> float:
+        """The smallest error that an entry can be said to have: its own, or that of the reference if it is larger."""
+        return max(entry.error, self.reference_error)
+
 
 def on_frontier(errors: Sequence[float], seconds: Sequence[float], floor: float) -> BoolArray:
     """Which entries no other beats: as small an error in as little time, and less of one.
@@ -107,83 +118,66 @@ def on_frontier(errors: Sequence[float], seconds: Sequence[float], floor: float)
 
 @dataclass(frozen=True, kw_only=True)
 class NextDigit:
-    """What a tenth of an error costs.
+    """What a tenth of an error costs, by what was measured and by nothing in between.
 
     Parameters
     ----------
-    error, seconds
-        Of what is chosen.
+    own
+        What is chosen.
     wanted
-        A tenth of that error.
-    needed
-        Seconds along the frontier [s]; infinite where nothing measured is that accurate.
-    best, best_seconds
-        The smallest error on the frontier and its time.
-    below_reference
-        Whether the wanted error is below that of the reference, so that nobody can tell.
+        A tenth of its error.
+    found
+        The cheapest entry that errs by at most that; None where nothing measured does.
+    quicker
+        The entry that errs least of those that take no more time than what is chosen and err less; None for none.
     """
 
-    error: float
-    seconds: float
+    own: Entry
     wanted: float
-    needed: float
-    best: float
-    best_seconds: float
-    below_reference: bool
+    found: Entry | None
+    quicker: Entry | None
 
 
-def seconds_for(error: float, frontier: Sequence[tuple[float, float]]) -> float:
-    """Seconds that an error costs along a frontier of (error, seconds), log–log between its entries.
+def cheapest_within(measured: Measured, error: float) -> Entry | None:
+    """The entry that takes least of those that err by at most so much; None where nothing measured does.
 
-    The seconds of its cheapest entry where the error is larger than all, infinite where it is smaller than all.
+    No entry errs by less than the reference, as far as anybody can tell. Nothing is read between entries: two models
+    have nothing between them that could be had, and of one model only what was measured is known.
     """
-    falling = sorted(frontier, reverse=True)
-    errors, seconds = (np.array(column, dtype=np.float64) for column in zip(*falling, strict=True))
-    if error >= errors[0]:
-        return float(seconds[0])
-    if error < errors[-1] * (1.0 - 1e-12):
-        return math.inf
-    if errors[-1] <= 0.0:  # an exact entry is as far away as any: it is there or it is not
-        first = int(np.argmax(errors <= error))
-        return float(seconds[first])
-    place = np.interp(-math.log(error), -np.log(errors), np.log(seconds))
-    return float(math.exp(place))
+    within = [entry for entry in _answers(measured) if measured.told(entry) <= error * (1.0 + _ROUNDING)]
+    return min(within, key=lambda entry: (entry.seconds, entry.error), default=None)
+
+
+def most_accurate(measured: Measured, entries: Sequence[Entry] | None = None) -> Entry | None:
+    """The one of some entries, else of all, that errs least, of equals the quickest; None where none has an answer."""
+    among = _answers(measured) if entries is None else entries
+    return min(among, key=lambda entry: (measured.told(entry), entry.seconds), default=None)
 
 
 def next_digit(measured: Measured) -> NextDigit | None:
     """What a tenth of the error of the most accurate chosen entry costs; None where nothing is chosen."""
-    chosen = [entry for entry in measured.entries if entry.chosen and math.isfinite(entry.error)]
-    if not chosen:
+    answers = _answers(measured)
+    own = most_accurate(measured, [entry for entry in answers if entry.chosen])
+    if own is None:
         return None
-    floor = measured.reference_error
-    own = min(chosen, key=lambda entry: (max(entry.error, floor), entry.seconds))
-    frontier = _frontier(measured)
-    best, best_seconds = min(frontier)
-    wanted = max(own.error, floor) / NEXT_FACTOR
+    error, wanted = measured.told(own), measured.told(own) / NEXT_FACTOR
+    better = [entry for entry in answers if entry.seconds <= own.seconds and measured.told(entry) < error]
     return NextDigit(
-        error=own.error,
-        seconds=own.seconds,
+        own=own,
         wanted=wanted,
-        needed=seconds_for(wanted, frontier),
-        best=best,
-        best_seconds=best_seconds,
-        below_reference=wanted < floor,
+        found=cheapest_within(measured, wanted),
+        quicker=most_accurate(measured, better),
     )
 
 
-def seconds_for_a_tenth_of_what_is_asked(measured: Measured) -> float:
-    """Seconds along the frontier; infinite where nothing measured is that accurate, NaN where nothing is asked."""
-    frontier = _frontier(measured)
-    if math.isnan(measured.asked) or not frontier:
-        return math.nan
-    return seconds_for(measured.asked / NEXT_FACTOR, frontier)
+def a_tenth_of_what_is_asked(measured: Measured) -> Entry | None:
+    """The cheapest entry within a tenth of what the study asks for; None where nothing is, or nothing is asked."""
+    return None if math.isnan(measured.asked) else cheapest_within(measured, measured.asked / NEXT_FACTOR)
 
 
-def _frontier(measured: Measured) -> list[tuple[float, float]]:
-    """Errors, none below that of the reference, and seconds of the entries that nothing beats."""
-    floor, entries = measured.reference_error, measured.entries
-    kept = on_frontier([e.error for e in entries], [e.seconds for e in entries], floor) if entries else ()
-    return [(max(entry.error, floor), entry.seconds) for entry, on in zip(entries, kept, strict=True) if on]
+def _answers(measured: Measured) -> list[Entry]:
+    """The entries whose errors are numbers."""
+    return [entry for entry in measured.entries if math.isfinite(entry.error)]
 
 
 NOWHERE_USABLE: Final = "everything: usable at no distance of the study; other distances or looser limits measure it"

@@ -90,7 +90,7 @@ def picture_cost(
     progress(step, 0.0)
     title = f"Picture models: {situation.title}"
     says = (
-        f"Depth uncertainty of {situation.name} at {places.size} distances where it is usable, its disparity error "
+        f"Depth uncertainty of {situation.title} at {places.size} distances where it is usable, its disparity error "
         "derived anew: seconds for all of them, relative error at the worst. Settings name what is simpler than the "
         "most complete models."
     )

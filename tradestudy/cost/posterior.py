@@ -65,7 +65,8 @@ def posterior_cost(
     progress(step, 0.0)
     target = part.cameras[camera.name].target
     assert target is not None  # the caller's promise
-    title = f"Posterior of {camera.name}"
+    words = definition.file.cameras[camera.name].title
+    title = f"Posterior of {words}"
     fewest, most = _REFERENCE_RUNS
     if not allowance.allows((fewest + 1) * inferring):
         progress(step, 1.0)
@@ -74,7 +75,7 @@ def posterior_cost(
             f"{significant((fewest + 1) * inferring, 2)} s, {significant(max(allowance.left, 0.0), 2)} s are left; a "
             "larger --budget measures them"
         )
-        says = f"Half the central 68.27 % interval of depth of {camera.name} by a calibration inferred from its target."
+        says = f"Half the central 68.27 % interval of depth of {words} by a calibration inferred from its target."
         return nothing_measured("posterior", title, says, why)
     problem = _problem(definition, part, camera.name, target)
     width = partial(_half_width, camera, np.array(part.distance_values())[:: _stride(len(part.distance_values()))])
@@ -121,7 +122,7 @@ def posterior_cost(
     return Measured(
         name="posterior",
         title=title,
-        says=f"Half the central 68.27 % interval of depth of {camera.name} on the axis at {int(seen.sum())} distances "
+        says=f"Half the central 68.27 % interval of depth of {words} on the axis at {int(seen.sum())} distances "
         "by a calibration inferred from its target: seconds of fit, chains and propagation, relative error at the "
         "worst.",
         reference=f"mean of {len(widths)} posteriors by emcee, each until converged, of seeds of their own",

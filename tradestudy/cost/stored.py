@@ -52,9 +52,10 @@ def read_cost(directory: Path, study_hash: str) -> xr.Dataset | None:
 def _summary(cost: xr.Dataset) -> dict[str, Any]:
     """Entries as rows, and what they are of."""
     names = [str(name) for name, array in cost.data_vars.items() if array.dims == ("entry",)]
-    quantities = [str(name) for name, array in cost.data_vars.items() if array.dims == ("cost_quantity",)]
+    quantities = [str(name) for name, array in cost.data_vars.items() if array.dims[:1] == ("cost_quantity",)]
     return {
         **{key: _plain(value) for key, value in cost.attrs.items()},
+        "digit": _plain(cost["digit"].values),
         "quantities": {
             str(key): {name: _plain(cost[name].values[row]) for name in quantities}
             for row, key in enumerate(cost["cost_quantity"].values)
@@ -65,6 +66,8 @@ def _summary(cost: xr.Dataset) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """A value as JSON can hold it: no infinity, no NaN."""
+    if isinstance(value, np.ndarray):
+        return [_plain(one) for one in value]
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float) and not math.isfinite(value):

@@ -6,7 +6,7 @@ import json
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from datetime import UTC, datetime
 from functools import partial
 from typing import Any, Final
@@ -20,11 +20,15 @@ from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.cost.depth import depth_cost
 from tradestudy.cost.depth_of_field import depth_of_field_cost
 from tradestudy.cost.entries import (
+    DIGITS,
     NOWHERE_USABLE,
+    Entry,
     Measured,
+    a_tenth_of_what_is_asked,
+    cheapest_within,
+    most_accurate,
     next_digit,
     on_frontier,
-    seconds_for_a_tenth_of_what_is_asked,
 )
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.pace import Pace
@@ -133,7 +137,8 @@ def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Ite
         uncertain = uncertain_cameras(definition, calibration, Steps(progress=progress))
         inferring = time.perf_counter() - begin
         shown = [name for name, camera in calibration.cameras.items() if camera.target is not None]
-        yield lambda allowance: calibration_cost(calibration, uncertain, allowance, progress)
+        titles = {name: camera.title for name, camera in file.cameras.items()}
+        yield lambda allowance: calibration_cost(calibration, uncertain, titles, allowance, progress)
         if shown:  # one stands for all: each is a posterior of a dozen parameters and takes as long
             camera = uncertain.cameras[shown[0]]
             inferred = sum(one.target is not None or one.corners is not None for one in calibration.cameras.values())
@@ -170,10 +175,7 @@ def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:
         if one.entries
     ]
     digits = [next_digit(measured) for measured in found]
-
-    def of_digit(name: str) -> list[float]:
-        return [math.nan if digit is None else float(getattr(digit, name)) for digit in digits]
-
+    within = [cheapest_within(measured, error) for measured in found for error in DIGITS]
     values: dict[str, Any] = {
         "quantity": [measured.name for measured, _ in entries],
         **{name: [getattr(entry, own) for _, entry in entries] for name, own in _ENTRY_FIELDS.items()},
@@ -185,19 +187,19 @@ def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:
         "reference_seconds": [measured.reference_seconds for measured in found],
         "left_out": ["\n".join(measured.left_out) for measured in found],
         "notes": ["\n".join(measured.notes) for measured in found],
-        "chosen_error": of_digit("error"),
-        "chosen_seconds": of_digit("seconds"),
-        "next_error": of_digit("wanted"),
-        "next_seconds": of_digit("needed"),
-        "best_error": of_digit("best"),
-        "best_seconds": of_digit("best_seconds"),
+        **_told("chosen", [None if digit is None else digit.own for digit in digits]),
+        "next_wanted": [math.nan if digit is None else digit.wanted for digit in digits],
+        **_told("next", [None if digit is None else digit.found for digit in digits]),
+        **_told("quicker", [None if digit is None else digit.quicker for digit in digits]),
+        **_told("best", [most_accurate(measured) for measured in found]),
         "asked_error": [measured.asked for measured in found],
-        "asked_tenth_seconds": [seconds_for_a_tenth_of_what_is_asked(measured) for measured in found],
+        **_told("asked_tenth", [a_tenth_of_what_is_asked(measured) for measured in found]),
+        **{name: np.reshape(of, (len(found), len(DIGITS))) for name, of in _told("digit", within).items()},
     }
     return dataset(
         "cost",
         values,
-        {"cost_quantity": [measured.name for measured in found]},
+        {"cost_quantity": [measured.name for measured in found], "digit": list(DIGITS)},
         attributes={
             "machine": json.dumps(machine.identity(), sort_keys=True),
             "measured": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -206,6 +208,15 @@ def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:
             "code_hash": provenance.code_hash(),
         },
     )
+
+
+def _told(name: str, entries: Sequence[Entry | None]) -> dict[str, list[Any]]:
+    """Words, error and seconds of entries, as the results hold them."""
+    return {
+        f"{name}_entry": ["" if entry is None else entry.words for entry in entries],
+        f"{name}_error": [math.nan if entry is None else entry.error for entry in entries],
+        f"{name}_seconds": [math.nan if entry is None else entry.seconds for entry in entries],
+    }
 
 
 def _load() -> float:

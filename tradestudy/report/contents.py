@@ -68,7 +68,7 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from fresnel_validity(tree, drawings)
     yield from light_spot(tree, run, drawings)
     yield from hard_cases(tree, drawings)
-    yield from cost(tree, drawings)
+    yield from cost(tree, run, drawings)
     yield from claims(tree)
     yield from requirements(tree)
     yield from contradictions(tree)

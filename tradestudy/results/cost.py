@@ -16,6 +16,15 @@ def _words(dims: tuple[str, ...], long_name: str) -> Variable:
     return Variable(dims=dims, units="", long_name=long_name)
 
 
+def _entry_of(name: str, what: str, *, none: str, dims: tuple[str, ...] = _QUANTITY) -> dict[str, Variable]:
+    """One of the entries by its words, its error and its time."""
+    return {
+        f"{name}_entry": _words(dims, f"model and setting of {what}; empty {none}"),
+        f"{name}_error": Variable(dims=dims, units="1", long_name=f"its error; NaN {none}", error="as relative_error"),
+        f"{name}_seconds": Variable(dims=dims, units="s", long_name=f"its time; NaN {none}", error=_SCATTER),
+    }
+
+
 COST: Final[Mapping[str, Variable]] = {
     "quantity": _words(_ENTRY, "what is computed, by its name in cost_quantity"),
     "model": _words(_ENTRY, "model, in words"),
@@ -73,33 +82,31 @@ COST: Final[Mapping[str, Variable]] = {
     ),
     "left_out": _words(_QUANTITY, "what was not measured and why"),
     "notes": _words(_QUANTITY, "what else follows"),
-    "chosen_error": Variable(
-        dims=_QUANTITY,
-        units="1",
-        long_name="error of the most accurate of what a run of the study computes; NaN where it was not measured",
-        error="as relative_error",
+    **_entry_of(
+        "chosen",
+        "the most accurate of what a run of the study computes",
+        none="where none of it was measured",
     ),
-    "chosen_seconds": Variable(dims=_QUANTITY, units="s", long_name="its time", error=_SCATTER),
-    "next_error": Variable(dims=_QUANTITY, units="1", long_name="a tenth of that error", error="as relative_error"),
-    "next_seconds": Variable(
-        dims=_QUANTITY,
-        units="s",
-        long_name="time for a tenth of that error along the frontier, log–log between its entries; infinite where "
-        "nothing measured is that accurate",
-        error=_SCATTER,
+    "next_wanted": Variable(dims=_QUANTITY, units="1", long_name="a tenth of that error", error="as relative_error"),
+    **_entry_of("next", "the cheapest entry within a tenth of that error", none="where nothing measured is"),
+    **_entry_of(
+        "quicker",
+        "the most accurate of the entries that err less than what a run computes, in no more time",
+        none="where there is none",
     ),
-    "best_error": Variable(
-        dims=_QUANTITY, units="1", long_name="smallest error on the frontier", error="as relative_error"
-    ),
-    "best_seconds": Variable(dims=_QUANTITY, units="s", long_name="its time", error=_SCATTER),
+    **_entry_of("best", "the entry that errs least", none="where nothing was measured"),
     "asked_error": Variable(
         dims=_QUANTITY, units="1", long_name="relative error that the study asks for; NaN for none", error="declared"
     ),
-    "asked_tenth_seconds": Variable(
-        dims=_QUANTITY,
-        units="s",
-        long_name="time for a tenth of what the study asks for, along the frontier; infinite where nothing measured is "
-        "that accurate",
-        error=_SCATTER,
+    **_entry_of(
+        "asked_tenth",
+        "the cheapest entry within a tenth of what the study asks for",
+        none="where nothing measured is, or nothing is asked",
+    ),
+    **_entry_of(
+        "digit",
+        "the cheapest entry that errs by at most digit",
+        none="where nothing measured does",
+        dims=("cost_quantity", "digit"),
     ),
 }

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -32,10 +34,10 @@ if TYPE_CHECKING:
 
 _HAS_PRICES: Final = ("depth", "depth_of_field", "calibration", "images", "point_spread")
 _NO_ANSWER: Final = 10.0
-_LEVELS: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
+_WITHIN_DOUBLE_QUOTES: Final = frozenset('$`\\"!')  # what a shell reads there
 
 
-def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def cost(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the last measured cost of the study on this machine, or say how to measure it."""
     if not any(group in tree.children for group in _HAS_PRICES):
         return
@@ -43,14 +45,15 @@ def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     if not facts.has(tree, "cost", "relative_error"):
         yield Paragraph(
             say(
-                "Not measured on this machine for this study as it stands. `python -m tradestudy cost STUDY`, with the "
-                "same folder for its output, measures error against seconds for every model and setting; the next "
-                "report shows it here."
+                "Not measured on this machine for this study as it stands. `{command}` measures error against seconds "
+                "for every model and setting; STUDY is its file and DIR the folder of this report, and the next report "
+                "shows it here.",
+                command=_command(run, "--out", "DIR"),
             )
         )
         return
     data = facts.dataset(tree, "cost")
-    yield Callout(title="What would one more digit cost?", blocks=(Bullets(tuple(_answers(data))),), tone="answer")
+    yield Callout(title="What would one more digit cost?", blocks=(Bullets(tuple(_answers(data, run))),), tone="answer")
     yield Paragraph(_circumstances(data, str(tree.attrs.get("code_hash", ""))))
     if "cost" in drawings:
         drawing = drawings["cost"]
@@ -60,102 +63,145 @@ def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
         yield from _quantity(data, name)
 
 
-def _answers(data: xr.Dataset) -> Iterator[Spans]:
+def _command(run: Mapping[str, Any], *more: str) -> str:
+    """Measures what this run computes, set from outside as it was."""
+    return " ".join(["python -m tradestudy cost STUDY", *map(_in_a_shell, (*run.get("options", ()), *more))])
+
+
+def _in_a_shell(text: str) -> str:
+    """Quoted as a person would."""
+    apostrophes_alone = "'" in text and not _WITHIN_DOUBLE_QUOTES & set(text)
+    return f'"{text}"' if apostrophes_alone else shlex.quote(text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Found:
+    """One of the entries: its words, error and time, and the error below which the reference cannot tell."""
+
+    words: str
+    error: float
+    seconds: float
+    floor: float
+
+    @property
+    def least(self) -> str:
+        """Its error; at most that of the reference where that is all that can be told."""
+        return f"at most {_error(self.floor)}" if self.error < self.floor else _error(self.error)
+
+    @property
+    def told(self) -> float:
+        """The smallest error that it can be said to have."""
+        return max(self.error, self.floor)
+
+    @property
+    def took(self) -> str:
+        """Its time in words."""
+        return _duration(self.seconds)
+
+
+def _found(one: xr.Dataset, which: str) -> _Found | None:
+    """The entry of a quantity that results name so; None where there is none."""
+    words = str(one[f"{which}_entry"].item())
+    error, seconds = float(one[f"{which}_error"]), float(one[f"{which}_seconds"])
+    return _Found(words=words, error=error, seconds=seconds, floor=float(one["reference_error"])) if words else None
+
+
+def _answers(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
     for name in (str(key) for key in data["cost_quantity"].values):
-        one, entries = data.sel(cost_quantity=name), _entries(data, name)
-        if math.isfinite(float(one["chosen_seconds"])):
-            yield _answer(one)
-        elif measured := _best(entries):
-            yield _not_chosen(one, measured)
+        one = data.sel(cost_quantity=name)
+        if (own := _found(one, "chosen")) is not None:
+            yield _answer(one, own)
+        elif (best := _found(one, "best")) is not None:
+            yield _not_chosen(one, best)
         else:
             yield say(
                 "**{title}:** nothing was measured within the {budget} of this measurement. Left out: {why}. "
-                "`python -m tradestudy cost STUDY --budget SECONDS` allows more time.",
+                "`{command}` allows more time.",
                 title=str(one["title"].item()),
                 budget=_duration(float(data.attrs["budget"])),
                 why=str(one["left_out"].item()).replace("\n", "; "),
+                command=_command(run, "--out", "DIR", "--budget", "SECONDS"),
             )
 
 
-def _best(entries: xr.Dataset) -> tuple[str, float, float] | None:
-    """Words, error and seconds of the most accurate entry on the frontier."""
-    on = entries.isel(entry=np.flatnonzero(entries["frontier"].values & np.isfinite(entries["relative_error"].values)))
-    if not on.sizes["entry"]:
-        return None
-    best = on.isel(entry=int(np.argmin(on["relative_error"].values)))
-    return _words(best), float(best["relative_error"]), float(best["seconds"])
-
-
-def _words(entry: xr.Dataset) -> str:
-    return ", ".join(filter(None, (str(entry["model"].item()), str(entry["setting"].item()))))
-
-
-def _not_chosen(one: xr.Dataset, best: tuple[str, float, float]) -> Spans:
+def _not_chosen(one: xr.Dataset, best: _Found) -> Spans:
     """What was measured where a run's own model is not among it."""
-    words, error, seconds = best
     return say(
         "**{title}:** what a run computes is not among what was measured{why}; the best that was, {words}, errs by "
         "{error} in {seconds}.",
         title=str(one["title"].item()),
         why=" (see what is left out below; a larger --budget measures more)" if str(one["left_out"].item()) else "",
-        words=words,
-        error=_least(error, float(one["reference_error"])),
-        seconds=_duration(seconds),
+        words=best.words,
+        error=best.least,
+        seconds=best.took,
     )
 
 
-def _answer(one: xr.Dataset) -> Spans:
-    error, seconds = float(one["chosen_error"]), float(one["chosen_seconds"])
-    if error == 0.0:
+def _answer(one: xr.Dataset, own: _Found) -> Spans:
+    title = str(one["title"].item())
+    if own.error == own.floor == 0.0:
         return say(
-            "**{title}:** a run takes the most complete model that there is, in {seconds}; there is no digit to buy.",
-            title=str(one["title"].item()),
-            seconds=_duration(seconds),
+            "**{title}:** a run takes the most complete model that there is ({words}), in {seconds}; there is no digit "
+            "to buy.",
+            title=title,
+            words=own.words,
+            seconds=own.took,
         )
     return say(
-        "**{title}:** a run errs by {error} in {seconds}; {then}.",
-        title=str(one["title"].item()),
-        error=_least(error, float(one["reference_error"])),
-        seconds=_duration(seconds),
-        then=_digit(one, error, seconds),
+        "**{title}:** a run ({words}) errs by {error} in {seconds}; {then}.",
+        title=title,
+        words=own.words,
+        error=own.least,
+        seconds=own.took,
+        then="; ".join(_digit(one, own)),
     )
 
 
-def _digit(one: xr.Dataset, error: float, seconds: float) -> str:
-    """The price of a tenth of the error; where that is not measured, of a tenth of what the study asks for."""
-    needed, floor = float(one["next_seconds"]), float(one["reference_error"])
-    if math.isfinite(needed):
-        return _costs("a tenth of that", needed, seconds)
-    if float(one["next_error"]) < floor:
-        why = f"a tenth of that is less than the {_error(floor)} by which the reference may err"
+def _digit(one: xr.Dataset, own: _Found) -> Iterator[str]:
+    """The price of a tenth of the error; where nothing measured reaches it, what does come next, and why not that."""
+    found, quicker = _found(one, "next"), _found(one, "quicker")
+    if found is not None:
+        yield _costs("a tenth of that", found, own)
     else:
-        least, took = float(one["best_error"]), float(one["best_seconds"])
-        why = f"a tenth of that was not reached: the best measured errs by {_error(least)} in {_duration(took)}"
-    asked, tenth = float(one["asked_error"]), float(one["asked_tenth_seconds"])
-    if math.isfinite(tenth) and asked / 10.0 < error:
-        return f"{_costs(f'a tenth of the {_error(asked)} that the study asks for', tenth, seconds)}; {why}"
-    if (best := float(one["best_error"])) < error / 2.0:
-        took = float(one["best_seconds"])
-        return f"the best measured errs by {_error(best)} at most, and {_costs('that', took, seconds)}; {why}"
-    if float(one["next_error"]) < floor:
-        took, finer = float(one["reference_seconds"]), floor / float(one["next_error"])
-        return (
-            f"{why}, which itself took {_duration(took)}; where errors fall as the inverse of time, or of its root, it "
+        yield from _instead(one, own, quicker)
+    if quicker is not None and (found is None or found.words != quicker.words):
+        yield f"{quicker.words} errs less than that run, by {quicker.least}, and takes no more time, {quicker.took}"
+
+
+def _instead(one: xr.Dataset, own: _Found, quicker: _Found | None) -> Iterator[str]:
+    """Where a tenth of the error was not reached: a tenth of what the study asks for, or the best that was."""
+    best, wanted = _found(one, "best"), float(one["next_wanted"])
+    assert best is not None  # what is chosen was measured
+    asked, tenth = float(one["asked_error"]), _found(one, "asked_tenth")
+    better = best.told < own.told
+    if tenth is not None and asked / 10.0 < own.told:
+        better = True
+        yield _costs(f"a tenth of the {_error(asked)} that the study asks for", tenth, own)
+    elif better and (quicker is None or quicker.words != best.words):
+        yield f"the best measured errs by {best.least}: {_price(best, own)}"
+    if wanted >= own.floor:
+        more = "; a larger --budget measures what is left out below" if str(one["left_out"].item()) else ""
+        yield f"a tenth of that run's error was not reached{'' if better else ', and nothing measured errs less'}{more}"
+        return
+    why = f"a tenth of that run's error is less than the {_error(own.floor)} by which the reference may err"
+    if not better:
+        took, finer = float(one["reference_seconds"]), own.floor / wanted
+        why += (
+            f", which itself took {_duration(took)}; where errors fall as the inverse of time, or of its root, it "
             f"costs about {_duration(finer * took)} to {_duration(finer**2 * took)}"
         )
-    more = "; a larger --budget measures what is left out below" if str(one["left_out"].item()) else ""
-    return f"{why}{more}"
+    yield why
 
 
-def _costs(what: str, needed: float, seconds: float) -> str:
-    if needed <= seconds:
-        return f"{what} can be had in no more time, {_duration(needed)}, by another model on the frontier"
-    return f"{what} costs {_duration(needed)}, {significant(needed / seconds, 2)} times as long"
+def _costs(what: str, found: _Found, own: _Found) -> str:
+    """What an entry costs beside what is chosen."""
+    if found.seconds <= own.seconds:
+        return f"{what} costs nothing more: {found.words} takes {found.took} and errs by {found.least}"
+    return f"{what}: {_price(found, own)} (it errs by {found.least})"
 
 
-def _least(error: float, floor: float) -> str:
-    """An error; at most that of the reference where that is all that can be told."""
-    return f"at most {_error(floor)}" if error < floor else _error(error)
+def _price(found: _Found, own: _Found) -> str:
+    return f"{found.words}, {found.took}, {significant(found.seconds / own.seconds, 2)} times as long"
 
 
 def _circumstances(data: xr.Dataset, code_hash: str) -> Spans:
@@ -180,42 +226,41 @@ def _circumstances(data: xr.Dataset, code_hash: str) -> Spans:
 
 
 def _digits(data: xr.Dataset) -> Table:
-    """Seconds by wanted error along every frontier."""
-    names = [str(name) for name in data["cost_quantity"].values]
+    """The cheapest entry within each error, quantity by quantity."""
     return Table(
         name="cost-digits",
-        caption="What each digit costs: seconds along the frontier for a relative error, log–log between measured "
-        "entries.",
+        caption="What each digit costs: the cheapest of what was measured that errs by no more than is wanted. Nothing "
+        "is read between entries.",
         columns=(
-            Column(title="Quantity", weight=1),
-            *(Column(title=f"{100 * level:g} %", align="right") for level in _LEVELS),
+            Column(title="Wanted", weight=3),
+            Column(title="Cheapest model and setting", weight=6),
+            Column(title="Time", align="right", weight=2),
+            Column(title="It errs by", align="right", weight=3),
         ),
-        rows=tuple((str(data.sel(cost_quantity=name)["title"].item()), *_levels(data, name)) for name in names),
+        rows=tuple(row for name in data["cost_quantity"].values for row in _levels(data.sel(cost_quantity=str(name)))),
         notes=("—: nothing measured is that accurate. ?: below the error of the reference, so that nobody can tell.",),
     )
 
 
-def _levels(data: xr.Dataset, name: str) -> Iterator[str]:
-    one = _entries(data, name)
-    one = one.isel(entry=np.flatnonzero(one["frontier"].values))
-    floor = float(data.sel(cost_quantity=name)["reference_error"])
-    error = np.maximum(np.asarray(one["relative_error"].values, dtype=float), floor)
-    seconds = np.asarray(one["seconds"].values, dtype=float)
-    order = np.argsort(-error)
-    error, seconds = error[order], seconds[order]
-    for level in _LEVELS:
-        if error.size == 0 or not math.isfinite(floor):
-            yield "—"
-        elif level < floor:
-            yield "?"
-        elif level < error[-1]:
-            yield "—"
-        elif level >= error[0]:
-            yield _duration(float(seconds[0]))
-        elif error[-1] == 0.0:  # an exact entry is there or it is not
-            yield _duration(float(seconds[int(np.argmax(error <= level))]))
-        else:
-            yield _duration(float(np.exp(np.interp(-np.log(level), -np.log(error), np.log(seconds)))))
+def _levels(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:
+    """A heading, and a row for neighbouring errors that one entry is the cheapest within."""
+    yield (str(one["title"].item()),)
+    levels = [float(level) for level in one["digit"].values]
+    rows = [_level(one.sel(digit=level), level) for level in levels]
+    first = 0
+    for last, row in enumerate(rows):
+        if last + 1 == len(rows) or rows[last + 1] != row:
+            ends = dict.fromkeys((levels[first], levels[last]))
+            yield (" to ".join(_error(level) for level in ends), *row)
+            first = last + 1
+
+
+def _level(one: xr.Dataset, level: float) -> tuple[str, str, str]:
+    """The cheapest entry within an error, its time and its error."""
+    found, floor = _found(one, "digit"), float(one["reference_error"])
+    if found is None:
+        return "?" if level < floor else "—", "", ""
+    return found.words, found.took, _told(found.error, floor, digits=3)  # told from the error wanted
 
 
 def _entries(data: xr.Dataset, name: str) -> xr.Dataset:
@@ -249,7 +294,7 @@ def _table(entries: xr.Dataset, name: str, title: str, floor: float) -> Table:
     names = [str(name) for name, array in entries.data_vars.items() if array.dims == ("entry",)]
     for place in range(entries.sizes["entry"]):
         entry: dict[str, Any] = {key: entries[key].values[place] for key in names}
-        words = _words(entries.isel(entry=place))
+        words = ", ".join(filter(None, (str(entry["model"]), str(entry["setting"]))))
         marks = [word for word, given in (("frontier", entry["frontier"]), ("chosen", entry["chosen"])) if given]
         rows.append(
             (
@@ -284,17 +329,17 @@ def _table(entries: xr.Dataset, name: str, title: str, floor: float) -> Table:
     )
 
 
-def _told(error: float, floor: float) -> str:
+def _told(error: float, floor: float, digits: int = 2) -> str:
     """An error as a cell of a table."""
-    return f"≤\N{NO-BREAK SPACE}{_error(floor)}" if error < floor else _error(error)
+    return f"≤\N{NO-BREAK SPACE}{_error(floor, digits)}" if error < floor else _error(error, digits)
 
 
-def _error(value: float) -> str:
+def _error(value: float, digits: int = 2) -> str:
     if math.isnan(value):
         return "—"
     if value > _NO_ANSWER:
         return "no answer"
-    return f"{significant(100.0 * value, 2)}\N{NO-BREAK SPACE}%"
+    return f"{significant(100.0 * value, digits)}\N{NO-BREAK SPACE}%"
 
 
 def _duration(seconds: float) -> str:

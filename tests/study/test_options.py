@@ -1,0 +1,48 @@
+"""Options that are written from a study give the same study again, hash by hash."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tradestudy.api import Study, load
+from tradestudy.study.options import options
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+def again(path: Path, found: tuple[str, ...]) -> Study:
+    pairs = list(zip(found[::2], found[1::2], strict=True))
+    assert {name for name, _ in pairs} <= {"--set", "--tolerance"}
+    tolerances = [value for name, value in pairs if name == "--tolerance"]
+    return load(path, [value for name, value in pairs if name == "--set"], tolerance=next(iter(tolerances), None))
+
+
+@pytest.mark.parametrize(
+    ("study", "values", "tolerance"),
+    [
+        ("plenoptic_vs_stereo", ["stereo-short.baseline=50 mm"], "1 %"),
+        ("plenoptic_vs_stereo", ["title='it''s: a test # 1'", "question='12'", "accuracy.relative=10 %"], None),
+        ("close_range", ["scene.picture.texture.contrast={value: 20 %, basis: measured, note: 'it''s new'}"], None),
+        ("close_range", ["requirements=null", "pair-f22.lenses.f_number=1.60e1"], "10 %"),
+        ("close_range", ["scene.distances={from: 43 mm, to: 70 mm, points: 20, spacing: linear}"], None),
+        ("calibration", [], "10 %"),
+        ("calibration", ["accuracy.relative=3 %"], None),  # the study's own depth_uncertainty stays
+    ],
+)
+def test_the_study_is_the_same_again(study: str, values: list[str], tolerance: str | None) -> None:
+    path = STUDIES / f"{study}.yaml"
+    given = load(path, values, tolerance=tolerance)
+    assert given.hash != load(path).hash
+    assert again(path, options(given.definition.document)).hash == given.hash
+
+
+def test_a_study_as_it_is_needs_none() -> None:
+    assert options(load(STUDIES / "close_range.yaml").definition.document) == ()
+
+
+def test_a_tolerance_is_one_option_whatever_it_takes_back() -> None:
+    given = load(STUDIES / "calibration.yaml", tolerance="10 %")
+    assert len(given.definition.document.overrides) == 2
+    assert options(given.definition.document) == ("--tolerance", "10 %")

@@ -1,0 +1,69 @@
+"""What was set from outside, as options of the command line that set it again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from tradestudy.accuracy import QUANTITIES
+from tradestudy.study.document import Document, Entry, ListEntry, ScalarEntry, dotted
+from tradestudy.study.source import UnreadableError, compose
+
+
+def options(document: Document) -> tuple[str, ...]:
+    """Options and their values, in order: ``("--set", "scene.distances.to=4 m", "--tolerance", "1 %")``.
+
+    They give a study that says the same, so that its hash is the same.
+    """
+    return tuple(_options(document))
+
+
+def _options(document: Document) -> Iterator[str]:
+    tolerance = document.path_of("accuracy.relative")
+    own = [document.path_of(f"accuracy.{name}") for name in QUANTITIES]
+    # One tolerance stands for all where no quantity has one of its own, or has it any longer.
+    alone = not any(document.entry(path) for path in own)
+    for one in document.overrides:
+        if not (alone and one.path in (tolerance, *own)):
+            yield from ("--set", f"{dotted(one.path)}={_value(document.entry(one.path))}")
+    if alone and any(one.path == tolerance for one in document.overrides):
+        yield from ("--tolerance", _value(document.entry(tolerance)))
+
+
+def _value(entry: Entry | None) -> str:
+    """A value in YAML, with its basis; text for text as it was given, for its text is hashed."""
+    if entry is None:
+        return "null"
+    if isinstance(entry, ScalarEntry) and not _has_basis(entry) and _reads_the_same(entry):
+        return entry.text
+    return _within_brackets(entry)
+
+
+def _has_basis(entry: Entry) -> bool:
+    return entry.annotation is not None and bool(entry.annotation.basis or entry.annotation.note)
+
+
+def _reads_the_same(entry: ScalarEntry) -> bool:
+    """Whether its text needs no quotes to be what it is."""
+    try:
+        read, problems = compose(entry.text, entry.place)
+    except UnreadableError:
+        return False
+    return read == entry and not problems
+
+
+def _within_brackets(entry: Entry) -> str:
+    if isinstance(entry, ScalarEntry):
+        bare = _quoted(entry.text) if isinstance(entry.value, str) else entry.text
+    elif isinstance(entry, ListEntry):
+        bare = f"[{', '.join(map(_within_brackets, entry.items))}]"
+    else:
+        members = (f"{_quoted(key)}: {_within_brackets(member.entry)}" for key, member in entry.members.items())
+        bare = "{" + ", ".join(members) + "}"
+    if not _has_basis(entry) or entry.annotation is None:
+        return bare
+    parts = {"basis": entry.annotation.basis or "", "note": entry.annotation.note}
+    return f"{{value: {bare}" + "".join(f", {key}: {_quoted(text)}" for key, text in parts.items() if text) + "}"
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"
