@@ -40,7 +40,7 @@ def _lines(plan: Plan) -> Iterator[str]:
             for q in situation.quantities
         )
         yield ""
-        yield f"{situation.title} ({situation.name}): {wanted}; {_duration(chosen.seconds)}"
+        yield f"{situation.title} ({situation.name}): {wanted}; takes {_duration(chosen.seconds)}"
         if any(chosen.bounds[q] > plan.accuracy.relative[q] * (1.0 + 1e-9) for q in situation.quantities):
             yield "  more than is wanted: models are forced, and the others were chosen as if these changed nothing"
         yield from _harmless(chosen.decisions)
