@@ -80,6 +80,7 @@ def test_the_next_digit_is_a_measured_entry_and_named() -> None:
     ]
     assert star(data) == ("law, 0.01 %", 100.0, 1e-4)
     assert "a tenth of that: law, 0.01 %, 100 s" in cost_drawing(data).alt
+    assert [row[-1] for row in rows_of(data, "cost-q-table")] == ["frontier, chosen", "frontier, next digit"]
     assert rows_of(data, "cost-digits") == [
         ["Quantity"],
         ["10 % to 1 %", "law, 1 %", "1 s", "1 %"],

@@ -49,7 +49,7 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
     usable = [case.name for case in cases]
     says = (
         "Half the central 68.27 % interval of depth of "
-        f"{', '.join(titles[camera] for camera in usable or cameras)} at up to {MOST_PLACES} "
+        f"{'; '.join(titles[camera] for camera in usable or cameras)} at up to {MOST_PLACES} "
         "distances each where they are usable: seconds for all of them together, relative error at the worst."
     )
     if not cases:
