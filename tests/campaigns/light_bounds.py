@@ -17,12 +17,14 @@ from pathlib import Path
 import numpy as np
 
 from tests.campaigns import record
-from tests.campaigns.light_cases import bounds_of, changes_of, random_case
+from tests.campaigns.light_cases import RAYS, bounds_of, changes_of, random_case
 from tradestudy.errors import TradestudyError
 
 CHANGES = Path(__file__).parent / "light_changes.json"
 TOLERANCE = 0.002  # of both pictures; at 2 % what they do not share reached 0.5 %
 COUNTS_FROM = 1e-5  # a thousandth of an accuracy of 1 %
+
+DIFFRACTION = ("main_lens_diffraction", "microlens_diffraction")
 
 Changes = dict[str, dict[str, float]]
 
@@ -58,29 +60,53 @@ def keep(changes: Changes, refused: Mapping[str, str]) -> None:
     CHANGES.write_text(json.dumps(content, indent=0, sort_keys=True) + "\n", encoding="utf-8")
 
 
-def summary(changes: Changes) -> list[tuple[object, ...]]:
-    """One row for each effect."""
-    pairs: dict[str, list[tuple[int, float, float]]] = {}
+Found = tuple[int, float, float]  # number of a case, bound, change
+
+
+def by_effect(changes: Changes) -> dict[str, list[Found]]:
+    """Bounds, computed anew, beside changes."""
+    pairs: dict[str, list[Found]] = {}
     for key, one in changes.items():
         bounds = bounds_of(random_case(np.random.default_rng([0, int(key)])))
         for name, change in one.items():
             pairs.setdefault(name, []).append((int(key), bounds[name], change))
-    return [_row(name, found) for name, found in pairs.items()]
+    return pairs
 
 
-def _row(name: str, found: list[tuple[int, float, float]]) -> tuple[object, ...]:
+def by_slot(pairs: Mapping[str, list[Found]]) -> dict[str, list[Found]]:
+    """All models of each slot together; rays on both legs are "off" of both slots of diffraction."""
+    slots: dict[str, list[Found]] = {}
+    for name, found in pairs.items():
+        for slot in DIFFRACTION if name == RAYS else (name.partition(":")[0],):
+            slots.setdefault(slot, []).extend(found)
+    return slots
+
+
+def ratios(found: list[Found]) -> list[float]:
+    """Of the bounds that are stated over the changes that count."""
+    return [bound / change for _, bound, change in found if math.isfinite(bound) and change > COUNTS_FROM]
+
+
+def summary(changes: Changes) -> list[tuple[object, ...]]:
+    """One row for each effect, and one for all models of a slot together."""
+    pairs = by_effect(changes)
+    rows = [_row(name, found) for name, found in pairs.items()]
+    return rows + [_row(f"all of {slot}", found) for slot, found in by_slot(pairs).items() if slot in DIFFRACTION]
+
+
+def _row(name: str, found: list[Found]) -> tuple[object, ...]:
     stated = [one for one in found if math.isfinite(one[1])]
     within = [one for one in stated if one[2] <= one[1]]
-    ratios = [bound / change for _, bound, change in stated if change > COUNTS_FROM]
+    counted = ratios(found)
     worst = sorted((bound / change, number) for number, bound, change in stated if change > COUNTS_FROM)[:3]
     return (
         name,
         len(found),
         len(stated),
         f"{len(within)} ({100 * len(within) / len(stated):.1f} %)",
-        len(ratios),
-        f"{float(np.median(ratios)):.1f}",
-        f"{float(np.quantile(ratios, 0.9)):.0f}",
+        len(counted),
+        f"{float(np.median(counted)):.1f}",
+        f"{float(np.quantile(counted, 0.9)):.0f}",
         ", ".join(f"{ratio:.2g} ({number})" for ratio, number in worst),
     )
 

@@ -8,19 +8,37 @@ Processor seconds on the light spot, the least of three: `tradestudy.study.situa
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import nnls
 
 from tradestudy import load
 from tradestudy.machine import machine_speed
-from tradestudy.optics.chain import FRESNEL, GEOMETRIC, KIRCHHOFF, ChainAccuracy, Legs, LightPath, chain_image
+from tradestudy.optics.chain import (
+    FRESNEL,
+    GEOMETRIC,
+    KIRCHHOFF,
+    ChainAccuracy,
+    Legs,
+    LightPath,
+    chain_image,
+    square_centres,
+)
+from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.arriving_light import field_spacing, point_wave
+from tradestudy.optics.chain.point_image import compute_point, wave_point_image
+from tradestudy.optics.chain.scene import WaveMethod
+from tradestudy.optics.chain.source_tables import farthest_read, source_tables, table_count
 from tradestudy.study.point_spreads import SpreadMethod, every_case, point_spread_of
+from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.situations.coherent_cost import pupil_nodes
-from tradestudy.study.situations.light_cost import LightWork
+from tradestudy.study.situations.light_cost import LightWork, PointWork
 from tradestudy.study.situations.light_spot import light_scene
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
@@ -37,6 +55,48 @@ def least(task: Callable[[], object], repeats: int = 3) -> float:
         task()
         found.append(time.process_time() - start)
     return min(found)
+
+
+def units_of_points(part: LightSpotPart, speed: float) -> dict[str, float]:
+    """Least squares, relative to what was measured, over single points behind few and many microlenses."""
+    scene = light_scene(part)
+    lenses, pixels = scene.path.microlenses, scene.path.pixels
+    work, seconds = [], []
+    for count in (3, 5, 9):
+        centres = square_centres(pitch=lenses.pitch, count=count)
+        side = 2 * round(count * lenses.pitch / pixels.pitch / 2) + 1
+        path = replace(
+            scene.path,
+            microlenses=replace(
+                lenses, centres=centres, focal_lengths=np.full(len(centres), lenses.focal_lengths[0]), layout="square"
+            ),
+            pixels=replace(pixels, shape=(side, side), centre=(0.0, 0.0)),
+        )
+        for legs in (FRESNEL, KIRCHHOFF):
+            accuracy = ChainAccuracy(tolerance=FINE)
+            wave = point_wave(path, scene.source.centre, wavelength=scene.wavelength, legs=legs)
+            one = PointWork(scene=replace(scene, path=path), accuracy=accuracy)
+            nodes, samples = one.nodes_and_samples
+            work.append([nodes, samples, *(one.field_samples * (legs == law) for law in (KIRCHHOFF, FRESNEL))])
+            seconds.append(
+                [
+                    least(partial(compute_point, wave, legs.to_detector, accuracy)),
+                    least(partial(wave_point_image, wave, to_detector=legs.to_detector, accuracy=accuracy,
+                                  rng=np.random.default_rng(0)), 1),
+                ]
+            )  # fmt: skip
+    counts, taken = np.array(work), speed * np.array(seconds)
+    passes = nnls(counts / taken[:, :1], np.ones(len(counts)))[0]
+    checks = taken[:, 1] - 2 * counts @ passes
+    checked = nnls(counts[:, :2], np.maximum(checks, 0.0))[0]
+    return {
+        "node behind all microlenses": passes[0],
+        "sample of the detector": passes[1],
+        "sample of the field of a point, Kirchhoff": passes[2],
+        "sample of the field of a point, Fresnel": passes[3],
+        "node behind all microlenses, by quadrature": checked[0],
+        "sample of the detector, by quadrature": checked[1],
+    }
 
 
 def main() -> None:
@@ -73,6 +133,17 @@ def main() -> None:
         )  # fmt: skip
         return (speed * whole - point[legs]) / pupil_nodes(replace(scene, source=disc))
 
+    def table(method: WaveMethod) -> float:
+        accuracy, far = ChainAccuracy(tolerance=FINE), math.hypot(source.x, source.y) + source.diameter / 2
+        half = farthest_read(path, source, far)
+        task = partial(
+            source_tables, path, source, (0.0, far), wavelength=scene.wavelength, method=method, accuracy=accuracy,
+            half_width=half,
+        )  # fmt: skip
+        wave = point_wave(path, source.centre, wavelength=scene.wavelength, legs=KIRCHHOFF)
+        assert isinstance(wave, PupilWave)  # waves to the array have one
+        return speed * least(task) / (table_count(accuracy) * (2 * half / field_spacing(wave, accuracy)) ** 2)
+
     def samples(tolerance: float) -> float:
         work = LightWork(scene=scene, tolerance=tolerance)
         return work.source_points * work.patch.work(path, lit=work.lit_microlenses)
@@ -90,10 +161,11 @@ def main() -> None:
         "sample of a patch in double precision": picture(KIRCHHOFF, DOUBLE, repeats=1) / samples(DOUBLE),
         "sample of a patch, boundary wave": edges
         / (behind.source_points * behind.lit_microlenses * behind.patch.side**2),
-        "sample of the detector": point[FRESNEL] / LightWork(scene=scene, tolerance=FINE).detector_side ** 2,
+        **units_of_points(part, speed),
+        "sample of a table, Kirchhoff": table("kirchhoff"),
+        "sample of a table, Fresnel": table("fresnel"),
         "node of a coherent disc, Fresnel": coherent_node(FRESNEL),
         "node of a coherent disc, Kirchhoff": coherent_node(KIRCHHOFF),
-        "microlens field, Kirchhoff minus Fresnel": (disc[KIRCHHOFF] - disc[FRESNEL]) / 4.0,
         "disc at 10 % beside its samples": disc[KIRCHHOFF] - patch * samples(COARSE),
     }
     case = every_case(spread)[0]

@@ -18,7 +18,7 @@ from tradestudy.cost.entries import Entry, Measured, a_tenth_of_what_is_asked
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.pace import Pace
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
-from tradestudy.optics.chain import ChainAccuracy, ChainImage
+from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.optics.depth_of_field import DepthOfField
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.situations.depth_of_field import depth_of_field_situation
@@ -186,7 +186,7 @@ def test_the_spot_is_measured_a_digit_beyond_the_study_against_something_finer(m
     # Rays, which take no tolerance of their own, the choice, the reference, and a digit beyond the choice.
     assert asked[:5] == [0.01, 0.01, 0.01, 0.001, 0.001]
     assert found.reference_error == pytest.approx(0.001 / 1.2**4)
-    assert "its source sampled 1.2 times as finely" in found.reference
+    assert "with 1.2 times the source, nodes, samples and reach" in found.reference
     errors = {entry.setting: entry.error for entry in of(found, "Kirchhoff")}
     assert errors == {
         "tolerance 0.1 %": pytest.approx(0.001 - 0.001 / 1.2**4, rel=1e-2),
@@ -230,9 +230,9 @@ def slow_pictures(pace: float, monkeypatch: pytest.MonkeyPatch) -> tuple[Clock, 
         return 0.1 if models.method in RAYS else 0.1 / math.sqrt(models.tolerance)
 
     def picture(
-        _part: LightSpotPart, _source: object, models: SpotModels, *, accuracy: ChainAccuracy, seed: int
+        _part: LightSpotPart, source: object, models: SpotModels, *, accuracy: ChainAccuracy, seed: int
     ) -> ChainImage:
-        finer = accuracy.source_sampling**2 * accuracy.pupil_nodes**2
+        finer = accuracy.pupil_nodes**2 * (accuracy.source_sampling**2 if isinstance(source, DiscSource) else 1.0)
         took = pace * finer * seconds(_part, replace(models, tolerance=accuracy.tolerance))
         clock.now += took
         made.append((models.method, accuracy.tolerance, took))

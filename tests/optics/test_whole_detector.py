@@ -74,8 +74,7 @@ def test_the_cheaper_one_is_taken_unless_it_misses_the_tolerance() -> None:
         focal_lengths=np.full(441, 76e-6),
         pixels=PixelGrid(pitch=4e-6, shape=(137, 137)),
     )
-    both = [patch(large, ChainAccuracy(tolerance=2e-3, memory_limit=limit)) for limit in (1.0, 8e9)]
-    assert not any(one.whole_detector for one in both)
+    assert not patch(large, ChainAccuracy(tolerance=1e-2, memory_limit=8e9)).whole_detector
     alone = camera(
         main_lens=WIDE,
         centres=np.zeros((1, 2)),
@@ -100,9 +99,13 @@ def test_corners_of_patches_hold_no_light_that_starved_nodes_invent() -> None:
     assert relative(found[0], found[1]) < 1e-5
 
 
-def test_averages_over_the_source_are_as_wrong_as_is_stated() -> None:
-    """Against a disc of many more nodes, whose shadow moves across every microlens: a slow fall of all spectra."""
-    path, disc = camera(main_lens=WIDE), DiscSource(diameter=1.2e-3, distance=24e-3)
+@pytest.mark.parametrize("x", [-0.6e-3, 0.0, 0.6e-3])
+def test_averages_over_the_source_are_as_wrong_as_is_stated(x: float) -> None:
+    """Against a disc of many more nodes, whose shadow moves across every microlens: a slow fall of all spectra.
+
+    Off the axis one side of the disc is dark, and tells nothing of the other.
+    """
+    path, disc = camera(main_lens=WIDE), DiscSource(x=x, diameter=1.2e-3, distance=24e-3)
 
     def image(sampling: float) -> ChainImage:
         return chain_image(
@@ -110,12 +113,14 @@ def test_averages_over_the_source_are_as_wrong_as_is_stated() -> None:
             accuracy=ChainAccuracy(tolerance=1e-2, source_sampling=sampling),
         )  # fmt: skip
 
-    truth = image(2.0).pixels
-    for sampling in (0.35, 0.6, 1.0):
+    truth = image(1.6).pixels
+    for sampling in (0.35, 0.6, 1.0) if x == 0.0 else (0.6,):
         found = image(sampling)
         error = relative(found.pixels, truth)
-        stated = math.hypot(found.error_terms["source angles"], found.error_terms["source radii"])
-        assert error < stated < 6 * error, sampling
+        # The radii at which the main lens's field is known are as many as the nodes call for: single points show that.
+        stated = math.hypot(*(found.error_terms[f"source {name}"] for name in ("angles", "radii")))
+        assert error < (stated if x == 0.0 else found.numerical_error), sampling
+        assert 0.5 * error < stated < 6 * error, sampling
 
 
 @pytest.mark.parametrize("extended", [False, True], ids=["point", "disc"])

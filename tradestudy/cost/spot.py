@@ -31,9 +31,9 @@ _POINT_TOLERANCES: Final = (0.1, 1e-2, 1e-3, 1e-4)
 # tolerance it takes at the pace of a coarse one, its finer nodes and its checks included.
 _POINT_REFERENCES: Final = {1e-5: 3.0, 1e-4: 2.5, 1e-3: 2.0, 1e-2: 1.5}
 _FINER: Final = 1.2
+_DIMENSIONS: Final = 4  # of a spot's source and of its grids, in which a finer one takes more
 _TOLERANCES: Final = (0.1, 10.0, 1.0)  # of that of the study
 _FINEST: Final = 1e-6
-_FINER_SOURCE: Final = 1.2  # more of the angles of the source: what they err by falls to a third
 _COARSEST: Final = 0.2
 _COARSEST_REFERENCE: Final = 0.1
 _REFERENCE_SEED: Final = 1
@@ -91,7 +91,7 @@ def point_cost(
         progress("cost: spot_point", 1.0)
         return nothing_measured("spot_point", title, says, taking.too_little(cheapest, "a reference at 1 % takes"))
     begin = time.perf_counter()
-    reference = image("kirchhoff", _point_reference(finest), _REFERENCE_SEED)
+    reference = image("kirchhoff", _finer(finest, _FINER), _REFERENCE_SEED)
     reference_seconds = time.perf_counter() - begin
     checked = max(reference.direct_check.values(), default=math.nan)
     others = [run(method, tolerance) for tolerance in _POINT_TOLERANCES for method in _WAVES]
@@ -111,13 +111,16 @@ def point_cost(
     )
 
 
-def _point_reference(tolerance: float) -> ChainAccuracy:
+def _finer(tolerance: float, factor: float) -> ChainAccuracy:
+    """Of this tolerance with finer nodes and samples, none of which a picture of the same tolerance has."""
     return ChainAccuracy(
         tolerance=tolerance,
-        pupil_nodes=_FINER,
-        microlens_nodes=_FINER,
-        field_sampling=_FINER,
-        diffraction_reach=_FINER,
+        pupil_nodes=factor,
+        microlens_nodes=factor,
+        field_sampling=factor,
+        diffraction_reach=factor,
+        pixel_sampling=factor,
+        source_sampling=factor,
     )
 
 
@@ -155,8 +158,8 @@ def spot_cost(
         As far as it is known from other pictures.
     """
 
-    def image(models: SpotModels, seed: int = 0, sampling: float = 1.0) -> ChainImage:
-        accuracy = ChainAccuracy(tolerance=models.tolerance, source_sampling=sampling)
+    def image(models: SpotModels, seed: int = 0, finer: float = 1.0) -> ChainImage:
+        accuracy = _finer(models.tolerance, finer)
         source = light_source(part)
         source = source.centre if models.point and isinstance(source, DiscSource) else source
         return picture_of(part, source, models, accuracy=accuracy, seed=seed)
@@ -188,20 +191,20 @@ def spot_cost(
         """Of the pictures by waves that may be held against a reference; nothing where there is none."""
         return min((one.predicted for one in waves if one.tolerance > tolerance), default=0.0)
 
-    # Its tolerance, how much more finely the source is sampled, and seconds of what shall be held against it.
+    # Its tolerance, how much finer it is than that calls for, and seconds of what shall be held against it.
     digit = run(replace(best, tolerance=standing / 10)).predicted
     wishes = [
-        (standing / 10, _FINER_SOURCE, digit),
+        (standing / 10, _FINER, digit),
         *((factor * standing, 1.0, cheapest_beside(factor * standing)) for factor in (0.1, 0.5, 1, 2, 5)),
         (_COARSEST_REFERENCE, 1.0, 0.0 if taking.taken else cheapest_beside(_COARSEST_REFERENCE)),
     ]
-    finest, sampling = next(
+    finest, finer = next(
         (
-            (tolerance, sampling)
-            for tolerance, sampling, beside in wishes
+            (tolerance, finer)
+            for tolerance, finer, beside in wishes
             if _FINEST <= tolerance <= _COARSEST_REFERENCE
             and (taking.taken or beside)
-            and taking.allows(sampling**2 * run(replace(best, tolerance=tolerance)).predicted + beside)
+            and taking.allows(finer**_DIMENSIONS * run(replace(best, tolerance=tolerance)).predicted + beside)
         ),
         (None, 1.0),
     )
@@ -212,10 +215,10 @@ def spot_cost(
         words = f"a reference at {100 * _COARSEST_REFERENCE:g} % and a picture beside it take"
         return nothing_measured("spot", title, says, taking.too_little(2.0 * coarsest, words))
     begin = time.perf_counter()
-    reference = image(replace(best, tolerance=finest), _REFERENCE_SEED, sampling)
+    reference = image(replace(best, tolerance=finest), _REFERENCE_SEED, finer)
     reference_seconds = time.perf_counter() - begin
     for one in waves:
-        taking.take_beside(one, coarser=one.tolerance > finest or (one.tolerance == finest and sampling > 1.0))
+        taking.take_beside(one, coarser=one.tolerance > finest or (one.tolerance == finest and finer > 1.0))
     progress("cost: spot", 1.0)
     entries = taking.entries(reference.pixels)
     return Measured(
@@ -223,7 +226,7 @@ def spot_cost(
         title=title,
         says=says,
         reference=f"Kirchhoff on both legs at a tolerance of {100 * finest:g} %"
-        + (f", its source sampled {sampling:g} times as finely" if sampling > 1.0 else "")
+        + (f" with {finer:g} times the source, nodes, samples and reach" if finer > 1.0 else "")
         + ", with its own stated error",
         reference_error=reference.numerical_error,
         reference_seconds=reference_seconds,

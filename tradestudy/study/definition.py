@@ -21,7 +21,7 @@ from tradestudy.study.acting import Models, acting
 from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of, picture_of, with_expansion
 from tradestudy.study.reader import Document, validate, with_values
 from tradestudy.study.schema.cameras import ConventionalPart
-from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
@@ -184,9 +184,16 @@ class StudyDefinition:
         return Path(file if Path(file).is_file() else root).parent
 
     def with_tolerance(self, relative: str) -> StudyDefinition:
-        """The same study with one relative error wanted of every quantity, such as ``"1 %"``."""
+        """The same study with one relative error wanted of every quantity, such as ``"1 %"``.
+
+        Pictures of a light spot that are compared need be no better than that: a looser one loosens theirs, too.
+        """
         own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
-        return self.with_values({"accuracy.relative": relative, **{f"accuracy.{name}": None for name in own}})
+        asked = self.with_values({"accuracy.relative": relative, **{f"accuracy.{name}": None for name in own}})
+        spot, wanted = self.file.light_spot, asked.file.accuracy.wanted().relative["pixel_intensity"]
+        if spot is None or not spot.methods or wanted <= spot.tolerance:
+            return asked
+        return asked.with_values({"light_spot.tolerance": f"{100 * min(wanted, LOOSEST_PICTURE):g} %"})
 
     def with_models(self, models: Mapping[str, Models]) -> StudyDefinition:
         """The same study, its readings and designs too, with models that act in its slots of effects."""

@@ -286,8 +286,8 @@ def field_table(
     if needed > memory_limit:
         raise UnaffordableError(
             "main-lens field on the array",
-            value=f"{nodes.count} pupil nodes, {counts[0]} × {counts[1]} points, {needed / 1e9:.1f} GB",
-            limit=f"{memory_limit / 1e9:.1f} GB",
+            value=f"{nodes.count} pupil nodes, {counts[0]} × {counts[1]} points, {needed / 1e9:.3g} GB",
+            limit=f"{memory_limit / 1e9:.3g} GB",
             remedy="take fewer microlenses or a coarser field sampling, or raise the memory limit",
         )
     result = fast_sum(wave.samples(nodes), wave.kernel, grid, low_rank_tolerance=tolerance, nufft_tolerance=tolerance)

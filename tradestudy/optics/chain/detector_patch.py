@@ -28,9 +28,9 @@ POINTS_AT_ONCE = 2  # source points that are followed side by side; each uses on
 SINGLE_PRECISION_FROM = 1e-3  # tolerance from which 32-bit floats add nothing to the error
 _NODE = 10.0  # what a node of a microlens takes, in samples of the detector
 _FEWEST_NODES = 6.0  # of a microlens, over the square of the cycles that they resolve
-# Tolerance that patches meet: of microlenses in focus, which interfere beyond them, points err by 5e-4 to 1e-3. Below
+# Tolerance that patches meet: of microlenses in focus, which interfere beyond them, points err by 5e-4 to 7e-3. Below
 # it the whole detector may cost as many times more.
-_MET_BY_PATCHES = 2e-3
+_MET_BY_PATCHES = 1e-2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,6 +100,7 @@ def detector_patch(
     lit = max(1, int(np.sum(np.linalg.norm(path.microlenses.centres - chief, axis=1) <= within)))
     affordable = max(1.0, _MET_BY_PATCHES / accuracy.tolerance) * patch.work(path, lit=lit)
     # To a margin only where patches do not do: what it loses is not given back as that beyond patches is.
+    wholes = []
     for everywhere in (True, False) if accuracy.tolerance < _MET_BY_PATCHES else (True,):
         plan = plan_detector(
             path, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy, everywhere=everywhere
@@ -111,8 +112,8 @@ def detector_patch(
         single = accuracy.tolerance >= SINGLE_PRECISION_FROM
         needed = POINTS_AT_ONCE * plan.memory(whole.nodes * path.microlenses.count, single=single)
         if needed <= accuracy.memory_limit and whole.work(path, lit=lit) <= affordable:
-            return whole
-    return patch
+            wholes.append(whole)
+    return min(wholes, key=lambda whole: whole.work(path, lit=lit), default=patch)
 
 
 def _whole(path: LightPath, plan: DetectorPlan, cycles: float) -> DetectorPatch:

@@ -126,12 +126,19 @@ def reference_law(to_detector: LegMethod) -> LegMethod:
     return "kirchhoff" if to_detector == "boundary_wave" else to_detector
 
 
+def plan_point(
+    wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy
+) -> tuple[RayReach, DetectorPlan, MicrolensPlane]:
+    """Where rays land, the grid on the detector, and the nodes; raises UnaffordableError for too many of them."""
+    reach = ray_reach(wave.path, wave.source, whole_pupil=wave.whole_pupil)
+    paraxial = to_detector == "fresnel"
+    plan = plan_detector(wave.path, [reach], wavelength=wave.wavelength, paraxial=paraxial, accuracy=accuracy)
+    return reach, plan, _plane(wave, plan, reach, accuracy.microlens_nodes, accuracy)
+
+
 def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> PointComputation:
     """Table of the main-lens field, microlenses, detector samples, pixels."""
-    paraxial = to_detector == "fresnel"
-    reach = ray_reach(wave.path, wave.source, whole_pupil=wave.whole_pupil)
-    plan = plan_detector(wave.path, [reach], wavelength=wave.wavelength, paraxial=paraxial, accuracy=accuracy)
-    plane = _plane(wave, plan, reach, accuracy.microlens_nodes, accuracy)
+    reach, plan, plane = plan_point(wave, to_detector, accuracy)
     light = arriving_light(wave, accuracy)
     field = light.read(*plane.positions)
     spheres = None
@@ -190,8 +197,8 @@ def _plane(
     if needed > accuracy.memory_limit:
         raise UnaffordableError(
             "microlens nodes and detector samples",
-            value=f"{plane.weights.size} nodes, {plan.transfer.count}² samples, {needed / 1e9:.1f} GB",
-            limit=f"{accuracy.memory_limit / 1e9:.1f} GB",
+            value=f"{plane.weights.size} nodes, {plan.transfer.count}² samples, {needed / 1e9:.3g} GB",
+            limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
             remedy="take fewer microlenses or pixels, a larger tolerance, or raise the memory limit",
         )
     return plane

@@ -109,6 +109,13 @@ def table_count(accuracy: ChainAccuracy) -> int:
     return max(2, math.ceil(4 * accuracy.source_sampling * math.pow(1e-2 / accuracy.tolerance, 1 / 6)))
 
 
+def farthest_read(path: LightPath, source: DiscSource, distance: float) -> float:
+    """Farthest point of the array from the chief ray of a source point this far from the axis [m]."""
+    lenses = path.microlenses
+    farthest = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
+    return farthest + distance * path.array_distance / source.distance
+
+
 def source_tables(
     path: LightPath,
     source: DiscSource,
@@ -144,9 +151,7 @@ def source_tables(
     low, high = distances
     count = table_count(accuracy)
     radii = (low + high) / 2 - (high - low) / 2 * np.cos(math.pi * (np.arange(count) + 0.5) / count)
-    lenses = path.microlenses
-    farthest = float(np.max(np.linalg.norm(lenses.centres, axis=1))) + lenses.cell_reach
-    half = min(half_width, farthest + high * path.array_distance / source.distance)
+    half = min(half_width, farthest_read(path, source, high))
     waves = [
         PupilWave(
             path=path,
@@ -161,8 +166,8 @@ def source_tables(
     if needed > accuracy.memory_limit:
         raise UnaffordableError(
             "tables of the main-lens field",
-            value=f"{count} of {2 * half / spacing:.0f}² points, {needed / 1e9:.1f} GB",
-            limit=f"{accuracy.memory_limit / 1e9:.1f} GB",
+            value=f"{count} of {2 * half / spacing:.0f}² points, {needed / 1e9:.3g} GB",
+            limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
             remedy="lower field_sampling, or raise the memory limit",
         )
     tables = [

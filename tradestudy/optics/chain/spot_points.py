@@ -9,12 +9,13 @@ patches of one source point add as fields.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave
@@ -22,6 +23,7 @@ from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.detector_patch import (
     POINTS_AT_ONCE,
     SINGLE_PRECISION_FROM,
+    DetectorPatch,
     detector_patch,
     disc_ends,
     lit_radius,
@@ -88,6 +90,7 @@ def prepare_spot(
     reaches = disc_ends(path, source, nodes)
     paraxial = legs.to_detector == "fresnel"
     patch = detector_patch(path, source, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy)
+    _refuse_samples(path, patch, accuracy)
     plane = MicrolensPlane(
         path=path,
         wavelength=wavelength,
@@ -127,6 +130,20 @@ def prepare_spot(
         per_pixel=patch.per_pixel,
         lit_within=lit_within,
     )
+
+
+def _refuse_samples(path: LightPath, patch: DetectorPatch, accuracy: ChainAccuracy) -> None:
+    """Refuse more samples of the detector than memory holds: fields and intensities side by side, and their sum."""
+    rows, columns = (n * patch.per_pixel + 2 * MARGIN for n in path.pixels.shape)
+    itemsize = 8.0 if accuracy.tolerance >= SINGLE_PRECISION_FROM else 16.0
+    needed = rows * columns * (1.5 * itemsize * (POINTS_AT_ONCE + 1) + 16.0)
+    if needed > accuracy.memory_limit:
+        raise UnaffordableError(
+            "samples of the detector",
+            value=f"{rows} × {columns}, {needed / 1e9:.3g} GB",
+            limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
+            remedy="take fewer or smaller pixels, a larger tolerance, or raise the memory limit",
+        )
 
 
 def tables_at(spot: Spot, at: list[Place]) -> dict[Place, FieldTable | None]:
@@ -351,17 +368,20 @@ def _add_patches(
         canvas[y0:y1, x0:x1] += patch[y0 - i : y1 - i, x0 - j : x1 - j] * wave_y[:, None] * wave_x
 
 
-def lights_of(spot: Spot, places: FloatArray) -> list[PointLight]:
-    """Follow source points, shape (n, 2), side by side."""
+def lights_of(spot: Spot, places: FloatArray) -> Iterator[PointLight]:
+    """Follow source points, shape (n, 2), side by side; taken one by one, their fine grids need no room together."""
     at = [(float(x), float(y)) for x, y in places]
     shared = tables_at(spot, at)
     with ThreadPoolExecutor(POINTS_AT_ONCE) as pool:
-        return list(pool.map(lambda place: point_light(spot, place, shared[place]), at))
+        yield from pool.map(lambda place: point_light(spot, place, shared[place]), at)
 
 
-def mean_on_pixels(spot: Spot, part: list[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
+def mean_on_pixels(spot: Spot, part: Iterable[tuple[int, PointLight]]) -> tuple[FloatArray, float]:
     """Weighted mean of points on the pixels, and the error of integrating over them."""
-    points = sum(n for n, _ in part)
-    intensity = np.asarray(sum(n * light.intensity for n, light in part), dtype=np.float64) / points
-    pixels, error = light_on_pixels(intensity, spot.path.pixels, per_pixel=spot.per_pixel)
-    return pixels + sum(n * light.far for n, light in part) / points, error
+    points, intensity, far = 0, np.zeros(1), np.zeros(spot.path.pixels.shape)
+    for n, light in part:
+        points += n
+        intensity = intensity + n * light.intensity
+        far += n * light.far
+    pixels, error = light_on_pixels(intensity / points, spot.path.pixels, per_pixel=spot.per_pixel)
+    return pixels + far / points, error

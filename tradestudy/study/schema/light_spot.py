@@ -40,7 +40,8 @@ MethodName = Literal[
     "kirchhoff-geometric", "kirchhoff-boundary-wave", "kirchhoff-fresnel",
 ]  # fmt: skip
 # What the propagators accept; double precision ends below, and beyond a picture is no result.
-ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=0.2)]
+LOOSEST_PICTURE: Final = 0.2
+ImageTolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=LOOSEST_PICTURE)]
 Weight = Annotated[float, *quantity(units.NUMBER, at_least=0.0)]
 
 _ROUNDING: Final = 1e-12  # of widths that are quotients of what is written

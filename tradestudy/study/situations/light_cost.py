@@ -12,6 +12,8 @@ import numpy as np
 
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.optics.chain import ChainAccuracy, LightPath
+from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.arriving_light import field_spacing
 from tradestudy.optics.chain.detector_patch import (
     SINGLE_PRECISION_FROM,
     DetectorPatch,
@@ -20,14 +22,13 @@ from tradestudy.optics.chain.detector_patch import (
     lit_radius,
 )
 from tradestudy.optics.chain.exact_rays import SHIFTS, ray_count, start_of_rays
-from tradestudy.optics.chain.rays import ray_reach
+from tradestudy.optics.chain.point_image import plan_point
 from tradestudy.optics.chain.scene import Legs
 from tradestudy.optics.chain.separate_lenses import microlens_alone, nearest_microlens
-from tradestudy.optics.chain.source_tables import table_count
+from tradestudy.optics.chain.source_tables import farthest_read, table_count
 from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
 from tradestudy.optics.chain.traced_forwards import reached_microlenses
-from tradestudy.optics.chain.whole_detector import plan_detector
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES
 
 # Processor seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.
@@ -39,16 +40,22 @@ SECONDS: Final[Mapping[str, float]] = {
     "exact ray from the source": 2.0e-7,
     "exact ray from the source past a microlens": 1e-8,
     "first exact ray past a microlens": 1e-4,
-    "sample of a patch": 4.0e-8,
-    "sample of a patch in double precision": 6.0e-8,
-    "sample of a patch, boundary wave": 1.0e-7,
+    "sample of a patch": 3.0e-8,
+    "sample of a patch in double precision": 5.0e-8,
+    "sample of a patch, boundary wave": 2.0e-7,
     "sample of a patch, boundary wave in focus": 5e-9,
-    "sample of the detector": 3.0e-7,
-    "microlens field, Kirchhoff": 0.6,
-    "microlens field, Fresnel": 0.1,
+    "node behind all microlenses": 5e-7,
+    "sample of the detector": 1.0e-7,
+    "node behind all microlenses, by quadrature": 1.3e-6,
+    "sample of the detector, by quadrature": 2.0e-7,
+    "sample of the field of a point, Kirchhoff": 1.3e-6,
+    "sample of the field of a point, Fresnel": 1e-7,
+    "sample of a table, Kirchhoff": 3.5e-6,
+    "sample of a table, Fresnel": 3e-7,
     "microlens field, boundary wave": 0.3,
     "microlens field, boundary wave to a thousandth": 3.0,
 }
+_CHECKED = 2  # points of a disc that are computed anew by finer settings
 _FINE_BOUNDARY_WAVE: Final = 5e-3  # tolerance below which its edge takes many nodes
 
 
@@ -80,14 +87,6 @@ class LightWork:
             accuracy=self._accuracy,
         )
 
-    @cached_property
-    def detector_side(self) -> int:
-        """Samples along a side of the grid for all microlenses and pixels at once, as a single point is computed."""
-        path, wavelength = self.scene.path, self.scene.wavelength
-        reach = ray_reach(path, self.scene.source.centre)
-        plan = plan_detector(path, [reach], wavelength=wavelength, paraxial=False, accuracy=self._accuracy)
-        return plan.transfer.count
-
     @property
     def _accuracy(self) -> ChainAccuracy:
         return ChainAccuracy(tolerance=self.tolerance)
@@ -100,8 +99,9 @@ class LightWork:
 
     @cached_property
     def source_points(self) -> float:
-        """Points of the disc, without those that its symmetries give."""
-        return len(self._nodes.all) / len(symmetries(self.scene.path, self.scene.source))
+        """Points of the disc, without those that its symmetries give, and points between them that tell the error."""
+        rings, order = self._nodes.rings, len(symmetries(self.scene.path, self.scene.source))
+        return (sum(map(len, rings)) + 2 * max(map(len, rings))) / order + 2 * len(rings) + 1
 
     @cached_property
     def lit_microlenses(self) -> float:
@@ -121,11 +121,12 @@ class LightWork:
             return self.scene.path.microlenses.count * self._alone.seconds_of_disc(laws=laws, separate=False)
         points, lit = self.source_points, self.lit_microlenses
         unit = "sample of a patch" + (" in double precision" if self.tolerance < SINGLE_PRECISION_FROM else "")
+        checks = PointWork(scene=self.scene, accuracy=self._accuracy.unstarved())
         return (
             SECONDS[unit] * points * self.patch.work(self.scene.path, lit=lit)
             + points * self._seconds_of_edges(laws, lit=lit)
-            + self._seconds_of_field(laws) * table_count(self._accuracy)
-            + self.seconds_of_point(laws=laws)
+            + self._seconds_of_tables(laws)
+            + _CHECKED * checks.seconds_of_pass(laws)
         )
 
     @cached_property
@@ -150,16 +151,22 @@ class LightWork:
         return seconds
 
     def seconds_of_point(self, *, laws: Legs) -> float:
-        """A picture of a single point, computed twice to state its error."""
+        """A picture of a single point, computed twice and held against direct quadrature to state its error."""
+        work = PointWork(scene=self.scene, accuracy=self._accuracy)
         behind = self._seconds_of_edges(laws, lit=self.lit_microlenses)
-        return SECONDS["sample of the detector"] * self.detector_side**2 + self._seconds_of_field(laws) + behind
+        return 2 * work.seconds_of_pass(laws) + work.seconds_of_quadrature() + behind
 
-    def _seconds_of_field(self, laws: Legs) -> float:
+    def _seconds_of_tables(self, laws: Legs) -> float:
+        path, source, accuracy = self.scene.path, self.scene.source, self._accuracy
+        if laws.to_array == "geometric":
+            return 0.0
         if laws.to_array == "boundary_wave":
-            fine = self.tolerance < _FINE_BOUNDARY_WAVE
-            return SECONDS["microlens field, boundary wave" + (" to a thousandth" if fine else "")]
-        # Rays need no table, about as good as nothing to Fresnel's.
-        return SECONDS["microlens field, Kirchhoff" if laws.to_array == "kirchhoff" else "microlens field, Fresnel"]
+            return _boundary_wave_field(self.tolerance) * table_count(accuracy)
+        half = farthest_read(path, source, float(np.linalg.norm(self._nodes.all, axis=1).max()))
+        if not self.patch.whole_detector:
+            half = min(half, lit_radius(path, source.centre, self.scene.wavelength, accuracy))
+        samples = (2 * half / field_spacing(_wave(self.scene), accuracy)) ** 2
+        return SECONDS[f"sample of a table, {_title(laws)}"] * samples * table_count(accuracy)
 
     def _seconds_of_edges(self, laws: Legs, *, lit: float) -> float:
         """What a boundary wave behind the array adds to a source point; in focus it finds that it has none to add."""
@@ -168,6 +175,57 @@ class LightWork:
         in_focus = self.scene.largest_microlens_fresnel_number < LEAST_ZONES
         unit = "sample of a patch, boundary wave" + (" in focus" if in_focus else "")
         return SECONDS[unit] * lit * self.patch.side**2
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointWork:
+    """Counts of the work of one pass over a single point, all microlenses at once."""
+
+    scene: LightScene
+    accuracy: ChainAccuracy
+
+    def seconds_of_pass(self, laws: Legs) -> float:
+        """Field on the array, nodes behind it, samples of the detector."""
+        field = 0.0
+        if laws.to_array == "boundary_wave":
+            field = _boundary_wave_field(self.accuracy.tolerance)
+        elif laws.to_array != "geometric":
+            field = SECONDS[f"sample of the field of a point, {_title(laws)}"] * self.field_samples
+        nodes, samples = self.nodes_and_samples
+        return field + SECONDS["node behind all microlenses"] * nodes + SECONDS["sample of the detector"] * samples
+
+    def seconds_of_quadrature(self) -> float:
+        """Holding a pass against direct quadrature."""
+        nodes, samples = self.nodes_and_samples
+        return (
+            SECONDS["node behind all microlenses, by quadrature"] * nodes
+            + SECONDS["sample of the detector, by quadrature"] * samples
+        )
+
+    @cached_property
+    def nodes_and_samples(self) -> tuple[int, int]:
+        """Behind all microlenses, and on the grid that holds the detector."""
+        _, plan, plane = plan_point(_wave(self.scene), "kirchhoff", self.accuracy)
+        return plane.weights.size, plan.transfer.count**2
+
+    @property
+    def field_samples(self) -> float:
+        """Of the main lens's field over the array."""
+        lenses = self.scene.path.microlenses
+        width = np.ptp(lenses.centres, axis=0) + 2 * lenses.cell_reach
+        return float(np.prod(width / field_spacing(_wave(self.scene), self.accuracy)))
+
+
+def _wave(scene: LightScene) -> PupilWave:
+    return PupilWave(path=scene.path, source=scene.source.centre, wavelength=scene.wavelength, method="kirchhoff")
+
+
+def _boundary_wave_field(tolerance: float) -> float:
+    return SECONDS["microlens field, boundary wave" + (" to a thousandth" if tolerance < _FINE_BOUNDARY_WAVE else "")]
+
+
+def _title(laws: Legs) -> str:
+    return "Kirchhoff" if laws.to_array == "kirchhoff" else "Fresnel"
 
 
 def seconds_of_rays(path: LightPath, *, point: bool) -> float:
