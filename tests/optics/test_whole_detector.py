@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.optics.small_chain import PITCH, WAVELENGTH, camera, relative
+from tradestudy.errors import UnaffordableError
 from tradestudy.optics.chain import (
     KIRCHHOFF,
     ChainAccuracy,
@@ -84,6 +85,21 @@ def test_the_cheaper_one_is_taken_unless_it_misses_the_tolerance() -> None:
     assert not patch(alone, COARSE).whole_detector
     assert patch(alone, FINE).whole_detector
     assert not patch(alone, ChainAccuracy(tolerance=1e-3, memory_limit=1.0)).whole_detector
+
+
+@pytest.mark.parametrize(
+    ("pixels", "limit"),
+    [(PixelGrid(pitch=50e-3, shape=(3, 3)), 2e9), (PixelGrid(pitch=4e-6, shape=(9, 23)), 1e6)],
+    ids=["wide pixels", "little memory"],
+)
+def test_what_memory_does_not_hold_is_refused_before_any_work(pixels: PixelGrid, limit: float) -> None:
+    shares: list[float] = []
+    with pytest.raises(UnaffordableError, match=r"nodes, .* samples, .* GB .*raise the memory limit"):
+        chain_image(
+            camera(pixels=pixels), DISC, wavelength=WAVELENGTH, legs=KIRCHHOFF, done=shares.append,
+            accuracy=ChainAccuracy(tolerance=1e-2, memory_limit=limit), rng=np.random.default_rng(0),
+        )  # fmt: skip
+    assert shares == []
 
 
 def test_corners_of_patches_hold_no_light_that_starved_nodes_invent() -> None:

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave
@@ -23,7 +22,6 @@ from tradestudy.optics.chain.arriving_light import point_wave
 from tradestudy.optics.chain.detector_patch import (
     POINTS_AT_ONCE,
     SINGLE_PRECISION_FROM,
-    DetectorPatch,
     detector_patch,
     disc_ends,
     lit_radius,
@@ -90,7 +88,6 @@ def prepare_spot(
     reaches = disc_ends(path, source, nodes)
     paraxial = legs.to_detector == "fresnel"
     patch = detector_patch(path, source, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy)
-    _refuse_samples(path, patch, accuracy)
     plane = MicrolensPlane(
         path=path,
         wavelength=wavelength,
@@ -130,20 +127,6 @@ def prepare_spot(
         per_pixel=patch.per_pixel,
         lit_within=lit_within,
     )
-
-
-def _refuse_samples(path: LightPath, patch: DetectorPatch, accuracy: ChainAccuracy) -> None:
-    """Refuse more samples of the detector than memory holds: fields and intensities side by side, and their sum."""
-    rows, columns = (n * patch.per_pixel + 2 * MARGIN for n in path.pixels.shape)
-    itemsize = 8.0 if accuracy.tolerance >= SINGLE_PRECISION_FROM else 16.0
-    needed = rows * columns * (1.5 * itemsize * (POINTS_AT_ONCE + 1) + 16.0)
-    if needed > accuracy.memory_limit:
-        raise UnaffordableError(
-            "samples of the detector",
-            value=f"{rows} × {columns}, {needed / 1e9:.3g} GB",
-            limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
-            remedy="take fewer or smaller pixels, a larger tolerance, or raise the memory limit",
-        )
 
 
 def tables_at(spot: Spot, at: list[Place]) -> dict[Place, FieldTable | None]:
