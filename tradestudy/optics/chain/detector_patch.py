@@ -42,7 +42,7 @@ class DetectorPatch:
     whole_detector
         Whether all microlenses are followed over the whole detector at once.
     half_side
-        How far from its ray image the light of a microlens is followed along x and y, within the detector [m].
+        How far from its ray image the light of a microlens is followed along x and y [m].
     side
         Samples along a side of what is followed, at most those of the detector.
     cycles
