@@ -11,6 +11,7 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.imaging.aliasing import REPLICAS, alias_radii, alias_weights, ring_weights
 from tradestudy.imaging.geometry import PictureGeometry
@@ -101,8 +102,8 @@ class TextureBand:
     window: FloatArray
     rules: tuple[BandNodes, ...]
 
-    def passed(self, models: PictureModels) -> PassedTexture:
-        """Pass the texture through every step."""
+    def passed(self, models: PictureModels, brighter: ArrayLike = 1.0) -> PassedTexture:
+        """Pass the texture through every step, in so many times the light over distance."""
         geometry, settings = self.geometry, self.settings
         transfer, transfer_error = self._lenses.product(models)
         width = _sample_width(geometry, settings, models)
@@ -110,7 +111,7 @@ class TextureBand:
         if geometry.sample_shape == "disc":  # a microlens collects from a disc: rotationally symmetric, like the lenses
             transfer = transfer * disc_transfer(frequency, width)
             width = 0.0
-        n = picture_electrons(geometry, settings, models)[:, np.newaxis]
+        n = (picture_electrons(geometry, settings, models) * np.asarray(brighter, dtype=np.float64))[:, np.newaxis]
         power = np.square(transfer)
         *inside, beyond = np.split(n**2 * self._texture[:, : frequency.size] * power, self._ends, axis=1)
         # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.

@@ -12,17 +12,18 @@ and the other cuts little of it, and light does not spread twice. The pixel inte
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.geometry import PictureGeometry
 from tradestudy.imaging.matching_bound import BandNodes, band_nodes
 from tradestudy.imaging.models import PictureModels, PictureSettings
-from tradestudy.imaging.passed_texture import TextureBand, picture_electrons
+from tradestudy.imaging.passed_texture import PassedTexture, TextureBand, picture_electrons
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 
 # Where a matcher leaves the bound was found by simulation; tests/campaigns/matching.md keeps the figures.
@@ -80,17 +81,42 @@ def disparity_error_px(
     OutOfRangeError
         A model that the camera has no stage for, or a spectrum asked for and not given.
     """
-    _require_possible(geometry, settings, models)
-    value, error = np.empty(geometry.distance.size), np.empty(geometry.distance.size)
-    for chosen, along in _by_blur(geometry):
-        value[chosen], error[chosen] = _value_and_error(geometry.at(chosen), settings, models, along)
-    value = np.where(value > _NOTHING_KNOWN_PX, np.inf, value)
+    ((value, error),) = bounds_and_errors_px(geometry, settings, (LitModels(models=models),))
     return DerivedDisparityError(
         value=value,
         error=error,
         violated=violated_conditions(geometry, settings, value),
         filled_share=filled_share(geometry, settings, models),
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LitModels:
+    """Models of a picture in so many times the light of its settings, one number or one for each distance."""
+
+    models: PictureModels
+    brighter: ArrayLike = 1.0
+
+
+def bounds_and_errors_px(
+    geometry: PictureGeometry, settings: PictureSettings, variants: Sequence[LitModels]
+) -> tuple[tuple[FloatArray, FloatArray], ...]:
+    """Value and numerical error of `disparity_error_px` under one variant after another; shared work is done once.
+
+    Raises
+    ------
+    OutOfRangeError
+        As `disparity_error_px`.
+    """
+    found = np.empty((len(variants), 2, geometry.distance.size))
+    for variant in variants:
+        _require_possible(geometry, settings, variant.models)
+    for chosen, along in _by_blur(geometry):
+        band = _band(geometry.at(chosen), settings, tuple(_rule(share * along) for share in (1.0, *_COARSER)))
+        for k, variant in enumerate(variants):
+            brighter = np.broadcast_to(variant.brighter, geometry.distance.shape)[chosen]
+            found[k, 0, chosen], found[k, 1, chosen] = _value_and_error(band.passed(variant.models, brighter))
+    return tuple((np.where(value > _NOTHING_KNOWN_PX, np.inf, value), error) for value, error in found)
 
 
 def disparity_bound_px(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> FloatArray:
@@ -192,12 +218,8 @@ def _rule(along: float) -> BandNodes:
     return band_nodes(round(along), max(5, round(along / 5.0)))
 
 
-def _value_and_error(
-    geometry: PictureGeometry, settings: PictureSettings, models: PictureModels, along: int
-) -> tuple[FloatArray, FloatArray]:
-    """The bound and its numerical error by rules of so many nodes, and fewer."""
-    rules = tuple(_rule(share * along) for share in (1.0, *_COARSER))
-    texture = _band(geometry, settings, rules).passed(models)
+def _value_and_error(texture: PassedTexture) -> tuple[FloatArray, FloatArray]:
+    """The bound by the first rule, and its numerical error."""
     tail = texture.tail
     value = texture.bound(0, tail)
     coarser = np.stack([texture.bound(k, tail) for k in range(1, 1 + len(_COARSER))])

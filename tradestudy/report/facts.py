@@ -88,11 +88,12 @@ def families(tree: xr.DataTree) -> dict[str, str]:
 
 
 def places(tree: xr.DataTree) -> npt.NDArray[np.float64]:
-    """Get the declared distances [m]; without a decision, the powers of ten inside the range and its ends."""
+    """Get the declared distances [m]; without a decision, a few from end to end of the range."""
+    from tradestudy.results.depth import distances_without_decision
+
     if has(tree, "decision") and "place" in tree["decision"].coords:
         return np.asarray(dataset(tree, "decision")["place"].values, dtype=float)
-    every = np.asarray(dataset(tree, "depth")["distance"].values, dtype=float)
-    return np.geomspace(every[0], every[-1], 4)
+    return distances_without_decision(np.asarray(dataset(tree, "depth")["distance"].values, dtype=float))
 
 
 @dataclass(frozen=True, kw_only=True)

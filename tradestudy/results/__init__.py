@@ -13,7 +13,7 @@ import xarray as xr
 
 from tradestudy.results.calibration import CALIBRATION, DECISION_ADDITIONS, SENSITIVITY
 from tradestudy.results.cost import COST
-from tradestudy.results.depth import DEPTH
+from tradestudy.results.depth import DEPTH, DISPARITY_CAUSES
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.results.effects import EFFECTS
 from tradestudy.results.hard_cases import HARD_CASES
@@ -30,6 +30,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "cameras": CAMERAS,
     "depth": DEPTH,
     "depth_at_places": DEPTH,
+    "disparity_causes": DISPARITY_CAUSES,
     "depth_of_field": DEPTH_OF_FIELD,
     "criteria": CRITERIA,
     "decision": {**DECISION, **DECISION_ADDITIONS},

@@ -1,14 +1,18 @@
-"""/depth: every camera that measures depth, over distance."""
+"""/depth: every camera that measures depth, over distance; /disparity_causes: why its disparity error is what it is."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Final
 
-from tradestudy.results.variable import PAPER, SEE_ERROR, Variable
+import numpy as np
+import numpy.typing as npt
+
+from tradestudy.results.variable import PAPER, ROUNDING, SEE_ERROR, Variable
 
 DEPTH_ROUNDING: Final = "closed form; rounding only, see the condition number of eq. 8"
 _EIGHT = f"{PAPER}, eqs. 4 and 8"
+_MATCHING = "Carter, Proc. IEEE 75, 236 (1987)"
 
 DEPTH: Final[Mapping[str, Variable]] = {
     "depth_discrimination": Variable(
@@ -87,7 +91,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         "for the views of an unfocused plenoptic camera a px is a microlens; "
         "NaN where the camera forms no image or no texture is left in it",
         symbol="σ_d",
-        reference="Carter, Proc. IEEE 75, 236 (1987)",
+        reference=_MATCHING,
         error="see disparity_error_px_error",
     ),
     "disparity_error_px_error": Variable(
@@ -144,3 +148,56 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "near_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the near end"),
     "far_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the far end"),
 }
+
+DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
+    "electrons": Variable(
+        dims=("camera", "distance"),
+        units="electrons",
+        long_name="mean electrons of a pixel; NaN where the camera forms no image",
+        symbol="n",
+        error=ROUNDING,
+    ),
+    "disparity_error_px": Variable(
+        dims=("camera", "distance"),
+        units="px",
+        long_name="standard deviation of one measured disparity, the Cramér–Rao bound of matching with all models "
+        "that act; for the views of an unfocused plenoptic camera a px is a microlens; NaN where the camera forms no "
+        "image, infinite where no texture is left in it",
+        symbol="σ_d",
+        reference=_MATCHING,
+        error="see disparity_error_px_error",
+    ),
+    "disparity_error_px_error": Variable(
+        dims=("camera", "distance"),
+        units="px",
+        long_name="estimated numerical error of disparity_error_px: quadrature over the band, aliasing, diffraction; "
+        "NaN where that is not finite",
+        error="an estimate of an error",
+    ),
+    "disparity_error_px_changed": Variable(
+        dims=("camera", "distance", "change"),
+        units="px",
+        long_name="disparity_error_px with one change alone: everything in focus, no lens diffracts, the electrons of "
+        "the brightest camera there that is not saturated (NaN for that camera), ten times its own",
+        symbol="σ_d",
+        reference=_MATCHING,
+        error="see disparity_error_px_changed_error",
+    ),
+    "disparity_error_px_changed_error": Variable(
+        dims=("camera", "distance", "change"),
+        units="px",
+        long_name="estimated numerical error of disparity_error_px_changed; NaN where that is not finite",
+        error="an estimate of an error",
+    ),
+    "brightest_camera": Variable(
+        dims=("distance",),
+        units="",
+        long_name="the camera of most electrons that is not saturated, of several whose disparity error is derived; "
+        "empty where there is none",
+    ),
+}
+
+
+def distances_without_decision(distance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Four distances from end to end of a study's, where no decision declares any to be told in tables."""
+    return np.geomspace(distance[0], distance[-1], 4)

@@ -11,6 +11,7 @@ from tradestudy.study.groups.criteria import criteria_group
 from tradestudy.study.groups.decision import decision_group
 from tradestudy.study.groups.depth import depth_at_places_group, depth_group
 from tradestudy.study.groups.depth_of_field import depth_of_field_group
+from tradestudy.study.groups.disparity_causes import disparity_causes_group
 from tradestudy.study.groups.effects import effects_group
 from tradestudy.study.groups.fresnel_validity import fresnel_validity_group
 from tradestudy.study.groups.hard_cases import hard_cases_group
@@ -72,6 +73,8 @@ def compute(
         groups["/depth"] = depth_group(definition, steps)
         if file.decision is not None:
             groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
+        if (causes := disparity_causes_group(definition)) is not None:
+            groups["/disparity_causes"] = causes
         progress("decision", 0.0)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"])
     if file.calibration is not None:

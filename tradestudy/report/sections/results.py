@@ -10,6 +10,7 @@ import numpy as np
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Picture, Table, Text, say
 from tradestudy.report.facts import in_words, interval, length, share
+from tradestudy.report.sections.disparity_causes import disparity_causes
 from tradestudy.units import significant
 from tradestudy.wording import distance
 
@@ -29,6 +30,7 @@ def results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bloc
         yield from _usable_range(tree)
         yield from _curves(tree, drawings)
         yield from _parts(drawings)
+        yield from disparity_causes(tree)
         yield from _decision(tree, drawings)
         yield from _sweeps(drawings)
 

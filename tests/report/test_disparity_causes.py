@@ -1,0 +1,171 @@
+"""Why a derived disparity error is what it is, from the study of the hand lens to the words of its report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tradestudy import load
+from tradestudy.imaging.error_causes import CHANGES
+from tradestudy.report.contents import compose
+from tradestudy.report.document import Block, Bullets, Table, Text, flattened, spans
+from tradestudy.report.sections.disparity_causes import disparity_causes
+from tradestudy.results import GROUPS
+from tradestudy.study.groups.disparity_causes import disparity_causes_group
+from tradestudy.study.groups.registers import cameras_group
+from tradestudy.study.loading import load_definition
+from tradestudy.study.plan import plan_of
+
+STUDY = Path(__file__).parents[2] / "studies" / "close_range.yaml"
+QUICK = ("scene.distances.points=39",)
+NAME = "disparity-causes-table"
+
+
+def causes(*changes: str) -> xr.Dataset:
+    found = disparity_causes_group(plan_of(load_definition(STUDY, (*QUICK, *changes))).definition)
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def found() -> xr.Dataset:
+    return causes()
+
+
+def section(found: xr.Dataset) -> tuple[Block, ...]:
+    cameras = cameras_group(load_definition(STUDY, QUICK))
+    return tuple(disparity_causes(xr.DataTree.from_dict({"/cameras": cameras, "/disparity_causes": found})))
+
+
+def plain(text: Text) -> str:
+    return "".join(span.text for span in spans(text)).replace("\u00a0", " ")
+
+
+def bullets(blocks: tuple[Block, ...]) -> list[str]:
+    return [plain(item) for block in blocks if isinstance(block, Bullets) for item in block.items]
+
+
+def rows(blocks: tuple[Block, ...]) -> list[list[str]]:
+    (table,) = (block for block in blocks if isinstance(block, Table) and block.name == NAME)
+    return [[plain(cell) for cell in row] for row in table.rows]
+
+
+# ---- the numbers ----------------------------------------------------------------------------------------------------
+
+
+def test_light_follows_the_f_number_and_diffraction_counts_more_at_the_smaller_aperture(found: xr.Dataset) -> None:
+    assert list(found["camera"].values) == ["pair-f9.8", "pair-f22", "pair-f5.6"]  # the declared one has no picture
+    assert found["distance"].values == pytest.approx([53e-3, 55.3e-3, 58e-3])
+    light = found["electrons"]
+    np.testing.assert_allclose(light.sel(camera="pair-f9.8") / light.sel(camera="pair-f22"), (22 / 9.8) ** 2, rtol=1e-9)
+    assert set(found["brightest_camera"].values) == {"pair-f5.6"}
+    without = found["disparity_error_px"] / found["disparity_error_px_changed"].sel(change="no diffraction")
+    assert bool((without.sel(camera="pair-f22") > 1.4 * without.sel(camera="pair-f9.8")).all())
+
+
+def test_in_the_light_of_the_brightest_cameras_of_one_cone_are_one() -> None:
+    """Without diffraction and blur only light tells them apart, but for how finely the band is divided."""
+    found = causes("effects={main_lens_diffraction: off, defocus_blur: off}")
+    lit = found["disparity_error_px_changed"].sel(camera=["pair-f22", "pair-f9.8"], change="light of the brightest")
+    own = found["disparity_error_px"].sel(camera="pair-f5.6")
+    np.testing.assert_allclose(lit, np.broadcast_to(own, lit.shape), rtol=1e-4)
+    assert np.isnan(found["disparity_error_px_changed"].sel(camera="pair-f5.6", change="light of the brightest")).all()
+
+
+def test_a_saturated_camera_is_not_the_brightest_and_without_a_decision_four_places_are_shown() -> None:
+    changes = (*QUICK, "decision=null", "scene.picture.light.electrons=8000 electrons")
+    found = disparity_causes_group(load_definition(STUDY, changes))  # light does not wait for models to be chosen
+    assert found is not None
+    assert set(found["brightest_camera"].values) == {"pair-f9.8"}
+    assert found["distance"].values == pytest.approx(np.geomspace(42e-3, 80e-3, 4))
+
+
+def test_every_variable_is_declared_and_has_an_error(found: xr.Dataset) -> None:
+    assert set(found.data_vars) == set(GROUPS["disparity_causes"])
+    assert list(found["change"].values) == list(CHANGES)
+    for name in ("disparity_error_px", "disparity_error_px_changed"):
+        share = (found[f"{name}_error"] / found[name]).values
+        assert np.nanmax(share) < 0.01
+        assert np.nanmin(share) > 0.0
+
+
+# ---- the words ------------------------------------------------------------------------------------------------------
+
+
+def test_the_report_says_what_counts_most_and_has_the_table() -> None:
+    data = load(STUDY, QUICK).run().data
+    found = data["disparity_causes"].to_dataset()
+    depth = data["depth_at_places"].to_dataset().sel(camera=found["camera"])
+    np.testing.assert_allclose(found["disparity_error_px"], depth["disparity_error_px"], rtol=1e-12)
+    blocks = tuple(flattened(compose(data, {}, {}).blocks))
+    told = [text for text in bullets(blocks) if "electrons, a disparity error of" in text]
+    assert [text.split(":")[0] for text in told] == [f"Hand-lens pair, f/{n}" for n in ("9.8", "22", "5.6")]
+    one = found.sel(camera="pair-f22").isel(distance=1)
+    error, changed = float(one["disparity_error_px"]), one["disparity_error_px_changed"]
+    lit, sharp = (error / float(changed.sel(change=name)) for name in ("light of the brightest", "no diffraction"))
+    assert told[1] == (
+        f"Hand-lens pair, f/22: 799 electrons, a disparity error of {error:.3g} px. What counts most is the light that "
+        f"it lacks: with the light of Hand-lens pair, f/5.6 it would be {lit:.3g} times smaller; without diffraction "
+        f"{sharp:.3g} times smaller, without blur the same."
+    )
+    assert "What counts most is diffraction" in told[2]
+    assert "What counts most elsewhere: at 53 mm defocus blur (" in told[2]
+    table = rows(blocks)
+    assert [row[0] for row in table if len(row) == 1] == ["At 53 mm", "At 55.3 mm", "At 58 mm"]
+    assert table[6][:3] == ["Hand-lens pair, f/22", "799", f"{error:.3g}"]
+    assert table[6][4] == f"{float(changed.sel(change='no diffraction')):.3g} ({sharp:.3g}×)"
+    assert table[7][5] == "itself"
+
+
+def test_declared_errors_have_no_causes(tree: xr.DataTree) -> None:
+    declared = (
+        load(
+            STUDY,
+            (*QUICK, *(f"pair-f{n}.depth.disparity_error=0.1 px" for n in ("9.8", "22", "5.6"))),
+        )
+        .run()
+        .data
+    )
+    for one in (declared, tree):
+        assert "disparity_causes" not in one.children
+        blocks = tuple(flattened(compose(one, {}, {}).blocks))
+        assert not any(isinstance(block, Table) and block.name == NAME for block in blocks)
+        assert not any("What counts most" in text for text in bullets(blocks))
+
+
+def test_a_camera_alone_is_compared_with_none(found: xr.Dataset) -> None:
+    found = found.sel(camera=["pair-f5.6"]).copy(deep=True)
+    found["brightest_camera"][:] = ""
+    blocks = section(found)
+    assert {len(row) for row in rows(blocks)} == {1, 6}
+    assert "light of" not in bullets(blocks)[0]
+
+
+def test_what_is_larger_the_same_or_not_there_at_all_is_told(found: xr.Dataset) -> None:
+    found = found.sel(camera=["pair-f9.8"]).copy(deep=True)
+    found["disparity_error_px"][:] = [[np.nan, 0.04, np.inf]]
+    found["disparity_error_px_changed"][:] = [
+        [[np.nan] * 4, [0.0399, 0.05, np.nan, 0.01], [0.02, np.inf, np.nan, np.inf]]
+    ]
+    blocks = section(found)
+    assert bullets(blocks) == [
+        "Hand-lens pair, f/9.8: 4030 electrons, a disparity error of 0.04 px. None of these causes counts: without "
+        "blur it would be the same; without diffraction 1.25 times larger. What counts most elsewhere: at 58 mm "
+        "defocus blur (∞ times)."
+    ]
+    assert rows(blocks)[1][1:] == ["—", "no picture", "—", "—", "—"]
+    nothing = found.isel(distance=[2])
+    assert bullets(section(nothing)) == [
+        "Hand-lens pair, f/9.8: 4030 electrons, and no texture is left to be matched: without blur the disparity error "
+        "would be 0.02 px, without diffraction none either."
+    ]
+    noiseless = found.isel(distance=[1]).copy(deep=True)
+    noiseless["disparity_error_px"][:], noiseless["disparity_error_px_changed"][:] = 0.0, [[[0.0, 0.01, np.nan, 0.0]]]
+    assert bullets(section(noiseless))[0].endswith(
+        "0 px. None of these causes counts: without blur it would be the same; without diffraction ∞ times larger."
+    )
+    pictureless = found.isel(distance=[0])
+    assert bullets(section(pictureless)) == ["Hand-lens pair, f/9.8: no picture is formed there."]

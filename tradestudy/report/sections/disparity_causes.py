@@ -1,0 +1,184 @@
+"""Why a derived disparity error is what it is: light, blur or diffraction, at the declared distances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from tradestudy.report import facts
+from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.facts import share
+from tradestudy.units import significant
+from tradestudy.wording import distance
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+_COLUMNS: Final = {
+    "no blur": "without blur",
+    "no diffraction": "without diffraction",
+    "light of the brightest": "brightest light",
+    "ten times the light": "tenfold light",
+}
+# What is taken away, and what it is called as a cause; ten times the light helps any camera and tells none apart.
+_CAUSES: Final = {
+    "no blur": "defocus blur",
+    "no diffraction": "diffraction",
+    "light of the brightest": "the light that it lacks",
+}
+
+
+def disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
+    """Write what counts most for every camera whose disparity error is derived, and the table behind it."""
+    if not facts.has(tree, "disparity_causes"):
+        return
+    found = facts.dataset(tree, "disparity_causes")
+    titles = {key: title for key, title in facts.titles(tree).items() if key in found["camera"].values}
+    middle = found.sizes["distance"] // 2
+    yield Heading(text="What the disparity error is made of", anchor="disparity-causes", level=2)
+    yield Paragraph(
+        say(
+            "Where the disparity error is derived from the picture, the same bound is computed again with one cause "
+            "taken away: defocus blur, the diffraction of all lenses, or the lack of light against the brightest of "
+            "these cameras. [](#disparity-causes-table) has the values; at {place}:",
+            place=distance(float(found["distance"][middle])),
+        )
+    )
+    yield Bullets(tuple(_told(found.sel(camera=key), titles, middle) for key in titles))
+    yield _table(found, titles)
+
+
+def _told(camera: xr.Dataset, titles: Mapping[str, str], middle: int) -> str:
+    """Which cause counts most for one camera at one distance, and where it is another one."""
+    there = camera.isel(distance=middle)
+    own = _largest(there)
+    elsewhere = [
+        f"at {distance(float(place['distance']))} {_CAUSES[other[0]]} ({significant(other[1])} times)"
+        for place in (camera.isel(distance=k) for k in range(camera.sizes["distance"]))
+        if (other := _largest(place)) is not None and (own is None or other[0] != own[0])
+    ]
+    return _sentence(there, titles) + (f" What counts most elsewhere: {', '.join(elsewhere)}." if elsewhere else "")
+
+
+def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
+    title, error = titles[str(there["camera"].item())], float(there["disparity_error_px"])
+    if np.isnan(error):
+        return f"{title}: no picture is formed there."
+    light = f"{title}: {significant(float(there['electrons']))} electrons"
+    changed = _changed(there)
+    words = {
+        "no blur": "without blur",
+        "no diffraction": "without diffraction",
+        "light of the brightest": f"with the light of {titles.get(str(there['brightest_camera'].item()), '')}",
+    }
+    order = sorted(changed, key=lambda name: changed[name])
+    if np.isinf(error):
+        left = ", ".join(f"{words[name]} {_left(changed[name])}" for name in order)
+        return f"{light}, and no texture is left to be matched: {left}."
+    first, *others = order
+    told = f"{words[first]} it would be {_change(error, changed[first])}; " + ", ".join(
+        f"{words[name]} {_change(error, changed[name])}" for name in others
+    )
+    largest = _largest(there)
+    what = "None of these causes counts" if largest is None else f"What counts most is {_CAUSES[largest[0]]}"
+    return f"{light}, a disparity error of {significant(error)} px. {what}: {told}."
+
+
+def _changed(there: xr.Dataset) -> dict[str, float]:
+    """The error without each cause that can be taken away."""
+    changed = {name: float(there["disparity_error_px_changed"].sel(change=name)) for name in _CAUSES}
+    return {name: value for name, value in changed.items() if not np.isnan(value)}
+
+
+def _largest(there: xr.Dataset) -> tuple[str, float] | None:
+    """The cause that counts most and how many times smaller the error is without it; None where none counts."""
+    error = float(there["disparity_error_px"])
+    factors = {name: _factor(error, value) for name, value in _changed(there).items()}
+    name = max(factors, key=lambda name: factors[name], default="")
+    return (name, factors[name]) if name and factors[name] > 1.0 else None
+
+
+def _left(error: float) -> str:
+    return "none either" if np.isinf(error) else f"the disparity error would be {significant(error)} px"
+
+
+def _change(error: float, changed: float) -> str:
+    """How many times smaller or larger, as a reader would say it."""
+    factor = _factor(error, changed)
+    if factor == 1.0:
+        return "the same"
+    if factor > 1.0:
+        return f"{significant(factor)} times smaller"
+    return f"{significant(1.0 / factor if factor else np.inf)} times larger"
+
+
+def _factor(error: float, changed: float) -> float:
+    """How many times smaller, 1 where three digits do not tell them apart; infinite or 0 where one has no bound."""
+    if error == changed:
+        return 1.0
+    if np.isinf(error) or changed == 0.0:
+        return np.inf
+    factor = error / changed
+    told_apart = factor == 0.0 or "1" not in (significant(factor), significant(1.0 / factor))
+    return factor if told_apart else 1.0
+
+
+def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
+    changes = [
+        name for name in _COLUMNS if not np.isnan(found["disparity_error_px_changed"].sel(change=name).values).all()
+    ]
+    rows: list[tuple[Text, ...]] = []
+    for place in found["distance"].values:
+        there = found.sel(distance=place)
+        rows.append((f"At {distance(float(place))}",))
+        rows += [_row(there.sel(camera=key), title, changes) for key, title in titles.items()]
+    compared = "light of the brightest" in changes
+    return Table(
+        name="disparity-causes-table",
+        caption="Derived disparity error in pixels as it is, and with one cause taken away; in brackets how many times "
+        "smaller that is.",
+        columns=(
+            Column(title="Camera", weight=1),
+            Column(title="Electrons", align="right"),
+            Column(title="Disparity error", align="right"),
+            *(Column(title=_COLUMNS[name], align="right") for name in changes),
+        ),
+        rows=tuple(rows),
+        notes=(
+            "Electrons: mean of a pixel. A number in brackets below 1: the error would be larger, since what blurs "
+            "also keeps texture out that is too fine for the pixels. The causes act together: their numbers need not "
+            "multiply to the whole. Tenfold light, as if no pixel saturated, makes the error about 3.2 times "
+            "smaller where texture stands out of the noise of the light itself; more where the sensor adds noise or "
+            "texture drowns in it, less where texture too fine for the pixels is the noise. Where a camera is not "
+            "usable a matcher may miss these bounds."
+            + (" Brightest light: that of the camera of most electrons that is not saturated." if compared else "")
+            + _numerical_error(found),
+        ),
+    )
+
+
+def _row(there: xr.Dataset, title: str, changes: Sequence[str]) -> tuple[Text, ...]:
+    error = float(there["disparity_error_px"])
+    if np.isnan(error):
+        return (title, "—", "no picture", *("—" for _ in changes))
+    cells = (_cell(there, error, name) for name in changes)
+    return (title, significant(float(there["electrons"])), significant(error), *cells)
+
+
+def _cell(there: xr.Dataset, error: float, change: str) -> str:
+    value = float(there["disparity_error_px_changed"].sel(change=change))
+    if np.isnan(value):
+        return "itself" if str(there["brightest_camera"].item()) == str(there["camera"].item()) else "—"
+    return f"{significant(value)}\N{NO-BREAK SPACE}({significant(_factor(error, value))}×)"
+
+
+def _numerical_error(found: xr.Dataset) -> str:
+    relative = [
+        (found[f"{name}_error"] / found[name].where(found[name] > 0.0)).values.ravel()
+        for name in ("disparity_error_px", "disparity_error_px_changed")
+    ]
+    values = np.concatenate(relative)
+    values = values[np.isfinite(values)]
+    return f" Estimated numerical error: at most {share(float(values.max()))}." if values.size else ""

@@ -1,0 +1,80 @@
+"""/disparity_causes: why derived disparity errors are what they are, at the declared distances."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.error_causes import CHANGES, error_causes
+from tradestudy.imaging.geometry import picture_geometry
+from tradestudy.imaging.passed_texture import picture_electrons
+from tradestudy.imaging.picture import filled_share
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.results.depth import distances_without_decision
+from tradestudy.study.definition import StudyDefinition
+
+
+def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
+    """/disparity_causes of the study as declared, without its sweep; None where no disparity error is derived."""
+    derived = {
+        name: (camera, law)
+        for name, camera in definition.case.cameras.items()
+        if isinstance(law := camera.disparity_error_px, PictureDisparityError)
+    }
+    if not derived:
+        return None
+    decision = definition.file.decision
+    distance = (
+        distances_without_decision(definition.case.distance) if decision is None else np.array(sorted(set(decision.at)))
+    )
+    names = list(derived)
+    seen = [_electrons(camera, law, distance) for camera, law in derived.values()]
+    electrons = np.stack([n for n, _ in seen])
+    brightest = _brightest(electrons, np.stack([share for _, share in seen]))
+    found = []
+    for k, (camera, law) in enumerate(derived.values()):
+        ratio = _light_lacked(electrons, k, brightest)
+        found.append(error_causes(picture_geometry(camera, distance), law.settings, law.models, ratio))
+    return dataset(
+        "disparity_causes",
+        {
+            "electrons": electrons,
+            "disparity_error_px": np.stack([one.value for one in found]),
+            "disparity_error_px_error": np.stack([one.error for one in found]),
+            "disparity_error_px_changed": np.stack([one.changed.T for one in found]),
+            "disparity_error_px_changed_error": np.stack([one.changed_error.T for one in found]),
+            "brightest_camera": ["" if k < 0 else names[k] for k in brightest],
+        },
+        {"camera": names, "distance": distance, "change": list(CHANGES)},
+    )
+
+
+def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Mean electrons of a pixel, and how full the brightest one is; NaN where there is no picture."""
+    geometry = picture_geometry(camera, distance)
+    imaged = np.isfinite(geometry.magnification)
+    seen = (picture_electrons(geometry, law.settings, law.models), filled_share(geometry, law.settings, law.models))
+    return np.where(imaged, seen[0], math.nan), np.where(imaged, seen[1], math.nan)
+
+
+def _brightest(electrons: FloatArray, filled: FloatArray) -> list[int]:
+    """Which camera has most light at each distance without being saturated; −1 where only one forms a picture."""
+    fit = np.where(filled <= 1.0, electrons, -1.0)
+    several = np.count_nonzero(np.isfinite(electrons), axis=0) > 1
+    found = several & (fit.max(axis=0) > 0.0)
+    return [int(k) for k in np.where(found, fit.argmax(axis=0), -1)]
+
+
+def _light_lacked(electrons: FloatArray, camera: int, brightest: list[int]) -> FloatArray:
+    """Electrons of the brightest camera over those of this one; NaN where it is itself that one."""
+    return np.array(
+        [
+            math.nan if k in (-1, camera) else electrons[k, place] / electrons[camera, place]
+            for place, k in enumerate(brightest)
+        ]
+    )
