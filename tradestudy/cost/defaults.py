@@ -5,5 +5,5 @@ from __future__ import annotations
 from typing import Final
 
 FEWEST_REPEATS: Final = 3
-# Of seconds: four minutes take the next digit of the largest picture of a shipped study.
+# Seven minutes take the next digit of the largest picture of a shipped study, and what it is held against [s].
 DEFAULT_BUDGET: Final = 480.0
