@@ -99,21 +99,36 @@ def detector_patch(
     chief = np.asarray(path.chief_point(source.centre))
     lit = max(1, int(np.sum(np.linalg.norm(path.microlenses.centres - chief, axis=1) <= within)))
     affordable = max(1.0, _MET_BY_PATCHES / accuracy.tolerance) * patch.work(path, lit=lit)
-    # To a margin only where patches do not do: what it loses is not given back as that beyond patches is.
-    wholes = []
+    best, limit = patch, affordable
+    for plan, cycles, least in _plans(path, reaches, wavelength, paraxial, accuracy):
+        # Without nodes, of which there may be too many to hold.
+        if least > limit:
+            break
+        whole = _whole(path, plan, cycles)
+        single = accuracy.tolerance >= SINGLE_PRECISION_FROM
+        needed = POINTS_AT_ONCE * plan.memory(whole.nodes * path.microlenses.count, single=single)
+        work = whole.work(path, lit=lit)
+        if needed <= accuracy.memory_limit and work <= limit:
+            best, limit = whole, work
+    return best
+
+
+def _plans(
+    path: LightPath, reaches: Sequence[RayReach], wavelength: float, paraxial: bool, accuracy: ChainAccuracy
+) -> list[tuple[DetectorPlan, float, float]]:
+    """Grids over the whole detector, the cycles that nodes resolve, and the least work, of which the least is first.
+
+    To a margin only where patches do not do: what it loses is not given back as that beyond patches is.
+    """
+    found = []
     for everywhere in (True, False) if accuracy.tolerance < _MET_BY_PATCHES else (True,):
         plan = plan_detector(
             path, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy, everywhere=everywhere
         )
         cycles = _cycles(path, reaches[-1], plan.target_reach, wavelength, accuracy)
-        if plan.transfer.count**2 + _NODE * _FEWEST_NODES * cycles**2 * path.microlenses.count > affordable:
-            continue  # without nodes, of which there may be too many to hold
-        whole = _whole(path, plan, cycles)
-        single = accuracy.tolerance >= SINGLE_PRECISION_FROM
-        needed = POINTS_AT_ONCE * plan.memory(whole.nodes * path.microlenses.count, single=single)
-        if needed <= accuracy.memory_limit and whole.work(path, lit=lit) <= affordable:
-            wholes.append(whole)
-    return min(wholes, key=lambda whole: whole.work(path, lit=lit), default=patch)
+        least = plan.transfer.count**2 + _NODE * _FEWEST_NODES * cycles**2 * path.microlenses.count
+        found.append((plan, cycles, least))
+    return sorted(found, key=lambda one: one[2])
 
 
 def _whole(path: LightPath, plan: DetectorPlan, cycles: float) -> DetectorPatch:

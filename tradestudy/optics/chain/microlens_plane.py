@@ -49,6 +49,11 @@ class MicrolensPlane:
         return centres[:, 0, None] + self.cell.x, centres[:, 1, None] + self.cell.y
 
     @property
+    def count(self) -> int:
+        """Nodes of all microlenses."""
+        return self.cell.x.size * (1 if self.cell.x.ndim > 1 else self.path.microlenses.count)
+
+    @property
     def weights(self) -> FloatArray:
         """Area weights [m²], shape (lenses, nodes)."""
         return np.broadcast_to(self.cell.weights, self.positions[0].shape)

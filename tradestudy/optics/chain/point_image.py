@@ -193,11 +193,11 @@ def _plane(
         density=density,
         lit=wave.lit if isinstance(wave, RayWave) else None,
     )
-    needed = plan.memory(plane.weights.size)
+    needed = plan.memory(plane.count)
     if needed > accuracy.memory_limit:
         raise UnaffordableError(
             "microlens nodes and detector samples",
-            value=f"{plane.weights.size} nodes, {plan.transfer.count}² samples, {needed / 1e9:.3g} GB",
+            value=f"{plane.count} nodes, {plan.transfer.count}² samples, {needed / 1e9:.3g} GB",
             limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
             remedy="take fewer microlenses or pixels, a larger tolerance, or raise the memory limit",
         )

@@ -121,13 +121,20 @@ class LightWork:
             return self.scene.path.microlenses.count * self._alone.seconds_of_disc(laws=laws, separate=False)
         points, lit = self.source_points, self.lit_microlenses
         unit = "sample of a patch" + (" in double precision" if self.tolerance < SINGLE_PRECISION_FROM else "")
-        checks = PointWork(scene=self.scene, accuracy=self._accuracy.unstarved())
         return (
             SECONDS[unit] * points * self.patch.work(self.scene.path, lit=lit)
             + points * self._seconds_of_edges(laws, lit=lit)
             + self._seconds_of_tables(laws)
-            + _CHECKED * checks.seconds_of_pass(laws)
+            + _CHECKED * self._check.seconds_of_pass(laws)
         )
+
+    @cached_property
+    def _point(self) -> PointWork:
+        return PointWork(scene=self.scene, accuracy=self._accuracy)
+
+    @cached_property
+    def _check(self) -> PointWork:
+        return PointWork(scene=self.scene, accuracy=self._accuracy.unstarved())
 
     @cached_property
     def _alone(self) -> LightWork:
@@ -152,9 +159,8 @@ class LightWork:
 
     def seconds_of_point(self, *, laws: Legs) -> float:
         """A picture of a single point, computed twice and held against direct quadrature to state its error."""
-        work = PointWork(scene=self.scene, accuracy=self._accuracy)
         behind = self._seconds_of_edges(laws, lit=self.lit_microlenses)
-        return 2 * work.seconds_of_pass(laws) + work.seconds_of_quadrature() + behind
+        return 2 * self._point.seconds_of_pass(laws) + self._point.seconds_of_quadrature() + behind
 
     def _seconds_of_tables(self, laws: Legs) -> float:
         path, source, accuracy = self.scene.path, self.scene.source, self._accuracy
@@ -206,9 +212,9 @@ class PointWork:
     def nodes_and_samples(self) -> tuple[int, int]:
         """Behind all microlenses, and on the grid that holds the detector."""
         _, plan, plane = plan_point(_wave(self.scene), "kirchhoff", self.accuracy)
-        return plane.weights.size, plan.transfer.count**2
+        return plane.count, plan.transfer.count**2
 
-    @property
+    @cached_property
     def field_samples(self) -> float:
         """Of the main lens's field over the array."""
         lenses = self.scene.path.microlenses
