@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -72,10 +73,15 @@ def test_the_law_of_a_blurred_disc_is_that_of_its_edge() -> None:
     assert np.ptp(np.log(np.array(found) * share**3)) > 3 * np.ptp(np.log(scale))
 
 
+@cache
+def _rule() -> tuple[np.ndarray, np.ndarray]:
+    t, w = np.polynomial.legendre.leggauss(400)
+    return (t + 1) / 2, w / 2
+
+
 def _defocused(v: float, v_edge: float) -> float:
     """Irradiance of a circular pupil with a quadratic phase, by direct quadrature."""
-    t, w = np.polynomial.legendre.leggauss(400)
-    t, w = (t + 1) / 2, w / 2
+    t, w = _rule()
     return float(abs(np.sum(w * t * special.j0(v * t) * np.exp(0.5j * v_edge * t**2))) ** 2)
 
 
