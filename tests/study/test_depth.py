@@ -12,7 +12,7 @@ from tests.cameras.builders import r5, stereo
 from tradestudy.cameras.depth_camera import ErrorSource
 from tradestudy.cameras.focused_plenoptic import PlenopticCalibration
 from tradestudy.cameras.stereo import StereoCalibration
-from tradestudy.study.depth import ONE_SIGMA, QUANTILES, WAYS, evaluate_depth
+from tradestudy.study.depth import ONE_SIGMA, QUANTILES, WAYS, DepthErrors, evaluate_depth
 
 YAW = math.radians(0.2)
 DRAWS = 400_000
@@ -146,3 +146,24 @@ def test_an_unbounded_interval_is_called_infinite() -> None:
     assert np.isinf(far.uncertainty[2, 0])
     assert np.isinf(far.quantile[2, 0, -1])
     assert np.isfinite(far.quantile[2, 0, 0])
+
+
+@pytest.mark.parametrize("distance", [0.5, 4.0, 9.0, 12.0, 20.0, 60.0])
+def test_no_factor_of_the_errors_changes_the_uncertainty_by_more_than_is_said(distance: float) -> None:
+    def uncertainty(noise: float, yaw: float) -> float:
+        camera = stereo(
+            disparity_error_px=0.1 * noise,
+            calibration=StereoCalibration(yaw=ErrorSource(standard_deviation=yaw * YAW, shape="uniform")),
+        )
+        return float(evaluate_depth(camera, np.array([distance])).uncertainty[2, 0])
+
+    declared = stereo(calibration=StereoCalibration(yaw=ErrorSource(standard_deviation=YAW, shape="uniform")))
+    at_most = float(DepthErrors.of(declared, np.array([distance])).largest_change(1.5)[0])
+    found = [uncertainty(1.0, 1.0)] + [uncertainty(s, 1.0) for s in (1 / 1.5, 0.9, 1.1, 1.5)] + [uncertainty(1.5, 1.5)]
+    lost = np.isinf(found)
+    if lost.any():
+        assert math.isnan(at_most) if lost.all() else math.isinf(at_most)
+    else:
+        changes = np.abs(np.array(found) / found[0] - 1.0)
+        assert changes[:-1].max() <= at_most
+        assert changes[-1] == pytest.approx(at_most, rel=1e-12)

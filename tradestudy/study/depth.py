@@ -120,9 +120,25 @@ class DepthErrors:
         return _sum(self._parts, self.distance.shape)
 
     @cached_property
+    def _reach(self) -> FloatArray:
+        return self._sum.quantile(ONE_SIGMA[1])
+
+    @cached_property
     def uncertainty(self) -> FloatArray:
         """Half the central 68.27 % interval of depth [m]."""
-        return _uncertainty(self.camera, self.distance, self._sum)
+        return _uncertainty_of_reach(self.camera, self.distance, self._reach)
+
+    def largest_change(self, factor: float) -> FloatArray:
+        """Relative change of the uncertainty at most, if every error were up to so many times as large or as small.
+
+        Larger errors change it by more than smaller ones, for depth falls ever more steeply towards its far end.
+        Infinite where that is lost for some of these errors only; NaN where for all, and where no image is formed.
+        """
+        narrow, wide = (
+            _uncertainty_of_reach(self.camera, self.distance, scale * self._reach) for scale in (1.0 / factor, factor)
+        )
+        known = np.where(np.isfinite(wide) & (self.uncertainty > 0.0), self.uncertainty, np.nan)
+        return np.where(np.isfinite(narrow) & np.isinf(wide), np.inf, wide / known - 1.0)
 
     @property
     def failed_fraction(self) -> FloatArray:
@@ -174,7 +190,12 @@ def _half_width(low: FloatArray, high: FloatArray) -> FloatArray:
 
 
 def _uncertainty(camera: DepthCamera, distance: FloatArray, errors: SumOfErrors) -> FloatArray:
-    disparity, reach = camera.disparity(distance), errors.quantile(ONE_SIGMA[1])  # the sum is symmetric
+    return _uncertainty_of_reach(camera, distance, errors.quantile(ONE_SIGMA[1]))
+
+
+def _uncertainty_of_reach(camera: DepthCamera, distance: FloatArray, reach: FloatArray) -> FloatArray:
+    """Of errors of disparity that stay within so much of it [m on the sensor] in 68.27 % of cases, either way alike."""
+    disparity = camera.disparity(distance)
     low, high = (camera.depth_of_disparity(disparity + sign * reach, distance) for sign in (1.0, -1.0))
     return _half_width(low, high)
 

@@ -17,7 +17,8 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
     """Off, the Airy pattern beside the blur disc, the defocused pupil by Fresnel, or by Kirchhoff's exact paths.
 
     What Kirchhoff adds to Fresnel is bounded by the path that parabolic waves leave out, which balanced is a defocus,
-    and by the fall ε of the amplitude towards the rim, which about its mean leaves ± ε/2.
+    and by the fall ε of the amplitude towards the rim. The transfer function is the pupil's product with itself, moved
+    by the frequency, over the mean square 1 − ε: towards the cutoff, where only rims meet, (1 − ε)² leaves ε of it.
     """
     stage = 0 if at == "main_lens_diffraction" else 1
     airy = (trial.main_lens_airy_px, trial.microlens_airy_px)[stage]
@@ -34,7 +35,7 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
         value=waves.value,
         at=waves.at,
     )
-    left_out = MARGIN * trial.paraxial_change[stage] + trial.obliquity[stage] / 2.0 + _TRANSFER_ERROR
+    left_out = MARGIN * trial.paraxial_change[stage] + trial.obliquity[stage] + _TRANSFER_ERROR
 
     def held_against_fresnel(name: str, reason: str) -> Model:
         return bounded(trial, name, MARGIN * trial.change(at, name) + left_out, spread, reason)

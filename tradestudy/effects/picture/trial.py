@@ -53,9 +53,9 @@ class PictureTrial:
         (longest − shortest wavelength)/central.
     microlens_reach_airy
         Half a micro-image over the Airy radius of a microlens, the smallest; infinite without microlenses.
-    amplification
-        Relative change of the depth uncertainty over that of the disparity error, the largest; more than 1 where the
-        far end of depth runs away, less where calibration outweighs noise, and then taken as 1.
+    depth_change
+        Relative change of the depth uncertainty that such a one of the disparity error makes at most, the largest over
+        every distance that counts: more than it where the far end of depth runs away, infinite where that is lost.
     seconds
         Predicted cost [s] of a model by name.
     """
@@ -73,7 +73,7 @@ class PictureTrial:
     quantisation_share: float
     spectrum_width: float
     microlens_reach_airy: Worst
-    amplification: float
+    depth_change: Callable[[float], float]
     seconds: Callable[[str], float]
 
 
@@ -85,5 +85,8 @@ def weighed(trial: PictureTrial, slot: SlotName, name: str, criterion: Criterion
 def bounded(trial: PictureTrial, name: str, change: float, criterion: Criterion, reason: str) -> Model:
     """A model whose bound on the disparity error was found otherwise."""
     quantity: Quantity = "depth_uncertainty"
-    bound = Bound(relative_change=trial.amplification * change, criterion=criterion, reason=reason)
+    found = trial.depth_change(change)
+    if math.isinf(found) and math.isfinite(change):
+        reason += f"; a disparity error off by {100 * change:.0f} %, its bound, loses the far end of depth somewhere"
+    bound = Bound(relative_change=found, criterion=criterion, reason=reason)
     return Model(name=name, bounds={quantity: bound}, seconds=trial.seconds(name))

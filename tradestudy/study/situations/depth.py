@@ -35,7 +35,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.acting import AnyDepthCamera, acting
 from tradestudy.study.decision import question_ends
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.depth import depth_uncertainty
+from tradestudy.study.depth import DepthErrors, depth_uncertainty
 from tradestudy.study.situations.pictures import PictureCase, picture_slots, worst_at, worst_of
 from tradestudy.study.situations.situation import Situation
 from tradestudy.study.sweep import sweep_axes
@@ -43,7 +43,7 @@ from tradestudy.study.usable import all_met, evaluate_limits, usable_stretches
 
 # Bounds are looked for at this many of the study's distances; they change slowly in between.
 _MOST_DISTANCES: Final = 401
-_TRIAL_DISTANCES: Final = 7
+_TRIAL_DISTANCES: Final = 15
 _MOST_CORNERS: Final = 64
 # Slots of errors that are not of the picture.
 _LENGTHS: Final[tuple[SlotName, ...]] = ("calibration", "temperature")
@@ -241,8 +241,14 @@ def _picture_case(variant: _Variant) -> PictureCase | None:
     law = variant.camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return None
+    places = _trial_places(variant)
+    where = variant.distance[variant.usable] if variant.usable.any() else variant.imaged
     return PictureCase(
-        camera=variant.camera, settings=law.settings, places=_trial_places(variant), forced=variant.forced
+        camera=variant.camera,
+        settings=law.settings,
+        places=places,
+        forced=variant.forced,
+        errors=DepthErrors.of(variant.camera, np.union1d(places, where)),
     )
 
 

@@ -9,9 +9,8 @@ from functools import cached_property
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_camera import DepthCamera, DisparityErrorLaw, Limit
+from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.effects.base import Slot, SlotName
 from tradestudy.effects.picture.crosstalk import crosstalk
 from tradestudy.effects.picture.defocus_blur import defocus_blur
@@ -29,8 +28,8 @@ from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.acting import AnyDepthCamera, with_models
-from tradestudy.study.depth import depth_uncertainty
+from tradestudy.study.acting import with_models
+from tradestudy.study.depth import DepthErrors
 
 # On the reference machine [s]: for every distance at which a run asks for the error; and once for a camera, the lattice
 # of defocus that Kirchhoff's part is interpolated on.
@@ -38,49 +37,21 @@ _SECONDS_PER_DISTANCE: Final = {"fresnel": 1e-4, "airy": 1e-5, "disc": 1e-5, "we
 _SECONDS_ONCE: Final = {"kirchhoff": 20.0}
 
 
-_STEP: Final = 1.05
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Scaled:
-    """A disparity error that is larger by a factor than a law says."""
-
-    law: DisparityErrorLaw
-    factor: float
-
-    def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """As the law, times the factor [px]."""
-        return self.factor * self.law.error_px(camera, distance)
-
-    def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """As the law, times the factor [px]."""
-        return self.factor * self.law.numerical_error_px(camera, distance)
-
-    def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """As the law."""
-        return self.law.limit(camera, distance)
-
-    def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """As the law."""
-        return self.law.margin(camera, distance)
-
-    def broken_conditions(self, camera: DepthCamera, distance: float) -> tuple[str, ...]:
-        """Those of the law."""
-        return self.law.broken_conditions(camera, distance)
-
-    def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """As the law."""
-        return self.law.saturation(camera, distance)
-
-
 @dataclass(frozen=True, kw_only=True)
 class PictureCase:
-    """A camera with a derived disparity error, at places [m] that count, under the models that are forced."""
+    """A camera with a derived disparity error, at places [m] that count, under the models that are forced.
+
+    Parameters
+    ----------
+    errors
+        Of its depth, wherever an uncertainty counts.
+    """
 
     camera: DepthCamera
     settings: PictureSettings
     places: FloatArray
     forced: Mapping[SlotName, str]
+    errors: DepthErrors
 
     @cached_property
     def geometry(self) -> PictureGeometry:
@@ -202,21 +173,14 @@ class PictureCase:
         moved_px = disparity_bound_px(moved, self.settings, standing)
         return _departure(np.tile(self._bound_px(standing), 2), moved_px)
 
-    @property
-    def amplification(self) -> float:
-        """``d ln u / d ln σ`` of depth uncertainty in disparity error, the largest over the places, at least 1."""
-        law = self.camera.disparity_error_px
-        assert not isinstance(law, float | int)  # a case of a picture has a law
-        with np.errstate(divide="ignore", invalid="ignore"):  # no far end: no derivative
-            ratio = depth_uncertainty(self._with(_Scaled(law=law, factor=_STEP)), self.places) / depth_uncertainty(
-                self.camera, self.places
-            )
-            slope = np.log(ratio) / math.log(_STEP)
-        return float(np.max(np.where(np.isfinite(slope), slope, 1.0), initial=1.0))
+    def depth_change(self, change: float) -> float:
+        """Relative change of the depth uncertainty that such a one of the disparity error makes at most.
 
-    def _with(self, law: _Scaled) -> DepthCamera:
-        assert isinstance(self.camera, AnyDepthCamera)  # a case holds no others
-        return replace(self.camera, disparity_error_px=law)
+        Calibration, which does not change, is counted as if it did.
+        """
+        if math.isinf(change):
+            return math.inf
+        return max(change, float(np.nanmax(self.errors.largest_change(1.0 + change), initial=0.0)))
 
     def obliquity(self, stage: LensStage | None) -> float:
         """``1 − cos²θ`` at the rim: the cosine, and the longer way."""
@@ -268,7 +232,7 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
         quantisation_share=max(rounding for _, rounding in noise),
         spectrum_width=_widest(cases),
         microlens_reach_airy=min((case.reach_airy() for case in cases), key=lambda one: one.value),
-        amplification=max(case.amplification for case in cases),
+        depth_change=lambda change: worst(lambda case: case.depth_change(change)),
         seconds=seconds,
     )
     return (
