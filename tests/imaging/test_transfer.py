@@ -12,6 +12,7 @@ from tradestudy.imaging.transfer import (
     disc_transfer,
     fresnel_transfer,
     kirchhoff_transfers,
+    lattice_defocus,
     square_transfer,
 )
 from tradestudy.imaging.transfer.kirchhoff import correction_at, kirchhoff_correction
@@ -173,6 +174,7 @@ def test_the_lattice_of_kirchhoff_is_as_good_as_every_distance_by_itself(f_numbe
     nu = np.linspace(0.0, 0.9 / (WAVELENGTH * plane / aperture), 12)
     waves = aperture**2 / 8 * (1 / distance + 1 / plane - 1 / f) / WAVELENGTH
     common = {"wavelength": WAVELENGTH, "aperture_diameter": aperture, "lens_phase": lens_phase}
+    kirchhoff_correction.cache_clear()
     value, error = kirchhoff_transfers(
         np.tile(nu, (4, 1)),
         focal_length=np.full(4, f),
@@ -180,6 +182,7 @@ def test_the_lattice_of_kirchhoff_is_as_good_as_every_distance_by_itself(f_numbe
         defocus_waves=waves,
         **common,
     )
+    assert kirchhoff_correction.cache_info().misses == lattice_defocus(np.full(4, plane), waves).size
     for k, a in enumerate(distance):
         own, _ = kirchhoff_correction(WAVELENGTH, aperture, f, float(a), plane, lens_phase)
         blur = aperture * plane * abs(1 / f - 1 / a - 1 / plane)

@@ -154,8 +154,10 @@ def test_every_number_of_a_plan_has_a_formula_and_every_model_a_time(close_plan:
                 assert bound.criterion.definition
                 if not np.isnan(bound.criterion.value):
                     assert f"    {bound.criterion.words}: {bound.criterion.definition}" in text
-    dear = next(d for d in close_plan.selections["pair-f22"].decisions if d.model.name == "kirchhoff")
-    assert dear.seconds > 10.0 * close_plan.selections["pair-f22"].seconds
+    wide, narrow = (close_plan.selections[name] for name in ("pair-f5.6", "pair-f22"))
+    dear, less = (next(d for d in one.decisions if d.model.name == "kirchhoff") for one in (wide, narrow))
+    assert dear.seconds > 10.0 * wide.seconds
+    assert dear.seconds > 2.0 * less.seconds  # over more waves of defocus, of more nodes each
 
 
 def test_the_plan_reads_like_a_table(close_plan: Plan) -> None:

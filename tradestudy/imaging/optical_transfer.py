@@ -10,8 +10,14 @@ import numpy as np
 
 from tradestudy.imaging.geometry import LensStage, PictureGeometry
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
-from tradestudy.imaging.transfer import airy_transfer, disc_transfer, fresnel_transfer, kirchhoff_transfers
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.imaging.transfer import (
+    airy_transfer,
+    disc_transfer,
+    fresnel_transfer,
+    kirchhoff_transfers,
+    lattice_defocus,
+)
+from tradestudy.optics.arrays import BoolArray, FloatArray
 
 _MOST_BLUR_OF_WAVES = 200.0
 
@@ -116,8 +122,7 @@ def _stage_transfer(
     blur = _column(stage.blur_diameter if defocus == "disc" else np.zeros_like(stage.blur_diameter))
     exact = np.zeros(stage.relay.size)
     blurred = np.any(blur != 0.0)
-    # Far out of focus rays err by less than 0.2 √(λN/c), and waves would take ever more nodes for what is not matched.
-    by_rays = blur > _MOST_BLUR_OF_WAVES * wavelength * N
+    by_rays = _is_by_rays(blur, wavelength, N)
     match model:
         case "none":
             return (disc_transfer(nu, blur) if blurred else np.ones_like(nu)), exact
@@ -143,6 +148,18 @@ def _stage_transfer(
         return value, error
     spot_over_blur = wavelength * N / np.where(by_rays, blur, np.inf)
     return value * np.where(by_rays, disc_transfer(nu, blur), 1.0), error + 0.2 * np.sqrt(spot_over_blur)[:, 0]
+
+
+def kirchhoff_defocus(stage: LensStage, wavelength: float) -> FloatArray:
+    """Defocus [waves] of every point of the lattice that Kirchhoff's transfer of one lens is interpolated on."""
+    by_waves = ~_is_by_rays(stage.blur_diameter, wavelength, stage.f_number)
+    defocus = np.where((stage.blur_diameter != 0.0) & by_waves, stage.defocus(wavelength), 0.0)
+    return lattice_defocus(stage.plane_distance, defocus)
+
+
+def _is_by_rays(blur: FloatArray, wavelength: float, f_number: FloatArray) -> BoolArray:
+    """Far out of focus rays err by less than 0.2 √(λN/c); waves would take ever more nodes for what is not matched."""
+    return np.asarray(blur > _MOST_BLUR_OF_WAVES * wavelength * f_number)
 
 
 def _column(values: FloatArray) -> FloatArray:

@@ -55,6 +55,6 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
                     "parabolic waves in place of spherical ones leave out the path of this many waves at the rim, as "
                     "much as so much defocus does: it counts unless it is well below a quarter"),
             bounded(trial, "kirchhoff", 0.0, paths,
-                    "exact paths and cosines: the most complete model here"),
+                    "exact paths and cosines: the most complete model here", beforehand=trial.lattice_seconds[stage]),
         ),
     )  # fmt: skip

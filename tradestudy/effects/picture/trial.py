@@ -58,6 +58,8 @@ class PictureTrial:
         every distance that counts: more than it where the far end of depth runs away, infinite where that is lost.
     seconds
         Predicted cost [s] of a model by name.
+    lattice_seconds
+        What Kirchhoff's transfer takes beforehand for either lens [s].
     """
 
     change: Callable[[SlotName, str], float]
@@ -75,6 +77,7 @@ class PictureTrial:
     microlens_reach_airy: Worst
     depth_change: Callable[[float], float]
     seconds: Callable[[str], float]
+    lattice_seconds: tuple[float, float]
 
 
 def weighed(trial: PictureTrial, slot: SlotName, name: str, criterion: Criterion, reason: str) -> Model:
@@ -82,11 +85,13 @@ def weighed(trial: PictureTrial, slot: SlotName, name: str, criterion: Criterion
     return bounded(trial, name, MARGIN * trial.change(slot, name), criterion, reason)
 
 
-def bounded(trial: PictureTrial, name: str, change: float, criterion: Criterion, reason: str) -> Model:
-    """A model whose bound on the disparity error was found otherwise."""
+def bounded(
+    trial: PictureTrial, name: str, change: float, criterion: Criterion, reason: str, *, beforehand: float = 0.0
+) -> Model:
+    """A model whose bound on the disparity error was found otherwise, with what it takes beforehand [s]."""
     quantity: Quantity = "depth_uncertainty"
     found = trial.depth_change(change)
     if math.isinf(found) and math.isfinite(change):
         reason += f"; a disparity error off by {100 * change:.0f} %, its bound, loses the far end of depth somewhere"
     bound = Bound(relative_change=found, criterion=criterion, reason=reason)
-    return Model(name=name, bounds={quantity: bound}, seconds=trial.seconds(name))
+    return Model(name=name, bounds={quantity: bound}, seconds=trial.seconds(name) + beforehand)

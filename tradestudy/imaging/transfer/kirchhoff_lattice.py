@@ -13,11 +13,12 @@ import numpy as np
 
 from tradestudy.imaging.transfer.fresnel import fresnel_transfer
 from tradestudy.imaging.transfer.kirchhoff import FARTHEST, correction_at, kirchhoff_correction
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:  # see there
     from tradestudy.optics.propagation import LensPhase
 
+_POINTS = 4
 _WAVES = 0.1
 _LOG_PLANE = 0.05
 _IN_FOCUS_WAVES = 1e-6
@@ -64,24 +65,44 @@ def kirchhoff_transfers(
     value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
     for k in np.flatnonzero(np.isfinite(plane_distance + defocus_waves + focal_length)):
         f, plane, waves = float(focal_length[k]), float(plane_distance[k]), float(defocus_waves[k])
-        fixed = abs(waves) > _IN_FOCUS_WAVES
-        place = waves / _WAVES if fixed else math.log(plane) / _LOG_PLANE
+        fixed, place = _is_fixed(defocus_waves[k]), float(_place(plane_distance[k], defocus_waves[k]))
         first = math.floor(place) - 1
         found = []
-        for j in range(first, first + 4):
+        for j in range(first, first + _POINTS):
             b, w = (plane, j * _WAVES) if fixed else (math.exp(j * _LOG_PLANE), 0.0)
             inverse = 1.0 / f - 1.0 / b + 8.0 * wavelength * w / aperture_diameter**2
             distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
             found.append(kirchhoff_correction(wavelength, aperture_diameter, f, distance, b, lens_phase))
         tables = np.stack([table for table, _ in found])
-        cubic = _lagrange(place - first, 4) @ tables
-        parabola = _lagrange(place - first, 3) @ tables[:3]
+        cubic = _lagrange(place - first, _POINTS) @ tables
+        parabola = _lagrange(place - first, _POINTS - 1) @ tables[:-1]
         N = plane / aperture_diameter
         blur = 8.0 * N * abs(waves) * wavelength
         value[k] = fresnel_transfer(frequency[k], wavelength, N, blur)
         value[k] += correction_at(cubic, wavelength * N * frequency[k])
         error[k] = max(off for _, off in found) + float(np.max(np.abs(cubic - parabola)))
     return value, error
+
+
+def lattice_defocus(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
+    """Defocus [waves] of every point of the lattice that planes [m] and defoci [waves] call for, each counted once."""
+    fixed = _is_fixed(defocus_waves)
+    first = np.floor(_place(plane_distance, defocus_waves)) - 1.0
+    steps, planes = (
+        np.unique(first[chosen & np.isfinite(first), np.newaxis] + np.arange(_POINTS)) for chosen in (fixed, ~fixed)
+    )
+    return np.concatenate([steps * _WAVES, np.zeros(planes.size)])
+
+
+def _is_fixed(defocus_waves: FloatArray) -> BoolArray:
+    """Whether the plane stands still, out of focus, and does not follow the image."""
+    return np.asarray(np.abs(defocus_waves) > _IN_FOCUS_WAVES)
+
+
+def _place(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
+    """On the lattice, in steps of it."""
+    along_plane = np.log(plane_distance) / _LOG_PLANE
+    return np.asarray(np.where(_is_fixed(defocus_waves), defocus_waves / _WAVES, along_plane))
 
 
 def _lagrange(place: float, count: int) -> FloatArray:

@@ -249,6 +249,7 @@ def _picture_case(variant: _Variant) -> PictureCase | None:
         places=places,
         forced=variant.forced,
         errors=DepthErrors.of(variant.camera, np.union1d(places, where)),
+        shown=variant.imaged,
     )
 
 

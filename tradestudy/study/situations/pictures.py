@@ -24,6 +24,7 @@ from tradestudy.effects.picture.vignetting import vignetting
 from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import mean_electrons, noise_variance
+from tradestudy.imaging.optical_transfer import kirchhoff_defocus
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.airy import FIRST_DARK_RING
@@ -31,10 +32,11 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import with_models
 from tradestudy.study.depth import DepthErrors
 
-# On the reference machine [s]: for every distance at which a run asks for the error; and once for a camera, the lattice
-# of defocus that Kirchhoff's part is interpolated on.
+# On the reference machine [s]: for every distance at which a run asks for the error; and for every point of the lattice
+# that Kirchhoff's part is interpolated on, whose spot takes more places and nodes the wider it is: coefficients of
+# powers of its defocus in waves.
 _SECONDS_PER_DISTANCE: Final = {"fresnel": 1e-4, "airy": 1e-5, "disc": 1e-5, "weighted": 1e-4, "kirchhoff": 1e-3}
-_SECONDS_ONCE: Final = {"kirchhoff": 20.0}
+_SECONDS_PER_POINT: Final = (9.5e-3, 3.7e-3, 4.7e-4)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +47,8 @@ class PictureCase:
     ----------
     errors
         Of its depth, wherever an uncertainty counts.
+    shown
+        Distances [m] that a run asks for.
     """
 
     camera: DepthCamera
@@ -52,11 +56,24 @@ class PictureCase:
     places: FloatArray
     forced: Mapping[SlotName, str]
     errors: DepthErrors
+    shown: FloatArray
 
     @cached_property
     def geometry(self) -> PictureGeometry:
         """At the places."""
         return picture_geometry(self.camera, self.places)
+
+    def lattice_seconds(self) -> tuple[float, float]:
+        """What the lattices of Kirchhoff's transfer take for the main lens and for a microlens [s]."""
+        geometry = picture_geometry(self.camera, self.shown)
+        return self._lattice_of(geometry.main_lens), self._lattice_of(geometry.microlens)
+
+    def _lattice_of(self, stage: LensStage | None) -> float:
+        if stage is None:
+            return 0.0
+        wavelengths = [wavelength for wavelength, _ in self.settings.spectrum] or [self.settings.wavelength]
+        waves = np.abs(np.concatenate([kirchhoff_defocus(stage, wavelength) for wavelength in wavelengths]))
+        return float(np.sum(np.polynomial.polynomial.polyval(waves, _SECONDS_PER_POINT)))
 
     @property
     def complete(self) -> PictureModels:
@@ -207,7 +224,9 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
         return max(value(case) for case in cases)
 
     def seconds(name: str) -> float:
-        return _SECONDS_PER_DISTANCE.get(name, 0.0) * asked + _SECONDS_ONCE.get(name, 0.0)
+        return _SECONDS_PER_DISTANCE.get(name, 0.0) * asked
+
+    lattices = [case.lattice_seconds() for case in cases]
 
     trial = PictureTrial(
         change=lambda slot, name: worst(lambda case: case.change(slot, name)),
@@ -234,6 +253,7 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
         microlens_reach_airy=min((case.reach_airy() for case in cases), key=lambda one: one.value),
         depth_change=lambda change: worst(lambda case: case.depth_change(change)),
         seconds=seconds,
+        lattice_seconds=(sum(main for main, _ in lattices), sum(micro for _, micro in lattices)),
     )
     return (
         defocus_blur(trial),
