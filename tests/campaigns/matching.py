@@ -2,6 +2,7 @@
 
 ``python -m tests.campaigns.matching`` draws pairs of pictures, matches them as a program would that knows the disparity
 to a few pixels (whole pixels by the least squared difference, then Lucas and Kanade), and writes ``matching.md``.
+Errors of another match are counted and left out; they are left out of the normal distribution of the bound as well.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import argparse
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.stats import truncnorm
 
 from tests.campaigns import record
 from tests.imaging.matcher import Scene, best_integer, lucas_kanade, picture_pairs
@@ -22,7 +24,7 @@ SMOOTHING = 0.7
 
 HEADER = (
     "what is tried", "electrons", "contrast", "correlation px", "blur px", "noise e", "window px", "pairs",
-    "bound px", "applies", "rms px", "rms / bound", "outliers", "locking px",
+    "bound px", "applies", "rms px", "rms / bound", "±", "outliers", "locking px",
 )  # fmt: skip
 
 
@@ -61,10 +63,11 @@ TRIED: tuple[tuple[str, Scene], ...] = (
 )
 
 
-def measured(tried: Scene, pairs: int, rng: np.random.Generator) -> tuple[float, float, float]:
-    """Root mean square of the errors that are none of another match, share of those that are, and locking [px].
+def measured(tried: Scene, pairs: int, rng: np.random.Generator) -> tuple[float, float, float, float]:
+    """Root mean square of the errors that are none of another match and its standard error, share of those, locking.
 
-    Locking is half the spread of the mean error over the fractions of a pixel, less what chance would make of it.
+    Lengths in px. Locking is half the spread of the mean error over the fractions of a pixel, less what chance would
+    make of it.
     """
     whole = rng.integers(-2, 3, FRACTIONS.size)
     disparity = whole + FRACTIONS
@@ -79,23 +82,27 @@ def measured(tried: Scene, pairs: int, rng: np.random.Generator) -> tuple[float,
     kept = np.where(lost, np.nan, errors)
     counts = np.sum(~lost, axis=1)
     if np.any(counts < each // 4):
-        return np.nan, float(lost.mean()), np.nan
+        return np.nan, np.nan, float(lost.mean()), np.nan
     means = np.nanmean(kept, axis=1)
     chance = float(np.mean(np.nanvar(kept, axis=1, ddof=1) / counts))
     locking = np.sqrt(2.0 * max(float(np.var(means, ddof=1)) - chance, 0.0))  # amplitude of a sinusoid of that variance
-    return float(np.sqrt(np.nanmean(kept**2))), float(lost.mean()), float(locking)
+    rms = float(np.sqrt(np.nanmean(kept**2)))
+    uncertain = float(np.nanstd(kept**2) / np.sqrt(counts.sum()) / (2.0 * rms))
+    return rms, uncertain, float(lost.mean()), float(locking)
 
 
 def row(words: str, tried: Scene, pairs: int, rng: np.random.Generator) -> Sequence[object]:
     """One line of the record."""
     bound = bound_of(tried)
-    rms, lost, locking = measured(tried, pairs, rng)
+    rms, uncertain, lost, locking = measured(tried, pairs, rng)
     broken = [name for name, where in bound.violated.items() if where[0]]
     value = float(bound.value[0])
+    # Errors as small as the bound would lose some of their tails as outliers, too.
+    least = value * float(truncnorm.std(-OUTLIER / value, OUTLIER / value))
     return (
         words, f"{tried.electrons:g}", f"{tried.contrast:g}", f"{tried.length_px:g}", f"{tried.blur_px:g}",
         f"{tried.noise:g}", tried.window, pairs, f"{value:.4f}", "; ".join(broken) or "yes", f"{rms:.4f}",
-        f"{rms / value:.2f}", f"{100 * lost:.1f} %", f"{locking:.4f}",
+        f"{rms / least:.2f}", f"{uncertain / least:.2f}", f"{100 * lost:.1f} %", f"{locking:.4f}",
     )  # fmt: skip
 
 

@@ -43,6 +43,8 @@ from tradestudy.study.usable import all_met, evaluate_limits, usable_stretches
 
 # Bounds are looked for at this many of the study's distances; they change slowly in between.
 _MOST_DISTANCES: Final = 401
+# Of every usable stretch: what a model changes swings with the blur, from focus to focus of several microlens types;
+# from one trial to the next it stays within the margin.
 _TRIAL_DISTANCES: Final = 15
 _MOST_CORNERS: Final = 64
 # Slots of errors that are not of the picture.

@@ -63,18 +63,6 @@ class PictureCase:
         """At the places."""
         return picture_geometry(self.camera, self.places)
 
-    def lattice_seconds(self) -> tuple[float, float]:
-        """What the lattices of Kirchhoff's transfer take for the main lens and for a microlens [s]."""
-        geometry = picture_geometry(self.camera, self.shown)
-        return self._lattice_of(geometry.main_lens), self._lattice_of(geometry.microlens)
-
-    def _lattice_of(self, stage: LensStage | None) -> float:
-        if stage is None:
-            return 0.0
-        wavelengths = [wavelength for wavelength, _ in self.settings.spectrum] or [self.settings.wavelength]
-        waves = np.abs(np.concatenate([kirchhoff_defocus(stage, wavelength) for wavelength in wavelengths]))
-        return float(np.sum(np.polynomial.polynomial.polyval(waves, _SECONDS_PER_POINT)))
-
     @property
     def complete(self) -> PictureModels:
         """The most complete models in closed form."""
@@ -226,7 +214,7 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
     def seconds(name: str) -> float:
         return _SECONDS_PER_DISTANCE.get(name, 0.0) * asked
 
-    lattices = [case.lattice_seconds() for case in cases]
+    pictured = [(case.settings, picture_geometry(case.camera, case.shown)) for case in cases]
 
     trial = PictureTrial(
         change=lambda slot, name: worst(lambda case: case.change(slot, name)),
@@ -253,7 +241,10 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
         microlens_reach_airy=min((case.reach_airy() for case in cases), key=lambda one: one.value),
         depth_change=lambda change: worst(lambda case: case.depth_change(change)),
         seconds=seconds,
-        lattice_seconds=(sum(main for main, _ in lattices), sum(micro for _, micro in lattices)),
+        lattice_seconds=(
+            _lattice_seconds((settings, geometry.main_lens) for settings, geometry in pictured),
+            _lattice_seconds((settings, geometry.microlens) for settings, geometry in pictured),
+        ),
     )
     return (
         defocus_blur(trial),
@@ -266,6 +257,20 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
         vignetting(trial),
         sensor_noise(trial),
     )
+
+
+def _lattice_seconds(lenses: Iterable[tuple[PictureSettings, LensStage | None]]) -> float:
+    """What the lattices of Kirchhoff's transfer take for lenses of variants; those that share one compute it once."""
+    lattices: dict[tuple[float, float, bytes], float] = {}
+    for settings, lens in lenses:
+        if lens is None:
+            continue
+        lengths = np.stack([lens.focal_length, lens.plane_distance, lens.object_distance]).tobytes()
+        for wavelength in [one for one, _ in settings.spectrum] or [settings.wavelength]:
+            key = (wavelength, lens.aperture_diameter, lengths)
+            waves = np.abs(kirchhoff_defocus(lens, wavelength))
+            lattices[key] = float(np.sum(np.polynomial.polynomial.polyval(waves, _SECONDS_PER_POINT)))
+    return math.fsum(lattices.values())
 
 
 def worst_at(places: FloatArray, values: FloatArray) -> Worst:
