@@ -8,9 +8,10 @@ Processor seconds on the light spot, the least of three: `tradestudy.study.situa
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -31,7 +32,7 @@ from tradestudy.optics.chain import (
     square_centres,
 )
 from tradestudy.optics.chain.array_field import PupilWave
-from tradestudy.optics.chain.arriving_light import field_spacing, point_wave
+from tradestudy.optics.chain.arriving_light import arriving_light, field_spacing, point_wave
 from tradestudy.optics.chain.point_image import compute_point, wave_point_image
 from tradestudy.optics.chain.scene import WaveMethod
 from tradestudy.optics.chain.source_tables import farthest_read, source_tables, table_count
@@ -58,45 +59,58 @@ def least(task: Callable[[], object], repeats: int = 3) -> float:
 
 
 def units_of_points(part: LightSpotPart, speed: float) -> dict[str, float]:
-    """Least squares, relative to what was measured, over single points behind few and many microlenses."""
+    """Single points behind few and many microlenses, of usual and denser nodes: the field, what is behind, checks.
+
+    The field is measured by itself; of the rest, nodes and samples are told apart by least squares relative to what
+    was measured.
+    """
     scene = light_scene(part)
-    lenses, pixels = scene.path.microlenses, scene.path.pixels
-    work, seconds = [], []
-    for count in (3, 5, 9):
-        centres = square_centres(pitch=lenses.pitch, count=count)
-        side = 2 * round(count * lenses.pitch / pixels.pitch / 2) + 1
-        path = replace(
-            scene.path,
-            microlenses=replace(
-                lenses, centres=centres, focal_lengths=np.full(len(centres), lenses.focal_lengths[0]), layout="square"
-            ),
-            pixels=replace(pixels, shape=(side, side), centre=(0.0, 0.0)),
-        )
-        for legs in (FRESNEL, KIRCHHOFF):
-            accuracy = ChainAccuracy(tolerance=FINE)
+    work, passes, checks = [], [], []
+    fields: dict[Legs, list[float]] = {FRESNEL: [], KIRCHHOFF: []}
+    for count in (3, 5, 8):
+        path = _square_array(scene.path, count)
+        for legs, times in itertools.product((FRESNEL, KIRCHHOFF), (1.0, 1.5)):
+            accuracy = ChainAccuracy(tolerance=FINE, microlens_nodes=times)
             wave = point_wave(path, scene.source.centre, wavelength=scene.wavelength, legs=legs)
             one = PointWork(scene=replace(scene, path=path), accuracy=accuracy)
-            nodes, samples = one.nodes_and_samples
-            work.append([nodes, samples, *(one.field_samples * (legs == law) for law in (KIRCHHOFF, FRESNEL))])
-            seconds.append(
-                [
-                    least(partial(compute_point, wave, legs.to_detector, accuracy)),
-                    least(partial(wave_point_image, wave, to_detector=legs.to_detector, accuracy=accuracy,
-                                  rng=np.random.default_rng(0)), 1),
-                ]
-            )  # fmt: skip
-    counts, taken = np.array(work), speed * np.array(seconds)
-    passes = nnls(counts / taken[:, :1], np.ones(len(counts)))[0]
-    checks = taken[:, 1] - 2 * counts @ passes
-    checked = nnls(counts[:, :2], np.maximum(checks, 0.0))[0]
+            field = least(partial(arriving_light, wave, accuracy))
+            behind = least(partial(compute_point, wave, legs.to_detector, accuracy)) - field
+            image = partial(
+                wave_point_image, wave, to_detector=legs.to_detector, accuracy=accuracy, rng=np.random.default_rng(0)
+            )
+            fields[legs].append(speed * field / one.field_samples)
+            work.append(one.nodes_and_samples)
+            passes.append(speed * behind)
+            checks.append(speed * (least(image, 1) - 2 * (field + behind)))
+    node, sample = _units(work, passes)
+    node_checked, sample_checked = _units(work, checks)
     return {
-        "node behind all microlenses": passes[0],
-        "sample of the detector": passes[1],
-        "sample of the field of a point, Kirchhoff": passes[2],
-        "sample of the field of a point, Fresnel": passes[3],
-        "node behind all microlenses, by quadrature": checked[0],
-        "sample of the detector, by quadrature": checked[1],
+        "node behind all microlenses": node,
+        "sample of the detector": sample,
+        "sample of the field of a point, Kirchhoff": float(np.median(fields[KIRCHHOFF])),
+        "sample of the field of a point, Fresnel": float(np.median(fields[FRESNEL])),
+        "node behind all microlenses, by quadrature": node_checked,
+        "sample of the detector, by quadrature": sample_checked,
     }
+
+
+def _square_array(path: LightPath, count: int) -> LightPath:
+    """The same microlens so many times to either side, before pixels that reach as far."""
+    lenses, pixels = path.microlenses, path.pixels
+    centres = square_centres(pitch=lenses.pitch, count=count)
+    side = 2 * round(count * lenses.pitch / pixels.pitch / 2) + 1
+    focal_lengths = np.full(len(centres), lenses.focal_lengths[0])
+    return replace(
+        path,
+        microlenses=replace(lenses, centres=centres, focal_lengths=focal_lengths, layout="square"),
+        pixels=replace(pixels, shape=(side, side), centre=(0.0, 0.0)),
+    )
+
+
+def _units(work: Sequence[tuple[int, int]], seconds: Sequence[float]) -> tuple[float, float]:
+    taken = np.maximum(seconds, 1e-6)
+    node, sample = nnls(np.array(work) / taken[:, np.newaxis], np.ones(taken.size))[0]
+    return float(node), float(sample)
 
 
 def main() -> None:
