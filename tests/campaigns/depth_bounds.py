@@ -109,7 +109,9 @@ def _places(definition: StudyDefinition, complete: Mapping[SlotName, str]) -> np
 
 
 def _uncertainty(definition: StudyDefinition, models: Mapping[SlotName, str], places: np.ndarray) -> np.ndarray:
-    return depth_uncertainty(definition.with_models({"one": models}).case.cameras["one"], places)
+    """By noise alone and by all errors; bounds hold for both, however small a part of all errors noise is."""
+    camera = definition.with_models({"one": models}).case.cameras["one"]
+    return np.stack([depth_uncertainty(camera, places, way) for way in ("noise", "both")])
 
 
 def _change(value: np.ndarray, reference: np.ndarray) -> float:

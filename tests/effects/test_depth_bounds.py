@@ -7,11 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.integrate import dblquad
 
 from tests.campaigns import depth_of_field_bounds
 from tests.campaigns.depth_bounds import audit, omissions
 from tests.campaigns.depth_cases import base_study
+from tradestudy.imaging.transfer import airy_transfer, kirchhoff_transfers
+from tradestudy.study.situations.depth import depth_situations
 
 
 def test_forced_omissions_stay_within_their_bounds() -> None:
@@ -49,23 +50,78 @@ def test_an_omission_is_bounded_where_the_far_end_of_depth_runs_away(tmp_path: P
     assert least < pixels.change <= pixels.bound
 
 
-@pytest.mark.parametrize("fall", [0.003, 0.03])
-def test_amplitude_that_falls_towards_the_rim_moves_the_transfer_by_at_most_its_fall(fall: float) -> None:
-    def pupil_with_itself(s: float) -> float:
-        """Product of amplitudes 1 − ε r² a shift 2 s apart, over a quarter of the lens where both are."""
-        found, _ = dblquad(
-            lambda y, x: (1 - fall * ((x + s) ** 2 + y**2)) * (1 - fall * ((x - s) ** 2 + y**2)),
-            0.0, 1.0 - s, 0.0, lambda x: math.sqrt(max(1.0 - (x + s) ** 2, 0.0)),
-        )  # fmt: skip
-        return found
+@pytest.mark.parametrize("f_number", [2.0, 3.8])
+def test_angles_at_the_rim_take_their_share_of_what_diffraction_takes(f_number: float) -> None:
+    """Kirchhoff's transfer in focus against Airy's: their logarithms differ by sin² θ of Airy's, about."""
+    aperture, wavelength = 0.1e-3, 550e-9
+    plane = f_number * aperture
+    share = np.array([0.1, 0.2, 0.4, 0.6])
+    frequency = share / (wavelength * f_number)
+    exact, _ = kirchhoff_transfers(
+        frequency[np.newaxis], wavelength=wavelength, aperture_diameter=aperture, focal_length=np.array([0.8 * plane]),
+        plane_distance=np.array([plane]), defocus_waves=np.zeros(1), lens_phase="perfect",
+    )  # fmt: skip
+    airy = airy_transfer(frequency, wavelength, f_number)
+    sine_squared = 1.0 / (1.0 + 4.0 * f_number**2)
+    ratio = np.log(exact[0] / airy) / (sine_squared * np.minimum(1.0, np.abs(np.log(airy))))
+    assert np.all((ratio > -1.15) & (ratio < -0.8))
 
-    def uniform(s: float) -> float:
-        return (math.acos(s) - s * math.sqrt(1.0 - s * s)) / 2.0
 
-    at_rest = pupil_with_itself(0.0) / uniform(0.0)
-    changes = [pupil_with_itself(s) / uniform(s) / at_rest - 1.0 for s in (0.2, 0.5, 0.8, 0.95)]
-    assert max(map(abs, changes)) < fall * (1.0 + fall)
-    assert max(map(abs, changes)) > fall / 2.0
+def test_a_sweep_that_goes_through_focus_is_weighed_there_too(tmp_path: Path) -> None:
+    """Blurred before and behind, at neither end of the sweep diffraction or pixels change anything to speak of."""
+    swept = "cameras.one.focus_distance"
+    values = {
+        "scene.distances.from": "295 mm",
+        "scene.distances.to": "305 mm",
+        "scene.picture.texture.contrast": "40 %",
+        "scene.picture.texture.correlation_length": "0.2 mm",
+        "scene.picture.window": "41 px",
+        "scene.picture.light.electrons": "20000 electrons",
+        "scene.picture.read_noise": "5 electrons",
+        "scene.picture.full_well": "1e7 electrons",
+        "cameras.one.lenses.focal_length": "18 mm",
+        "cameras.one.lenses.f_number": 8,
+        "cameras.one.baseline": "20 mm",
+        "cameras.one.principal_distance": "focused",
+        "cameras.one.calibration.yaw.standard_deviation": "1e-5 deg",
+        swept: "100 mm",
+    }
+    one = base_study("stereo", tmp_path).with_values(values)
+    (situation,) = depth_situations(one.with_values({"sweep": {swept: ["100 mm", "0.3 m", "5 m"]}}), {})
+    bounds = {
+        slot: next(s for s in situation.slots if s.name == slot).model("off").change_of("depth_uncertainty")
+        for slot in ("main_lens_diffraction", "pixel_integration")
+    }
+    changes = {
+        (distance, held.slot): held.change
+        for distance in ("100 mm", "0.3 m", "5 m")
+        for held in omissions(distance, one.with_values({swept: distance}))
+        if held.slot in bounds and held.model == "off"
+    }
+    for slot, bound in bounds.items():
+        assert changes["0.3 m", slot] <= bound
+        # Where an end is blurred beyond use, nothing changes at all.
+        assert changes["0.3 m", slot] > 3.0 * max(changes.get((end, slot), 0.0) for end in ("100 mm", "5 m"))
+
+
+def test_calibration_that_is_left_out_does_not_hide_what_else_is(tmp_path: Path) -> None:
+    """A yaw of 3° loses the far end of depth wherever it acts: where the study leaves it out, bounds are as without."""
+    few = {
+        "scene.distances.from": "3 m",
+        "scene.distances.to": "20 m",
+        "scene.picture.texture.contrast": "3 %",
+        "scene.picture.light.electrons": "1000 electrons",
+        "cameras.one.baseline": "10 mm",
+        "cameras.one.focus_distance": "5 m",
+    }
+    bounds = []
+    for yaw in ("0.001 deg", "3 deg"):
+        one = base_study("stereo", tmp_path).with_values(few | {"cameras.one.calibration.yaw.standard_deviation": yaw})
+        (situation,) = depth_situations(one, {"calibration": "off"})
+        picture = [slot for slot in situation.slots if slot.name not in ("calibration", "temperature")]
+        bounds.append([model.change_of("depth_uncertainty") for slot in picture for model in slot.models])
+    assert bounds[0] == bounds[1]
+    assert math.inf in bounds[0]
 
 
 def test_what_is_sharp_without_the_diffraction_spot_stays_within_its_bound() -> None:

@@ -128,14 +128,15 @@ class DepthErrors:
         """Half the central 68.27 % interval of depth [m]."""
         return _uncertainty_of_reach(self.camera, self.distance, self._reach)
 
-    def largest_change(self, factor: float) -> FloatArray:
-        """Relative change of the uncertainty at most, if every error were up to so many times as large or as small.
+    def largest_change(self, change: float) -> FloatArray:
+        """Relative change of the uncertainty at most, if every error changed by up to such a share, either way.
 
         Larger errors change it by more than smaller ones, for depth falls ever more steeply towards its far end.
         Infinite where that is lost for some of these errors only; NaN where for all, and where no image is formed.
         """
         narrow, wide = (
-            _uncertainty_of_reach(self.camera, self.distance, scale * self._reach) for scale in (1.0 / factor, factor)
+            _uncertainty_of_reach(self.camera, self.distance, factor * self._reach)
+            for factor in (max(0.0, 1.0 - change), 1.0 + change)
         )
         known = np.where(np.isfinite(wide) & (self.uncertainty > 0.0), self.uncertainty, np.nan)
         return np.where(np.isfinite(narrow) & np.isinf(wide), np.inf, wide / known - 1.0)

@@ -34,7 +34,7 @@ _LARGEST_ERROR: Final = 0.1
 END_OF_STUDY: Final = "range of the study"
 
 # Each round divides the bracket of every boundary by this number at least, until the last digits are reached.
-_SUBDIVISIONS: Final = 16
+SUBDIVISIONS: Final = 16
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +131,7 @@ def boundaries(
         if found.dtype != np.bool_:
             kept = np.vstack([ends[0], found, ends[1]])
             ends = np.stack([kept[first, columns], kept[first + 1, columns]])
-            shares = np.where(high - low < before / _SUBDIVISIONS, _towards_zero(*ends), _even(change.size))
+            shares = np.where(high - low < before / SUBDIVISIONS, _towards_zero(*ends), _even(change.size))
     return tuple(
         Boundary(distance=float(where), begins=bool(begin))
         for where, begin in zip(np.where(begins, high, low), begins, strict=True)
@@ -144,7 +144,7 @@ def _holds(found: BoolArray | FloatArray) -> BoolArray:
 
 def _even(count: int) -> FloatArray:
     """Shares of so many brackets at which each is divided evenly; shape (divisions, brackets)."""
-    return np.repeat(np.linspace(0.0, 1.0, _SUBDIVISIONS + 1)[1:-1, np.newaxis], count, axis=1)
+    return np.repeat(np.linspace(0.0, 1.0, SUBDIVISIONS + 1)[1:-1, np.newaxis], count, axis=1)
 
 
 def _towards_zero(at_low: FloatArray, at_high: FloatArray) -> FloatArray:
@@ -152,7 +152,7 @@ def _towards_zero(at_low: FloatArray, at_high: FloatArray) -> FloatArray:
     with np.errstate(invalid="ignore"):  # an end of unknown or infinite value says nothing: the middle
         zero = at_low / (at_low - at_high)
     zero = np.where(np.isfinite(zero), zero, 0.5)
-    reach = 1.0 - 4.0 ** -np.arange(1.0, _SUBDIVISIONS // 2)[:, np.newaxis]
+    reach = 1.0 - 4.0 ** -np.arange(1.0, SUBDIVISIONS // 2)[:, np.newaxis]
     return np.vstack([zero * reach, zero, (1.0 - (1.0 - zero) * reach)[::-1]])
 
 

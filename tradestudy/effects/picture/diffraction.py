@@ -17,8 +17,9 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
     """Off, the Airy pattern beside the blur disc, the defocused pupil by Fresnel, or by Kirchhoff's exact paths.
 
     What Kirchhoff adds to Fresnel is bounded by the path that parabolic waves leave out, which balanced is a defocus,
-    and by the fall ε of the amplitude towards the rim. The transfer function is the pupil's product with itself, moved
-    by the frequency, over the mean square 1 − ε: towards the cutoff, where only rims meet, (1 − ε)² leaves ε of it.
+    and by what the angle θ of the rays at the rim does: amplitude falls by ε = sin² θ towards it, and the cutoff is
+    2 sin θ/λ, ε/2 below 1/(λ N). Together they take ε more, in logarithms, of what diffraction takes from contrast, to
+    a tenth of that below 0.6 of the cutoff; so they add ε of what it adds to the error, with the margin for the rest.
     """
     stage = 0 if at == "main_lens_diffraction" else 1
     airy = (trial.main_lens_airy_px, trial.microlens_airy_px)[stage]
@@ -35,7 +36,8 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
         value=waves.value,
         at=waves.at,
     )
-    left_out = MARGIN * trial.paraxial_change[stage] + trial.obliquity[stage] + _TRANSFER_ERROR
+    rim = trial.obliquity[stage] * min(1.0, trial.change(at, OFF))
+    left_out = MARGIN * (trial.paraxial_change[stage] + rim) + _TRANSFER_ERROR
 
     def held_against_fresnel(name: str, reason: str) -> Model:
         return bounded(trial, name, MARGIN * trial.change(at, name) + left_out, spread, reason)

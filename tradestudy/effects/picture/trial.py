@@ -42,7 +42,8 @@ class PictureTrial:
     paraxial_change
         Relative change of the disparity error that these waves make as a defocus, for either lens.
     obliquity
-        Largest share by which amplitude falls from axis to rim of either lens on the way to its picture.
+        ``sin² θ`` of the rays at the rim of either lens on their way to its picture: what amplitude loses from axis to
+        rim.
     electrons
         Fewest per pixel.
     illumination

@@ -38,15 +38,20 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.depth import DepthErrors, depth_uncertainty
 from tradestudy.study.situations.pictures import PictureCase, picture_slots, worst_at, worst_of
 from tradestudy.study.situations.situation import Situation
-from tradestudy.study.sweep import sweep_axes
-from tradestudy.study.usable import all_met, evaluate_limits, usable_stretches
+from tradestudy.study.sweep import SweepAxis, sweep_axes
+from tradestudy.study.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_stretches
 
 # Bounds are looked for at this many of the study's distances; they change slowly in between.
 _MOST_DISTANCES: Final = 401
 # Of every usable stretch: what a model changes swings with the blur, from focus to focus of several microlens types;
 # from one trial to the next it stays within the margin.
 _TRIAL_DISTANCES: Final = 15
-_MOST_CORNERS: Final = 64
+# Designs of a sweep that are weighed: all, or so many at most, evenly among each axis with its ends. Nothing goes
+# steadily from end to end where a design between them is in focus and they are not.
+_MOST_DESIGNS: Final = 64
+_ENDS: Final = 2
+# Values of what an inverse question varies, its ends among them.
+_OF_QUESTIONS: Final = 5
 # Slots of errors that are not of the picture.
 _LENGTHS: Final[tuple[SlotName, ...]] = ("calibration", "temperature")
 # Bisections: of the ends of the usable range, and of a pair's decision under one reading.
@@ -68,9 +73,14 @@ class _Variant:
     forced: Mapping[SlotName, str]
 
     @cached_property
+    def as_forced(self) -> AnyDepthCamera:
+        """The camera without the calibration errors or the expansion that the study insists on leaving out."""
+        return acting(self.camera, {slot: self.forced[slot] for slot in _LENGTHS if slot in self.forced})
+
+    @cached_property
     def limits(self) -> Mapping[str, Limit]:
         """Of the usable range, over the distances."""
-        return evaluate_limits(self.camera, self.criteria, self.distance)
+        return evaluate_limits(self.as_forced, self.criteria, self.distance)
 
     @cached_property
     def usable(self) -> BoolArray:
@@ -116,17 +126,28 @@ def depth_situations(definition: StudyDefinition, forced: Mapping[SlotName, str]
 
 
 def _every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
-    """The study, its readings, the corners of its sweep, and the ends of its inverse questions."""
+    """The study, its readings, the designs of its sweep, and some between the ends of its inverse questions."""
     yield definition
     yield from definition.readings.values()
     axes = sweep_axes(definition)
-    ends = [(axis.values[0], axis.values[-1]) for axis in axes]
-    for values in itertools.islice(itertools.product(*ends), _MOST_CORNERS if axes else 0):
+    for values in _designs(axes) if axes else ():
         yield definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
     for question in definition.file.solve.values():
         dimension, low, high = question_ends(question)
-        for end in (low, high):
-            yield definition.with_values({question.vary: f"{end!r} {dimension.unit}".strip()})
+        for value in np.linspace(low, high, _OF_QUESTIONS):
+            yield definition.with_values({question.vary: f"{float(value)!r} {dimension.unit}".strip()})
+
+
+def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[str, ...]]:
+    """Values of each axis, of every design that is weighed."""
+    sizes = [len(axis.values) for axis in axes]
+    while math.prod(sizes) > _MOST_DESIGNS and max(sizes) > _ENDS:
+        sizes[sizes.index(max(sizes))] -= 1
+    kept = [
+        [axis.values[k] for k in np.unique(np.round(np.linspace(0, len(axis.values) - 1, size)).astype(int))]
+        for axis, size in zip(axes, sizes, strict=True)
+    ]
+    return itertools.islice(itertools.product(*kept), _MOST_DESIGNS)
 
 
 def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, str]) -> _Variant | None:
@@ -177,7 +198,8 @@ def _same(one: _Variant, other: _Variant) -> bool:
 
 def _times_asked(definition: StudyDefinition, name: str) -> int:
     """At how many distances a run asks for the uncertainty of a camera, roughly: curves, ends, and the decision."""
-    asked = 8 * definition.case.distance.size + _ASKED_FOR_ENDS
+    designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
+    asked = designs * (8 * definition.case.distance.size + _ASKED_FOR_ENDS)
     decision = definition.file.decision
     if decision is not None and name in decision.between:
         asked += _ASKED_FOR_DECISION * (1 + len(definition.readings))
@@ -246,18 +268,25 @@ def _picture_case(variant: _Variant) -> PictureCase | None:
     places = _trial_places(variant)
     where = variant.distance[variant.usable] if variant.usable.any() else variant.imaged
     return PictureCase(
-        camera=variant.camera,
+        camera=variant.as_forced,
         settings=law.settings,
         places=places,
         forced=variant.forced,
-        errors=DepthErrors.of(variant.camera, np.union1d(places, where)),
-        shown=variant.imaged,
+        errors=DepthErrors.of(variant.as_forced, np.union1d(places, where)),
+        shown=np.union1d(variant.imaged, _around_ends(variant)),
     )
+
+
+def _around_ends(variant: _Variant) -> FloatArray:
+    """Distances [m] between which the ends of the usable range are sought first."""
+    first = np.flatnonzero(variant.usable[1:] != variant.usable[:-1])
+    sought = np.linspace(variant.distance[first], variant.distance[first + 1], SUBDIVISIONS + 1).ravel()
+    return sought[variant.camera.images(sought)]
 
 
 def _trial_places(variant: _Variant) -> FloatArray:
     """Across every usable interval and a tenth beyond, as leaving blur out would extend it, and wherever is asked."""
-    camera, distance = variant.camera, variant.distance
+    camera, distance = variant.as_forced, variant.distance
     found = [np.asarray(variant.asked)]
     for near, far in zip(*usable_stretches(camera, variant.criteria, distance, variant.limits), strict=True):
         found.append(np.geomspace(0.9 * near.distance, 1.1 * far.distance, _TRIAL_DISTANCES))

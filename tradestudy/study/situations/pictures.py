@@ -83,8 +83,15 @@ class PictureCase:
         return 0.0 if models == standing else _departure(self._bound_px(standing), self._bound_px(models))
 
     def _standing(self, slot: SlotName) -> PictureModels:
-        """What a slot is weighed beside: the models that are forced elsewhere, and the most complete of the others."""
-        return with_models(self.complete, {other: name for other, name in self.forced.items() if other != slot})
+        """What a slot is weighed beside: the models that are forced elsewhere, and the most complete of the others.
+
+        Fresnel stands in for Kirchhoff, which it hardly differs from, so that nothing has to be integrated.
+        """
+        beside = {other: name for other, name in self.forced.items() if other != slot}
+        closed: dict[SlotName, str] = {
+            other: "fresnel" if name == "kirchhoff" else name for other, name in beside.items()
+        }
+        return with_models(self.complete, closed)
 
     def _bound_px(self, models: PictureModels) -> FloatArray:
         if models not in self._known:
@@ -185,7 +192,7 @@ class PictureCase:
         """
         if math.isinf(change):
             return math.inf
-        return max(change, float(np.nanmax(self.errors.largest_change(1.0 + change), initial=0.0)))
+        return max(change, float(np.nanmax(self.errors.largest_change(change), initial=0.0)))
 
     def obliquity(self, stage: LensStage | None) -> float:
         """``1 − cos²θ`` at the rim: the cosine, and the longer way."""

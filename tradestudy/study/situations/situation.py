@@ -22,7 +22,8 @@ class Situation:
     quantities
         What is asked for.
     slots
-        Bounds are those of the worst place looked at: distances, readings, ends of the sweep and of inverse questions.
+        Bounds are those of the worst place looked at: distances, readings, designs of the sweep and of inverse
+        questions.
     seconds
         Predicted cost of a set of models [s].
     """
