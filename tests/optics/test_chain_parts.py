@@ -10,12 +10,13 @@ import pytest
 from scipy.special import j1
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.optics.chain import LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
+from tradestudy.optics.chain import ChainAccuracy, LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table
 from tradestudy.optics.chain.arriving_light import table_reader
 from tradestudy.optics.chain.detector_transfer import choose_transfer, propagate, response
-from tradestudy.optics.chain.microlens_nodes import cell_nodes
+from tradestudy.optics.chain.microlens_nodes import cell_node_count, cell_nodes
 from tradestudy.optics.chain.pixels import integrate_pixels
+from tradestudy.optics.chain.point_image import count_point, plan_point
 from tradestudy.optics.chain.rays import ray_reach
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
@@ -93,6 +94,26 @@ def test_aperture_and_clear_gap_fill_the_cell(aperture: str, width: float, layou
     assert value == pytest.approx(plane_wave_integral_of_polygon(corners, f), abs=1e-8 * PITCH**2)
     area = nodes.weights[nodes.in_lens].sum()
     assert lenses.fill_factor == pytest.approx(area / nodes.weights.sum(), rel=1e-9)
+
+
+@pytest.mark.parametrize("cycles", [0.4, 3.0, 27.0])
+@pytest.mark.parametrize("aperture", ["circular", "square"])
+@pytest.mark.parametrize(("layout", "gaps"), [("square", "opaque"), ("square", "clear"), ("hexagonal", "clear")])
+def test_nodes_are_counted_as_they_are_placed(cycles: float, aperture: str, layout: str, gaps: str) -> None:
+    lenses = microlenses(aperture=aperture, aperture_width=18e-6, layout=layout, gaps=gaps)
+    assert cell_node_count(lenses, cycles=cycles) == cell_nodes(lenses, cycles=cycles).x.size
+
+
+@pytest.mark.parametrize("law", ["fresnel", "kirchhoff"])
+def test_a_point_is_counted_and_refused_as_it_is_planned(law: str) -> None:
+    source = PointSource(x=0.1e-3, y=-0.05e-3, distance=24e-3)
+    wave = PupilWave(path=small_path(), source=source, wavelength=WAVELENGTH, method="kirchhoff")
+    _, plan, plane = plan_point(wave, law, ChainAccuracy(tolerance=1e-2))
+    assert count_point(wave, law, ChainAccuracy(tolerance=1e-2)) == (plane.count, plan.transfer.count**2)
+    scarce = ChainAccuracy(tolerance=1e-2, memory_limit=0.99 * plan.memory(plane.count))
+    for plans in (plan_point, count_point):
+        with pytest.raises(UnaffordableError, match=f"{plane.count} nodes"):
+            plans(wave, law, scarce)
 
 
 def test_too_few_nodes_are_wrong() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import DiscSource, LightPath
+from tradestudy.optics.chain.sources import symmetries
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
 
@@ -52,7 +53,7 @@ class _Rays:
     lens: FloatArray  # index of the microlens, shape (rays,)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)  # what is computed of a scene is kept for it
 class LightScene:
     """A light path, a disc before it, and one wavelength.
 
@@ -68,33 +69,33 @@ class LightScene:
     source: DiscSource
     wavelength: float
 
-    @property
+    @cached_property
     def depth(self) -> float:
         """Main image before the array, a_L [m], signed."""
         return self.path.image_at_array(self.source.centre)[2]
 
-    @property
+    @cached_property
     def main_image_distance(self) -> float:
         """b_M [m]."""
         return self.path.array_distance - self.depth
 
-    @property
+    @cached_property
     def blur_on_array(self) -> float:
         """Radius of the disc that a point lights on the array by rays [m]."""
         return self.path.main_lens.radius * abs(self.depth / self.main_image_distance)
 
-    @property
+    @cached_property
     def acting_width(self) -> float:
         """Width of the part of a microlens that a point lights [m]: its aperture, or less where rays meet on it."""
         waist = self.wavelength * self.path.array_distance / self.path.main_lens.radius
         return min(self.path.microlenses.aperture_width, 2.0 * math.hypot(self.blur_on_array, waist))
 
-    @property
+    @cached_property
     def cutoff(self) -> float:
         """Highest spatial frequency on the detector behind one microlens [1/m]."""
         return self.acting_width / (self.wavelength * self.path.detector_distance)
 
-    @property
+    @cached_property
     def spot_radius(self) -> float:
         """Radius of the disc's image behind one microlens [m]; the image of the pupil is the widest it can be."""
         b, widest = self.path.detector_distance, self.path.main_lens.radius / self.path.array_distance
@@ -103,7 +104,7 @@ class LightScene:
         seen = self.source.diameter / 2.0 * self.main_image_distance / self.source.distance / self.depth
         return b * min(abs(seen), widest + self.acting_width / 2.0 / abs(self.depth))
 
-    @property
+    @cached_property
     def vergence_errors(self) -> FloatArray:
         """1/a_L + 1/b_L − 1/f_L of every type of microlens [1/m]: zero in focus."""
         kinds = np.unique(self.path.microlenses.focal_lengths)
@@ -111,41 +112,46 @@ class LightScene:
         depth = math.copysign(max(abs(self.depth), waist), self.depth)
         return np.asarray(1.0 / depth + 1.0 / self.path.detector_distance - 1.0 / kinds)
 
-    @property
+    @cached_property
     def blur_on_detector(self) -> float:
         """Largest radius of the ray blur of a point behind one microlens [m]."""
         worst = float(np.max(np.abs(self.vergence_errors)))
         return self.acting_width / 2.0 * self.path.detector_distance * worst
 
-    @property
+    @cached_property
     def least_blur_on_detector(self) -> float:
         """The same behind the type of microlens that is nearest to focus [m]."""
         least = float(np.min(np.abs(self.vergence_errors)))
         return self.acting_width / 2.0 * self.path.detector_distance * least
 
-    @property
+    @cached_property
     def main_fresnel_number(self) -> float:
         """N = R²/λ |1/z − 1/b_M| of the main pupil as seen from the array."""
         z, b = self.path.array_distance, self.main_image_distance
         return self.path.main_lens.radius**2 / self.wavelength * abs(1.0 / z - 1.0 / b)
 
-    @property
+    @cached_property
     def microlens_fresnel_number(self) -> float:
         """N = (w/2)²/λ |1/a_L + 1/b_L − 1/f_L| of the lit part of a microlens; the type nearest to focus."""
         least = float(np.min(np.abs(self.vergence_errors)))
         return (self.acting_width / 2.0) ** 2 / self.wavelength * least
 
-    @property
+    @cached_property
     def largest_microlens_fresnel_number(self) -> float:
         """The same of the type farthest from focus."""
         return self.acting_width / 2.0 * self.blur_on_detector / (self.wavelength * self.path.detector_distance)
 
-    @property
+    @cached_property
+    def symmetry_order(self) -> int:
+        """Mirrors and turns that change nothing, the identity among them."""
+        return len(symmetries(self.path, self.source))
+
+    @cached_property
     def seeing_pitch(self) -> float:
         """Distance of neighbouring microlenses' cells on the detector, seen from the main lens [m]."""
         return self.path.microlenses.pitch * (1.0 + self.path.detector_distance / self.path.array_distance)
 
-    @property
+    @cached_property
     def why_unbounded(self) -> str:
         """Why no bound can be stated from rays and widths; empty where one can.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -20,16 +21,23 @@ from tradestudy.effects.light_scene import LawDifference, LightScene
 from tradestudy.optics.arrays import FloatArray
 
 _POINTS: Final = 600
+_SCENES: Final = 8  # whose numbers are kept
 _ENVELOPE: Final = 1.651
 _EDGE_WAVE: Final = (
     1.0 / math.pi
 )  # ∫ |U − U_rays|² dv at a straight edge, v = x √(2/(λ z)); the intensity's is the same
 
 
+@lru_cache(maxsize=_SCENES)
 def frequencies(scene: LightScene) -> FloatArray:
-    """Frequencies on the detector from far below the width of the picture to far above what a pixel passes [1/m]."""
+    """Frequencies on the detector from far below the width of the picture to far above what a pixel passes [1/m].
+
+    Shared and read-only.
+    """
     widest = max(scene.spot_radius, scene.blur_on_detector, scene.path.pixels.pitch)
-    return np.geomspace(1e-2 / widest, 4.0 / scene.path.pixels.pitch + 4.0 / widest, _POINTS)
+    found = np.geomspace(1e-2 / widest, 4.0 / scene.path.pixels.pitch + 4.0 / widest, _POINTS)
+    found.setflags(write=False)
+    return found
 
 
 def aperture_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
@@ -99,6 +107,7 @@ def peak_change(scene: LightScene, change: FloatArray) -> float:
     return math.sqrt(2.0 * math.pi) * scene.path.pixels.pitch * peak / _norm(scene)
 
 
+@lru_cache(maxsize=_SCENES)
 def _norm(scene: LightScene) -> float:
     """√∫ |picture|² f df of the most complete models, at least: defocus and displacement of rays blur it besides."""
     f = frequencies(scene)

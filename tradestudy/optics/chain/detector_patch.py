@@ -15,7 +15,7 @@ import numpy as np
 
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.detector_transfer import Transfer, choose_transfer, half_band
-from tradestudy.optics.chain.microlens_nodes import cell_nodes
+from tradestudy.optics.chain.microlens_nodes import cell_node_count
 from tradestudy.optics.chain.microlens_plane import resolved_cycles
 from tradestudy.optics.chain.pixels import samples_per_pixel
 from tradestudy.optics.chain.rays import RayReach, blur_radius, ray_reach
@@ -141,7 +141,7 @@ def _whole(path: LightPath, plan: DetectorPlan, cycles: float) -> DetectorPatch:
         per_pixel=plan.per_pixel,
         tilt=0.0,
         transfer=plan.transfer,
-        nodes=cell_nodes(path.microlenses, cycles=cycles).x.size,
+        nodes=cell_node_count(path.microlenses, cycles=cycles),
     )
 
 
@@ -188,7 +188,7 @@ def _patch(
         per_pixel=per_pixel,
         tilt=tilt,
         transfer=transfer,
-        nodes=cell_nodes(path.microlenses, cycles=cycles).x.size,
+        nodes=cell_node_count(path.microlenses, cycles=cycles),
     )
 
 

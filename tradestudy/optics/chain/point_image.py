@@ -15,7 +15,13 @@ from tradestudy.optics.chain.array_field import PupilWave, direct_field, leg_ker
 from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light
 from tradestudy.optics.chain.detector_transfer import response
 from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
-from tradestudy.optics.chain.microlens_plane import MicrolensPlane, direct_detector_field, microlens_plane
+from tradestudy.optics.chain.microlens_nodes import cell_node_count
+from tradestudy.optics.chain.microlens_plane import (
+    MicrolensPlane,
+    direct_detector_field,
+    microlens_plane,
+    resolved_cycles,
+)
 from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
 from tradestudy.optics.chain.ray_wave import RayWave
 from tradestudy.optics.chain.rays import RayReach, ray_reach
@@ -130,10 +136,23 @@ def plan_point(
     wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy
 ) -> tuple[RayReach, DetectorPlan, MicrolensPlane]:
     """Where rays land, the grid on the detector, and the nodes; raises UnaffordableError for too many of them."""
-    reach = ray_reach(wave.path, wave.source, whole_pupil=wave.whole_pupil)
-    paraxial = to_detector == "fresnel"
-    plan = plan_detector(wave.path, [reach], wavelength=wave.wavelength, paraxial=paraxial, accuracy=accuracy)
+    reach, plan = _grid(wave, to_detector, accuracy)
     return reach, plan, _plane(wave, plan, reach, accuracy.microlens_nodes, accuracy)
+
+
+def count_point(wave: PupilWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> tuple[int, int]:
+    """Nodes behind all microlenses and samples of the detector that `plan_point` comes to; refuses what it refuses."""
+    reach, plan = _grid(wave, to_detector, accuracy)
+    cycles = resolved_cycles(
+        wave.path,
+        reach,
+        wavelength=wave.wavelength,
+        target_reach=plan.target_reach,
+        density=accuracy.microlens_nodes,
+    )
+    nodes = wave.path.microlenses.count * cell_node_count(wave.path.microlenses, cycles=cycles)
+    _check_memory(plan, nodes, accuracy)
+    return nodes, plan.transfer.count**2
 
 
 def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> PointComputation:
@@ -180,6 +199,13 @@ def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: C
     )
 
 
+def _grid(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> tuple[RayReach, DetectorPlan]:
+    """Where rays land, and the grid on the detector."""
+    reach = ray_reach(wave.path, wave.source, whole_pupil=wave.whole_pupil)
+    paraxial = to_detector == "fresnel"
+    return reach, plan_detector(wave.path, [reach], wavelength=wave.wavelength, paraxial=paraxial, accuracy=accuracy)
+
+
 def _plane(
     wave: PupilWave | RayWave, plan: DetectorPlan, reach: RayReach, density: float, accuracy: ChainAccuracy
 ) -> MicrolensPlane:
@@ -193,15 +219,20 @@ def _plane(
         density=density,
         lit=wave.lit if isinstance(wave, RayWave) else None,
     )
-    needed = plan.memory(plane.count)
+    _check_memory(plan, plane.count, accuracy)
+    return plane
+
+
+def _check_memory(plan: DetectorPlan, nodes: int, accuracy: ChainAccuracy) -> None:
+    """Refuse more nodes and samples than memory holds."""
+    needed = plan.memory(nodes)
     if needed > accuracy.memory_limit:
         raise UnaffordableError(
             "microlens nodes and detector samples",
-            value=f"{plane.count} nodes, {plan.transfer.count}² samples, {needed / 1e9:.3g} GB",
+            value=f"{nodes} nodes, {plan.transfer.count}² samples, {needed / 1e9:.3g} GB",
             limit=f"{accuracy.memory_limit / 1e9:.3g} GB",
             remedy="take fewer microlenses or pixels, a larger tolerance, or raise the memory limit",
         )
-    return plane
 
 
 def _field_check(wave: PupilWave, done: PointComputation, rng: np.random.Generator) -> float:

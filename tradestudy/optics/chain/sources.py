@@ -11,10 +11,10 @@ import numpy as np
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
-from tradestudy.optics.chain.microlens_nodes import plane_wave_degree
+from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, plane_wave_degrees
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.propagation.lens import PointSource
-from tradestudy.optics.quadrature import gauss_legendre
+from tradestudy.optics.quadrature import gauss_legendre, ring_angles
 
 _LARGEST_PHASE = 3e3
 Symmetry = tuple[int, int, bool]  # signs of x and y, then whether x and y change places
@@ -105,7 +105,7 @@ def source_nodes(path: LightPath, source: DiscSource, *, wavelength: float, dens
     return SourceNodes(
         radial_points=points,
         radial_weights=weights,
-        rings=tuple(_ring(source, math.sqrt(p), phase) for p in points),
+        rings=_rings(source, np.sqrt(points), phase),
     )
 
 
@@ -114,12 +114,13 @@ def tolerated_density(accuracy: ChainAccuracy) -> float:
     return min(1.0, 0.63 * math.pow(1e-2 / accuracy.tolerance, 1 / 6))
 
 
-def _ring(source: DiscSource, relative_radius: float, phase: float) -> FloatArray:
+def _rings(source: DiscSource, relative_radii: FloatArray, phase: float) -> tuple[FloatArray, ...]:
     """Equally spaced nodes, a multiple of eight for the symmetries of a square array."""
-    count = 8 * max(2, -(-(plane_wave_degree(phase * relative_radius) + 1) // 8))
-    angle = 2 * math.pi * np.arange(count) / count
-    radius = source.diameter / 2 * relative_radius
-    return np.column_stack([source.x + radius * np.cos(angle), source.y + radius * np.sin(angle)])
+    counts = 8 * np.maximum(2, -(-(plane_wave_degrees(phase * relative_radii) + 1) // 8))
+    angle = ring_angles(counts)
+    radius = np.repeat(source.diameter / 2 * relative_radii, counts)
+    at = np.column_stack([source.x + radius * np.cos(angle), source.y + radius * np.sin(angle)])
+    return tuple(np.split(at, np.cumsum(counts)[:-1]))
 
 
 def symmetries(path: LightPath, source: DiscSource) -> list[Symmetry]:

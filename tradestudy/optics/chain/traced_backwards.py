@@ -13,7 +13,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.exact_lines import Plane, power_of_points, turned, volume
-from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
+from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_node_count, cell_nodes
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries
 
@@ -28,7 +28,8 @@ def traced_backwards(path: LightPath, source: DiscSource, density: float) -> Flo
     `density` is a factor on the numbers of points across a pixel and of nodes along a microlens.
     """
     pixels = path.pixels
-    across, nodes = _samples(path, density)
+    across = _samples_across(density)
+    nodes = cell_nodes(path.microlenses, cycles=_CYCLES * density)
     trace = _Trace(
         path=path, source=source, nodes=nodes, spacing=pixels.pitch / across, power=power_of_points(path, source)
     )
@@ -46,15 +47,15 @@ def traced_backwards(path: LightPath, source: DiscSource, density: float) -> Flo
 
 def backward_rays(path: LightPath, source: DiscSource, density: float) -> float:
     """How many these are."""
-    across, nodes = _samples(path, density)
-    lines = _detector_points(path, across)
+    nodes = cell_node_count(path.microlenses, cycles=_CYCLES * density)
+    lines = _detector_points(path, _samples_across(density))
     distinct = (index for index, _ in lens_orbits(path.microlenses.centres, symmetries(path, source)))
-    return float(nodes.x.size * sum(math.prod(seen.size for seen in _seen(path, one, *lines)) for one in distinct))
+    return float(nodes * sum(math.prod(seen.size for seen in _seen(path, one, *lines)) for one in distinct))
 
 
-def _samples(path: LightPath, density: float) -> tuple[int, CellNodes]:
-    """Points across a pixel, and nodes on a cell."""
-    return max(2, round(_SAMPLES * density)), cell_nodes(path.microlenses, cycles=_CYCLES * density)
+def _samples_across(density: float) -> int:
+    """Points across a pixel."""
+    return max(2, round(_SAMPLES * density))
 
 
 def _detector_points(path: LightPath, across: int) -> tuple[FloatArray, FloatArray]:

@@ -22,11 +22,11 @@ from tradestudy.optics.chain.detector_patch import (
     lit_radius,
 )
 from tradestudy.optics.chain.exact_rays import SHIFTS, ray_count, start_of_rays
-from tradestudy.optics.chain.point_image import plan_point
+from tradestudy.optics.chain.point_image import count_point
 from tradestudy.optics.chain.scene import Legs
 from tradestudy.optics.chain.separate_lenses import microlens_alone, nearest_microlens
 from tradestudy.optics.chain.source_tables import farthest_read, table_count
-from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
+from tradestudy.optics.chain.sources import SourceNodes, source_nodes
 from tradestudy.optics.chain.spot_image import source_density
 from tradestudy.optics.chain.traced_forwards import reached_microlenses
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES
@@ -100,7 +100,7 @@ class LightWork:
     @cached_property
     def source_points(self) -> float:
         """Points of the disc, without those that its symmetries give, and points between them that tell the error."""
-        rings, order = self._nodes.rings, len(symmetries(self.scene.path, self.scene.source))
+        rings, order = self._nodes.rings, self.scene.symmetry_order
         return (sum(map(len, rings)) + 2 * max(map(len, rings))) / order + 2 * len(rings) + 1
 
     @cached_property
@@ -211,8 +211,7 @@ class PointWork:
     @cached_property
     def nodes_and_samples(self) -> tuple[int, int]:
         """Behind all microlenses, and on the grid that holds the detector."""
-        _, plan, plane = plan_point(_wave(self.scene), "kirchhoff", self.accuracy)
-        return plane.count, plan.transfer.count**2
+        return count_point(_wave(self.scene), "kirchhoff", self.accuracy)
 
     @cached_property
     def field_samples(self) -> float:

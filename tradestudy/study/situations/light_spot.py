@@ -81,6 +81,7 @@ def light_spot_situation(part: LightSpotPart) -> Situation:
     )
 
 
+@lru_cache(maxsize=16)
 def light_scene(part: LightSpotPart) -> LightScene:
     """What bounds and costs follow from, in light of the mean wavelength; a point is the limit of small discs."""
     source = light_source(part)
