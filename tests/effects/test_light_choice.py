@@ -14,8 +14,9 @@ from tradestudy.cameras.parts import Lens
 from tradestudy.effects.sampling import TOLERANCES, sampling, tolerance_of
 from tradestudy.effects.sharpness import diffraction_of_sharpness
 from tradestudy.errors import StudyError, UnaffordableError
+from tradestudy.optics.chain import microlens_nodes
 from tradestudy.study.schema.light_spot import LightSpotPart
-from tradestudy.study.situations.light_spot import light_spot_situation, spot_models
+from tradestudy.study.situations.light_spot import light_scene, light_spot_situation, spot_models
 from tradestudy.study.situations.point_spread import point_spread_situation
 from tradestudy.study.spot_images import SpotModels, spot_picture
 
@@ -43,6 +44,21 @@ def test_each_digit_of_the_light_spot_picks_another_set_and_costs_more() -> None
     for one, asked in zip(found, (0.1, 0.01, 0.001), strict=True):
         assert one.bounds["pixel_intensity"] <= asked * (1 + 1e-12)
     assert found[0].seconds < found[1].seconds < found[2].seconds
+
+
+@pytest.mark.parametrize("gaps", ["opaque", "clear"])
+def test_nodes_are_not_placed_to_count_what_a_picture_costs(gaps: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    part = spot(f"light_spot.microlenses.gaps={gaps}", "light_spot.spot.diameter=3.9 mm")  # weighed by no other test
+
+    def placed(*_: object, **__: object) -> None:
+        raise AssertionError("nodes were placed")
+
+    for name in ("disc_nodes", "rectangle_nodes", "_nodes_of"):
+        monkeypatch.setattr(microlens_nodes, name, placed)
+    situation = light_spot_situation(part)
+    assert situation.select(Accuracy.of_all(0.01), {}).seconds > 0.0
+    with pytest.raises(AssertionError, match="nodes were placed"):
+        microlens_nodes.cell_nodes(light_scene(part).path.microlenses, cycles=2.0)
 
 
 def test_rays_and_waves_cannot_be_combined() -> None:
