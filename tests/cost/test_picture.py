@@ -74,6 +74,7 @@ def test_the_reference_and_a_run_with_every_effect_agree_within_what_both_state(
         defocus_blur="disc",
         main_lens_diffraction="kirchhoff",
         microlens_diffraction="none" if geometry.microlens is None else "kirchhoff",
+        crosstalk="share",
         pixel_integration="square",
         spectrum="central",
         vignetting="cos4",

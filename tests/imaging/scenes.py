@@ -15,6 +15,7 @@ RAYS = PictureModels(
     defocus_blur="disc",
     main_lens_diffraction="none",
     microlens_diffraction="none",
+    crosstalk="off",
     pixel_integration="square",
     spectrum="central",
     vignetting="off",

@@ -39,6 +39,7 @@ CLOSED = PictureModels(
     defocus_blur="disc",
     main_lens_diffraction="airy",
     microlens_diffraction="none",
+    crosstalk="off",
     pixel_integration="square",
     spectrum="central",
     vignetting="off",

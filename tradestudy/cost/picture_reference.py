@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.errors import UnaffordableError
+from tradestudy.imaging.crosstalk import neighbours_share
 from tradestudy.imaging.geometry import LensStage, PictureGeometry
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
 from tradestudy.imaging.models import PictureSettings
@@ -82,9 +83,11 @@ def _bound(
     own = (row == 0) & (column == 0)
     signal = np.sum(np.where(own, density, 0.0), axis=0)
     floor = noise_variance(electrons, settings.sensor_noise, "shot+read+quantisation")
-    window = float(window_px(geometry, settings)[0])
-    noise = floor + np.sum(np.where(own, 0.0, density), axis=0)
-    return float(matching_bound_px(nodes, signal=signal, noise=noise, window_px=window))
+    window = window_px(geometry, settings)
+    neighbours = float(neighbours_share(geometry, settings.wavelength, window, blurred=True)[0])
+    noise = floor + (1.0 - neighbours) ** 2 * np.sum(np.where(own, 0.0, density), axis=0) + neighbours**2 * signal
+    signal = (1.0 - neighbours) ** 2 * signal
+    return float(matching_bound_px(nodes, signal=signal, noise=noise, window_px=float(window[0])))
 
 
 def _lines(settings: PictureSettings) -> tuple[tuple[float, float], ...]:

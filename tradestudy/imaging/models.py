@@ -13,6 +13,7 @@ from tradestudy.imaging.vignetting import require_field
 
 DefocusModel = Literal["off", "disc"]
 DiffractionModel = Literal["none", "airy", "fresnel", "kirchhoff"]
+CrosstalkModel = Literal["off", "share"]
 PixelModel = Literal["point", "square"]
 SpectrumModel = Literal["central", "weighted"]
 VignettingModel = Literal["off", "cos4"]
@@ -97,6 +98,9 @@ class PictureModels:
         ``none``; ``airy``: in focus, beside the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact paths and
         cosines. Where the blur exceeds 200 λN the last two are the disc times their transfer in focus. A camera without
         a microlens stage takes ``none`` only.
+    crosstalk
+        ``off``, or ``share``: light of neighbouring microlenses dims the texture and adds theirs to the noise; nothing
+        without microlenses.
     pixel_integration
         ``point`` or ``square``: over the active pixel.
     spectrum
@@ -110,6 +114,7 @@ class PictureModels:
     defocus_blur: DefocusModel
     main_lens_diffraction: DiffractionModel
     microlens_diffraction: DiffractionModel
+    crosstalk: CrosstalkModel
     pixel_integration: PixelModel
     spectrum: SpectrumModel
     vignetting: VignettingModel

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.imaging.aliasing import REPLICAS, alias_radii, alias_weights, ring_weights
+from tradestudy.imaging.crosstalk import neighbours_share
 from tradestudy.imaging.geometry import PictureGeometry
 from tradestudy.imaging.matching_bound import BandNodes, matching_bound_px
 from tradestudy.imaging.models import PictureModels, PictureSettings
@@ -51,6 +52,8 @@ class PassedTexture:
         Aliased power from beyond those radii.
     floor
         Power density of noise.
+    foreign
+        Power of neighbouring micro-images' texture over that of the own, over distance.
     sample_width, window
         Side of a square sample and of the window [samples].
     transfer, transfer_error
@@ -62,6 +65,7 @@ class PassedTexture:
     beyond: FloatArray
     tail: FloatArray
     floor: FloatArray
+    foreign: FloatArray
     sample_width: float
     window: FloatArray
     transfer: FloatArray
@@ -73,7 +77,8 @@ class PassedTexture:
         signal = self.inside[k] * np.square(square_transfer(rule.x, rule.y, self.sample_width))
         passed = self.beyond[:, ::every]
         replicas = _product(passed, alias_weights(rule, self.sample_width, every)[: passed.shape[1]])
-        return matching_bound_px(rule, signal=signal, noise=self.floor + replicas + aliased, window_px=self.window)
+        noise = self.floor + replicas + aliased + self.foreign * signal
+        return matching_bound_px(rule, signal=signal, noise=noise, window_px=self.window)
 
     def moved_by_transfer(self, value: FloatArray) -> FloatArray:
         """A transfer off by δ everywhere moves the bound by about δ over its root mean square where it matters."""
@@ -112,7 +117,8 @@ class TextureBand:
             transfer = transfer * disc_transfer(frequency, width)
             width = 0.0
         n = (picture_electrons(geometry, settings, models) * np.asarray(brighter, dtype=np.float64))[:, np.newaxis]
-        power = np.square(transfer)
+        crosstalk = self._crosstalk(models)
+        power = np.square((1.0 - crosstalk) * transfer)
         *inside, beyond = np.split(n**2 * self._texture[:, : frequency.size] * power, self._ends, axis=1)
         # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.
         outermost = np.einsum("ij,j->i", power[:, self._ends[-1] :], ring_weights(width)[: beyond.shape[1]])
@@ -123,11 +129,27 @@ class TextureBand:
             beyond=beyond,
             tail=(n * settings.texture.contrast) ** 2 * share * outermost[:, np.newaxis],
             floor=np.asarray(noise_variance(n, settings.sensor_noise, models.sensor_noise)),
+            # As another texture of the same kind: what it shows is not what is matched.
+            foreign=np.square(crosstalk / (1.0 - crosstalk)),
             sample_width=width,
             window=self.window,
-            transfer=transfer[:, : self._ends[0]],
+            transfer=(1.0 - crosstalk) * transfer[:, : self._ends[0]],
             transfer_error=transfer_error,
         )
+
+    def _crosstalk(self, models: PictureModels) -> FloatArray:
+        """Share of light that is of neighbours, as a column over distance."""
+        if models.crosstalk == "off" or self.geometry.microlens is None:
+            return np.zeros((self.geometry.distance.size, 1))
+        blurred = models.defocus_blur == "disc"
+        if blurred not in self._shares:
+            share = neighbours_share(self.geometry, self.settings.wavelength, self.window, blurred=blurred)
+            self._shares[blurred] = share[:, np.newaxis]
+        return self._shares[blurred]
+
+    @cached_property
+    def _shares(self) -> dict[bool, FloatArray]:
+        return {}
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:

@@ -25,8 +25,8 @@ _OFF_NAMES: Final = {
     "spectrum": "central",
 }
 _PICTURE: Final[tuple[SlotName, ...]] = (
-    "defocus_blur", "main_lens_diffraction", "microlens_diffraction", "pixel_integration", "spectrum", "vignetting",
-    "sensor_noise",
+    "defocus_blur", "main_lens_diffraction", "microlens_diffraction", "crosstalk", "pixel_integration", "spectrum",
+    "vignetting", "sensor_noise",
 )  # fmt: skip
 
 

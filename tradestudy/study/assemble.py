@@ -118,6 +118,7 @@ def closed_form_models(picture: PictureSettings, *, microlenses: bool) -> Pictur
         defocus_blur="disc",
         main_lens_diffraction="airy",
         microlens_diffraction="airy" if microlenses else "none",
+        crosstalk="share" if microlenses else "off",
         pixel_integration="square",
         spectrum="weighted" if picture.spectrum else "central",
         vignetting="cos4",

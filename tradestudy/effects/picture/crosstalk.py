@@ -6,24 +6,28 @@ import math
 
 from tradestudy.effects.base import OFF, Slot
 from tradestudy.effects.picture.criteria import reach_over_airy
-from tradestudy.effects.picture.trial import PictureTrial, bounded
+from tradestudy.effects.picture.trial import PictureTrial, bounded, weighed
 
 
 def crosstalk(trial: PictureTrial) -> Slot:
-    """Left out: windows are matched inside a micro-image, and the share of light from beyond it bounds the change.
+    """Off: a window sees its own microlens only; share: what neighbours spread into it dims the texture and is noise.
 
-    Outside radius r the Airy pattern holds ``1 − E ≈ 2/(π v)`` of its light, v = π r/(λN), here 1.22 π reaches; that
-    share of light without the texture dims contrast, and the error grows by as much.
+    In the middle of a micro-image of radius r the share is what an Airy pattern holds outside, ``2/(π v)``,
+    v = π r/(λN) = 1.22 π r/(Airy radius), about 0.17 over the criterion; towards its edge it is more.
     """
     reach = trial.microlens_reach_airy
     criterion = reach_over_airy(math.nan if math.isinf(reach.value) else reach.value, reach.at)
     if math.isinf(reach.value):
         reason = "there are no micro-images side by side"
         return Slot(name="crosstalk", models=(bounded(trial, OFF, 0.0, criterion, reason),))
-    share = min(1.0, 2.0 / (math.pi * 1.22 * math.pi * reach.value))
-    change = share / (1.0 - share) if share < 1.0 else math.inf
-    reason = (
-        "no more light comes from a neighbour than an Airy pattern holds beyond half a micro-image, 0.17 over this "
-        "number of it: the bound is that share"
-    )
-    return Slot(name="crosstalk", models=(bounded(trial, OFF, change, criterion, reason),))
+    return Slot(
+        name="crosstalk",
+        models=(
+            weighed(trial, "crosstalk", OFF, criterion,
+                    "in the middle of a micro-image neighbours bring 0.17 over this number of the light, towards its "
+                    "edge more: it counts unless that is well below the accuracy wanted"),
+            weighed(trial, "crosstalk", "share", criterion,
+                    "the share of neighbours in a window, dimming its texture and adding theirs: the most complete "
+                    "model here"),
+        ),
+    )  # fmt: skip

@@ -42,7 +42,7 @@ class EffectsPart(Part):
     defocus_blur: Literal["off", "disc"] | None = None
     main_lens_diffraction: Literal["off", "airy", "boundary_wave", "fresnel", "kirchhoff"] | None = None
     microlens_diffraction: Literal["off", "airy", "boundary_wave", "fresnel", "kirchhoff"] | None = None
-    crosstalk: Literal["off", "coherent"] | None = None
+    crosstalk: Literal["off", "share", "coherent"] | None = None
     pixel_integration: Literal["off", "square"] | None = None
     source_extent: Literal["off", "disc"] | None = None
     spectrum: Literal["off", "weighted"] | None = None

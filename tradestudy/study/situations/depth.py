@@ -52,6 +52,7 @@ _MOST_DESIGNS: Final = 64
 _ENDS: Final = 2
 # Values of what an inverse question varies, its ends among them.
 _OF_QUESTIONS: Final = 5
+_OF_MICROLENSES: Final[tuple[SlotName, ...]] = ("microlens_diffraction", "crosstalk")
 # Slots of errors that are not of the picture.
 _LENGTHS: Final[tuple[SlotName, ...]] = ("calibration", "temperature")
 # Bisections: of the ends of the usable range, and of a pair's decision under one reading.
@@ -175,13 +176,15 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
 def _applicable(camera: AnyDepthCamera, forced: Mapping[SlotName, str]) -> dict[SlotName, str]:
     """The forced models that a camera has: not of microlenses without them, nor of a spectrum that is not declared.
 
-    Nor the boundary wave, which is for spots: transfer functions have Fresnel's law in closed form.
+    Nor those that are for spots: the boundary wave, for transfer functions have Fresnel's law in closed form, and
+    coherent crosstalk.
     """
     law = camera.disparity_error_px
-    found = {slot: name for slot, name in forced.items() if name != "boundary_wave"}
+    found = {slot: name for slot, name in forced.items() if name not in ("boundary_wave", "coherent")}
     if isinstance(law, PictureDisparityError):
         if law.models.microlens_diffraction == "none":
-            found.pop("microlens_diffraction", None)
+            for slot in _OF_MICROLENSES:
+                found.pop(slot, None)
         if not law.settings.spectrum:
             found.pop("spectrum", None)
     return found

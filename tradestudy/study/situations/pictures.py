@@ -35,7 +35,14 @@ from tradestudy.study.depth import DepthErrors
 # On the reference machine [s]: for every distance at which a run asks for the error; and for every point of the lattice
 # that Kirchhoff's part is interpolated on, whose spot takes more places and nodes the wider it is: coefficients of
 # powers of its defocus in waves.
-_SECONDS_PER_DISTANCE: Final = {"fresnel": 1e-4, "airy": 1e-5, "disc": 1e-5, "weighted": 1e-4, "kirchhoff": 1e-3}
+_SECONDS_PER_DISTANCE: Final = {
+    "fresnel": 1e-4,
+    "airy": 1e-5,
+    "disc": 1e-5,
+    "share": 2e-5,
+    "weighted": 1e-4,
+    "kirchhoff": 1e-3,
+}
 _SECONDS_PER_POINT: Final = (9.5e-3, 3.7e-3, 4.7e-4)
 
 
@@ -70,6 +77,7 @@ class PictureCase:
             defocus_blur="disc",
             main_lens_diffraction="fresnel",
             microlens_diffraction="none" if self.geometry.microlens is None else "fresnel",
+            crosstalk="off" if self.geometry.microlens is None else "share",
             pixel_integration="square",
             spectrum="weighted" if self.settings.spectrum else "central",
             vignetting="cos4",

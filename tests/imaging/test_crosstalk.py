@@ -1,0 +1,80 @@
+"""Light of neighbouring micro-images against an Airy pattern on a grid, and against what encircles its energy."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.fft import irfft2, rfft2
+from scipy.special import j0, j1
+
+from tests.cameras.builders import r5, stereo
+from tests.imaging.test_picture import SETTINGS
+from tradestudy.imaging.crosstalk import neighbours_share
+from tradestudy.imaging.geometry import PictureGeometry, picture_geometry
+from tradestudy.imaging.models import PictureModels
+from tradestudy.imaging.picture import disparity_error_px
+from tradestudy.study.assemble import closed_form_models
+
+WAVELENGTH = 550e-9
+DISTANCE = np.array([0.3, 1.0])
+
+
+def pictured() -> PictureGeometry:
+    return picture_geometry(r5(), DISTANCE)
+
+
+def micro_image_radius(geometry: PictureGeometry) -> float:
+    return geometry.widest_window_px * geometry.sample_pitch / math.sqrt(2.0)
+
+
+def test_the_middle_of_a_micro_image_loses_what_an_airy_pattern_holds_outside() -> None:
+    geometry = pictured()
+    assert geometry.microlens is not None
+    v = np.pi * micro_image_radius(geometry) / (WAVELENGTH * geometry.microlens.f_number)
+    found = neighbours_share(geometry, WAVELENGTH, np.full(2, 1e-3), blurred=False)
+    np.testing.assert_allclose(found, j0(v) ** 2 + j1(v) ** 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("blurred", [False, True])
+@pytest.mark.parametrize("window_px", [8.0, 16.0])
+def test_the_share_is_that_of_light_on_a_grid(window_px: float, blurred: bool) -> None:
+    """The disc of a micro-image convolved with an Airy pattern, and with a disc of blur, averaged over the window."""
+    geometry = pictured()
+    lens = geometry.microlens
+    assert lens is not None
+    blur_diameter = 3.0 * geometry.sample_pitch
+    geometry = replace(geometry, microlens=replace(lens, blur_diameter=np.full(2, blur_diameter)))
+    R, step, count = micro_image_radius(geometry), 0.2e-6, 4096
+    x = np.fft.fftfreq(count, 1.0 / count) * step
+    r = np.hypot(x[:, np.newaxis], x)
+    v = np.pi * np.maximum(r, 1e-12) / (WAVELENGTH * float(lens.f_number[0]))
+    kernel = (2.0 * j1(v) / v) ** 2 * np.pi / 4.0 / (WAVELENGTH * float(lens.f_number[0])) ** 2 * step**2
+    if blurred:
+        disc = (r <= blur_diameter / 2.0).astype(float)
+        kernel = irfft2(rfft2(kernel) * rfft2(disc / disc.sum()), s=r.shape)
+    own = irfft2(rfft2(kernel) * rfft2((r <= R).astype(float)), s=r.shape)
+    seen = r <= window_px * geometry.sample_pitch / math.sqrt(math.pi)
+    found = neighbours_share(geometry, WAVELENGTH, np.full(2, window_px), blurred=blurred)
+    assert found[0] == pytest.approx(1.0 - own[seen].mean(), rel=0.02)
+
+
+def test_neighbours_dim_the_texture_by_their_share() -> None:
+    """Where noise outweighs both textures, the error is that of a texture of less contrast."""
+    geometry, dark = pictured(), replace(SETTINGS, light=replace(SETTINGS.light, electrons=200.0), window_px=16.0)
+    models = closed_form_models(dark, microlenses=True)
+    share = neighbours_share(geometry, WAVELENGTH, np.full(2, 16.0), blurred=True)
+    found = disparity_error_px(geometry, dark, models).value
+    alone: PictureModels = replace(models, crosstalk="off")
+    for k in range(2):
+        texture = replace(dark.texture, contrast=dark.texture.contrast * (1.0 - float(share[k])))
+        expected = disparity_error_px(geometry, replace(dark, texture=texture), alone).value[k]
+        assert found[k] == pytest.approx(expected, rel=3e-4)
+    assert np.all(found > 1.005 * disparity_error_px(geometry, dark, alone).value)
+
+
+def test_a_camera_without_microlenses_has_no_neighbours() -> None:
+    geometry = picture_geometry(stereo(), DISTANCE)
+    assert np.all(neighbours_share(geometry, WAVELENGTH, np.full(2, 15.0), blurred=True) == 0.0)
