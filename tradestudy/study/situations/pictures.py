@@ -14,7 +14,8 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.effects.base import Slot, SlotName
 from tradestudy.effects.picture.crosstalk import crosstalk
 from tradestudy.effects.picture.defocus_blur import defocus_blur
-from tradestudy.effects.picture.diffraction import diffraction
+from tradestudy.effects.picture.main_lens_diffraction import main_lens_diffraction
+from tradestudy.effects.picture.microlens_diffraction import microlens_diffraction
 from tradestudy.effects.picture.pixel_integration import pixel_integration
 from tradestudy.effects.picture.sensor_noise import sensor_noise
 from tradestudy.effects.picture.source_extent import source_extent
@@ -263,8 +264,8 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
     )
     return (
         defocus_blur(trial),
-        diffraction(trial, "main_lens_diffraction"),
-        diffraction(trial, "microlens_diffraction"),
+        main_lens_diffraction(trial),
+        microlens_diffraction(trial),
         crosstalk(trial),
         pixel_integration(trial),
         source_extent(trial),
