@@ -78,7 +78,7 @@ def test_what_does_not_fit_the_budget_names_the_nearest_affordable_accuracy() ->
     assert select(TWO, quantities=("depth_uncertainty",), accuracy=offered).seconds == 0.5
 
 
-@given(st.floats(1e-5, 0.9))
+@given(st.floats(1e-5, 1.0))
 def test_what_is_offered_can_be_had(change: float) -> None:
     one = (slot("defocus_blur", ("disc", change, 0.0)),)
     wanted = Accuracy.of_all(change / 7.0)
@@ -88,7 +88,69 @@ def test_what_is_offered_can_be_had(change: float) -> None:
     assert offer is not None
     offered = float(offer[1]) / 100.0
     assert offered <= 1.11 * change
+    assert offered <= 1.0
     select(one, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(offered))
+
+
+def test_what_cannot_be_had_names_the_effects_that_stand_in_the_way() -> None:
+    slots = (
+        slot("crosstalk", ("off", 0.3, 0.0), ("coherent", 0.0081, 1.0)),
+        slot("calibration", ("linear", 0.0012, 0.0)),
+        slot("spectrum", ("weighted", 0.0002, 0.0)),  # less than a tenth of what remains
+        slot("sensor_noise", ("off", 0.2, 0.0)),  # the study insists on it, so that it is held against nothing
+    )
+    with pytest.raises(UnaffordableError) as error:
+        select(
+            slots,
+            quantities=("psf_width", "depth_uncertainty"),
+            accuracy=Accuracy.of_all(0.005),
+            forced={"sensor_noise": "off"},
+        )
+    assert str(error.value) == (
+        "the accuracy wanted of the depth uncertainty cannot be had; even the most accurate models leave: 0.95 %, "
+        "of which crosstalk (coherent) 0.81 %, calibration (linear) 0.12 % (allowed: 0.5 %); 0.96 % can be had; "
+        "ask for that"
+    )
+    chosen = select(
+        slots,
+        quantities=("psf_width", "depth_uncertainty"),
+        accuracy=Accuracy.of_all(0.0096),
+        forced={"sensor_noise": "off"},
+    )
+    assert chosen.name_of("crosstalk") == "coherent"
+
+
+def test_each_quantity_that_cannot_be_had_is_offered_what_it_needs() -> None:
+    bounds = {"depth_uncertainty": bound(0.0234), "psf_width": bound(0.051), "pixel_intensity": bound(0.001)}
+    one = (Slot(name="crosstalk", models=(Model(name="coherent", bounds=bounds),)),)
+    asked = ("depth_uncertainty", "psf_width", "pixel_intensity")
+    wanted = dict(Accuracy.of_all(0.02).relative)
+    with pytest.raises(UnaffordableError) as error:
+        select(one, quantities=asked, accuracy=Accuracy(relative=wanted))
+    assert str(error.value).startswith("the accuracy wanted of the width of a point's image cannot be had; ")
+    assert error.value.remedy == (
+        "2.4 % of the depth uncertainty and 5.2 % of the width of a point's image can be had; ask for that"
+    )
+    offered = Accuracy(relative={**wanted, "depth_uncertainty": 0.024, "psf_width": 0.052})
+    assert select(one, quantities=asked, accuracy=offered).bounds["psf_width"] == 0.051
+
+
+def test_what_has_no_bound_or_one_beyond_the_whole_offers_nothing() -> None:
+    for change, remedy in ((math.inf, "no set of models has a finite bound"), (1.2, "not even 100 % can be had")):
+        with pytest.raises(UnaffordableError) as error:
+            select(
+                (slot("crosstalk", ("off", change, 0.0)),),
+                quantities=("depth_uncertainty",),
+                accuracy=Accuracy.of_all(0.01),
+            )
+        assert error.value.remedy == remedy
+        assert "of which crosstalk (off) " in error.value.value
+
+
+def test_a_budget_below_the_cheapest_set_says_what_that_takes() -> None:
+    dear = (slot("crosstalk", ("coherent", 0.0, 2.0)),)
+    with pytest.raises(UnaffordableError, match=r"even the cheapest set of models takes 2 s .*; raise the budget"):
+        select(dear, quantities=("depth_uncertainty",), accuracy=Accuracy.of_all(0.01, budget=1.0))
 
 
 def test_models_that_cannot_be_combined_are_never_chosen() -> None:

@@ -16,6 +16,7 @@ from tradestudy.units import DURATION, FRACTION, pretty
 
 Chosen = Mapping[SlotName, Model]
 _MOST_SETS = 200_000
+_CANNOT = "the accuracy wanted cannot be had"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,18 +119,20 @@ def select(
     sets = list(itertools.product(*open_models))
     names = [slot.name for slot in slots]
 
-    def cost(index: int) -> float:
-        return seconds(dict(zip(names, sets[index], strict=True)))
+    def chosen_of(index: int) -> Chosen:
+        return dict(zip(names, sets[index], strict=True))
 
     shortfall = (changes / wanted).max(axis=1) if wanted.size else np.zeros(len(sets))
     fitting = np.flatnonzero(shortfall <= 1.0)
-    costs = _costs(open_models)[fitting] if seconds is sum_of_seconds else np.array([cost(int(i)) for i in fitting])
+    added = seconds is sum_of_seconds
+    costs = _costs(open_models)[fitting] if added else np.array([seconds(chosen_of(int(i))) for i in fitting])
     affordable = (costs <= accuracy.budget) & np.isfinite(costs)
     if not affordable.any():
-        raise _nothing_fits(sets, shortfall, cost, accuracy, costs)
+        by_shortfall = [chosen_of(int(i)) for i in np.argsort(shortfall, kind="stable")]
+        raise _nothing_fits(by_shortfall, quantities, accuracy, forced, seconds, costs)
     order = np.lexsort((fitting[affordable], shortfall[fitting[affordable]], costs[affordable]))
     best = int(fitting[affordable][order[0]])
-    chosen: Chosen = dict(zip(names, sets[best], strict=True))
+    chosen = chosen_of(best)
     totals = {q: math.fsum(model.change_of(q) for model in chosen.values()) for q in quantities}
     return Selection(
         chosen=chosen,
@@ -251,59 +254,82 @@ def _worst(model: Model, totals: Mapping[Quantity, float], accuracy: Accuracy) -
 
 
 def _nothing_fits(
-    sets: Sequence[tuple[Model, ...]],
-    shortfall: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
-    cost: Callable[[int], float],
+    by_shortfall: Sequence[Chosen],
+    quantities: Sequence[Quantity],
     accuracy: Accuracy,
+    forced: Mapping[SlotName, str],
+    seconds: Callable[[Chosen], float],
     fitting_costs: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
 ) -> UnaffordableError:
-    """Say what is missing and the nearest accuracy that can be had within the budget."""
-    nearest = next(
-        (int(i) for i in np.argsort(shortfall, kind="stable") if cost(int(i)) <= min(accuracy.budget, 1e300)), None
+    """Say what is missing, which effects stand in the way, and the nearest accuracy that the budget allows."""
+    nearest = next((one for one in by_shortfall if seconds(one) <= min(accuracy.budget, 1e300)), None)
+    if nearest is None:
+        return _no_set(min(map(seconds, by_shortfall)), accuracy.budget)
+    free = {name: model for name, model in nearest.items() if name not in forced}
+    changes = {q: math.fsum(model.change_of(q) for model in free.values()) for q in quantities}
+    limited = math.isfinite(accuracy.budget)
+    remedy = _offer(changes, accuracy, f" in {seconds(nearest):.3g} s" if limited else "")
+    if limited:
+        remedy += "; or raise the budget"
+    if np.isfinite(fitting_costs).any():
+        return UnaffordableError(
+            f"{_CANNOT}: the cheapest set of models that is accurate enough takes {fitting_costs.min():.3g} s",
+            limit=f"within {accuracy.budget:g} s",
+            remedy=remedy,
+        )
+    worst = max(quantities, key=lambda q: changes[q] / accuracy.relative[q])
+    which = " that can be combined" * bool(fitting_costs.size) + f" within {accuracy.budget:g} s" * limited
+    return UnaffordableError(
+        f"the accuracy wanted of {_words(worst)} cannot be had; even the most accurate models{which} leave",
+        value=_what_remains(free, worst, changes[worst], accuracy.relative[worst]),
+        limit=f"{100.0 * accuracy.relative[worst]:.4g} %",
+        remedy=remedy,
     )
-    if nearest is None and not any(math.isfinite(cost(i)) for i in range(len(sets))):
+
+
+def _no_set(least: float, budget: float) -> UnaffordableError:
+    if math.isinf(least):
         return UnaffordableError(
             "models that are forced together cannot be combined",
             remedy="force fewer: diffraction of a spot is off at both lenses or at none, and rays fill whole pixels",
         )
-    if nearest is None:
-        least = min(cost(i) for i in range(len(sets)))
-        offer = f"even the cheapest set takes {least:.3g} s; raise the budget"
-    elif math.isinf(shortfall[nearest]):
-        offer = "no set within the budget has a finite bound; raise the budget"
-    else:
-        loosest = offered(accuracy, float(shortfall[nearest]))
-        offer = f"{loosest} can be had; ask for that"
-        if max(accuracy.relative.values()) * shortfall[nearest] > 1.0:
-            offer = "not even 100 % can be had"
-        if math.isfinite(accuracy.budget):
-            offer = f"{loosest} can be had in {cost(nearest):.3g} s; ask for that, or raise the budget"
-    if np.isfinite(fitting_costs).any():
-        short = f"the cheapest set that is accurate enough takes {fitting_costs.min():.3g} s"
-    else:
-        short = "no set of models is accurate enough" + (" that can be combined" if fitting_costs.size else "")
     return UnaffordableError(
-        f"the accuracy wanted cannot be had: {short}",
-        limit=f"within {accuracy.budget:g} s" if math.isfinite(accuracy.budget) else "",
-        remedy=offer,
+        f"{_CANNOT}: even the cheapest set of models takes {least:.3g} s",
+        limit=f"within {budget:g} s",
+        remedy="raise the budget",
     )
 
 
-def offered(accuracy: Accuracy, factor: float) -> str:
-    """An accuracy looser by a factor, in words and rounded so that it holds what it offers: upwards."""
-    return ", ".join(dict.fromkeys(f"{_rounded_up(100.0 * v * factor)} %" for v in accuracy.relative.values()))
+def _what_remains(free: Chosen, quantity: Quantity, total: float, wanted: float) -> str:
+    """The change by a whole set, and its largest parts with the models that make them."""
+    changes = {f"{name.replace('_', ' ')} ({model.name})": model.change_of(quantity) for name, model in free.items()}
+    parts = sorted(((change, head) for head, change in changes.items() if change >= 0.1 * total), reverse=True)
+    named = ", ".join(f"{head} {_share(change)}" for change, head in parts)
+    return f"{_share(total) if math.isinf(total) else _above(100.0 * total, 100.0 * wanted) + ' %'}, of which {named}"
+
+
+def _offer(changes: Mapping[Quantity, float], accuracy: Accuracy, within: str) -> str:
+    """What to ask for in place of what is exceeded; of each quantity where there are several."""
+    missing = {q: change for q, change in changes.items() if change > accuracy.relative[q] * (1.0 - 1e-12)}
+    if math.isinf(max(missing.values())):
+        return "no set of models has a finite bound"
+    if max(missing.values()) > 1.0:
+        return "not even 100 % can be had"
+    texts = {q: f"{_rounded_up(100.0 * change)} %" for q, change in missing.items()}
+    several = " and ".join(f"{text} of {_words(q)}" for q, text in texts.items())
+    return f"{several if len(texts) > 1 else next(iter(texts.values()))} can be had{within}; ask for that"
 
 
 def _above(number: float, limit: float) -> str:
     """Two digits, or as many as tell the number from a limit that it exceeds."""
-    texts = (f"{number:.{digits}g}" for digits in range(2, 17))
+    texts = (f"{float(f'{number:.{digits}g}'):.15g}" for digits in range(2, 16))
     return next((text for text in texts if float(text) > limit), f"{number!r}")
 
 
 def _rounded_up(number: float) -> str:
-    """Two digits, never less than the number."""
+    """Two digits of a percentage up to 100, never less than the number."""
     step = 10.0 ** (math.floor(math.log10(number)) - 1)
-    return f"{math.ceil(number / step * (1.0 + 1e-9)) * step:.12g}"
+    return f"{min(math.ceil(number / step * (1.0 + 1e-9)) * step, 100.0):.12g}"
 
 
 def _at_most(value: float) -> str:

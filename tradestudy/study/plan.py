@@ -8,17 +8,16 @@ from dataclasses import dataclass
 
 from tradestudy.accuracy import Accuracy
 from tradestudy.effects.base import SlotName
-from tradestudy.effects.selection import Selection, offered
+from tradestudy.effects.selection import Selection
 from tradestudy.errors import UnaffordableError
 from tradestudy.machine import machine_speed
+from tradestudy.study.affordable import tightest_offer
 from tradestudy.study.choice import choose
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.plan_text import plan_text
 from tradestudy.study.predicted_time import PredictedStep, predicted_seconds
 from tradestudy.study.situations.situation import Situation
 from tradestudy.wording import counted
-
-_ROUNDS = 40
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +71,6 @@ def plan_of(definition: StudyDefinition) -> Plan:
         Where the study forces a model that no piece of it has.
     """
     accuracy = definition.file.accuracy.wanted()
-    forced = definition.file.effects.forced()
     speed = machine_speed()
     situations, selections = choose(definition)
     acting = definition.with_models(_models(selections))
@@ -81,11 +79,15 @@ def plan_of(definition: StudyDefinition) -> Plan:
         accuracy=accuracy,
         situations=situations,
         selections=selections,
-        steps=(*predicted_seconds(acting, speed), *_pictures(acting, selections, speed)),
+        steps=_steps(acting, selections, speed),
     )
     if plan.seconds[0] > accuracy.budget:
-        raise _too_long(definition, situations, forced, speed, plan)
+        raise _too_long(definition, situations, speed, plan)
     return plan
+
+
+def _steps(acting: StudyDefinition, selections: Mapping[str, Selection], speed: float) -> tuple[PredictedStep, ...]:
+    return *predicted_seconds(acting, speed), *_pictures(acting, selections, speed)
 
 
 def _pictures(
@@ -103,35 +105,36 @@ def _pictures(
 
 
 def _too_long(
-    definition: StudyDefinition,
-    situations: tuple[Situation, ...],
-    forced: dict[SlotName, str],
-    speed: float,
-    plan: Plan,
+    definition: StudyDefinition, situations: tuple[Situation, ...], speed: float, plan: Plan
 ) -> UnaffordableError:
-    """The error that names the shortfall and the nearest accuracy whose run fits the budget."""
+    """The error that names the shortfall and the tightest tolerance whose run fits the budget."""
     budget = plan.accuracy.budget
 
-    def seconds(factor: float) -> float:
-        looser = Accuracy(relative={name: value * factor for name, value in plan.accuracy.relative.items()})
-        chosen = {one.name: one.select(looser, forced) for one in situations}
-        acting = definition.with_models(_models(chosen))
-        return math.fsum(step.low for step in (*predicted_seconds(acting, speed), *_pictures(acting, chosen, speed)))
+    def seconds(asked: StudyDefinition, selections: Mapping[str, Selection]) -> float:
+        return math.fsum(step.low for step in _steps(asked.with_models(_models(selections)), selections, speed))
 
-    most = math.log(1.0 / max(plan.accuracy.relative.values()))  # nothing is asked for beyond the whole
-    loosest = seconds(math.exp(most))
-    if loosest > budget:
-        remedy = f"even to 100 % it takes {loosest:.3g} s; raise the budget or ask for less"
+    offer = tightest_offer(definition, situations, seconds)
+    if offer is None:
+        remedy = "raise the budget or ask for less"
+    elif offer.seconds > budget:
+        remedy = (
+            f"with no looser --tolerance it takes less than with '{offer.tolerance}', "
+            f"{_against(offer.seconds, budget)} s; raise the budget or ask for less"
+        )
     else:
-        low, high = 0.0, most
-        for _ in range(_ROUNDS):
-            middle = (low + high) / 2.0
-            low, high = (low, middle) if seconds(math.exp(middle)) <= budget else (middle, high)
-        offer = offered(plan.accuracy, math.exp(high))
-        remedy = f"{offer} can be had in {seconds(math.exp(high)):.3g} s; ask for that, or raise the budget"
+        remedy = (
+            f"{offer.tolerance} can be had in {_against(offer.seconds, budget)} s; ask for that with "
+            f"--tolerance '{offer.tolerance}', or raise the budget"
+        )
     return UnaffordableError(
         "the accuracy wanted takes longer than the budget",
-        value=f"{plan.seconds[0]:.3g} s",
+        value=f"{_against(plan.seconds[0], budget)} s",
         limit=f"{budget:g} s",
         remedy=remedy,
     )
+
+
+def _against(seconds: float, budget: float) -> str:
+    """Three digits, or as many as keep it on its side of the budget."""
+    rounded = (float(f"{seconds:.{digits}g}") for digits in range(3, 18))
+    return f"{next(one for one in rounded if (one > budget) == (seconds > budget)):.15g}"
