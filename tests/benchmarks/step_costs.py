@@ -83,7 +83,7 @@ def verdict(step: dict[str, float]) -> str:
         return "short"
     if low == high:
         return "holds" if low / FACTOR <= took <= low * FACTOR else "**misses**"
-    return "within" if low / FACTOR <= took <= high * FACTOR else "**outside**"
+    return "within" if low <= took <= high else "**outside**"
 
 
 def with_pictures(steps: dict[str, dict[str, float]]) -> dict[str, dict[str, float]]:
