@@ -8,6 +8,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from collections.abc import Mapping, Sequence
@@ -160,7 +161,9 @@ class Study:
         from tradestudy.cost.study_cost import study_cost
 
         found = study_cost(self.definition, repeats=repeats, budget=budget, progress=progress)
-        return found.assign_attrs(study=self.name, study_hash=self.hash)
+        return found.assign_attrs(
+            study=self.name, study_hash=self.hash, options=json.dumps(options(self.definition), ensure_ascii=False)
+        )
 
     def run(
         self,
@@ -206,7 +209,8 @@ class Study:
             "code_hash": provenance.code_hash(),
             "seed": None if self.file.calibration is None else self.file.calibration.seed,
             "inputs": provenance.flattened(self.definition.document.tree),
-            "options": list(options(self.definition.document)),
+            "file": self.definition.document.locate(()).file,
+            "options": list(options(self.definition)),
             "started": started.isoformat(timespec="seconds"),
             "versions": provenance.versions(),
             "machine": provenance.machine(),
@@ -281,12 +285,12 @@ class Result:
         pdf
             Whether to write the PDF too.
         """
-        from tradestudy import report, storage
+        from tradestudy import storage
 
         target = Path(directory)
         storage.remove_abandoned(target)
         tree, record = storage.write_finished(self.data, self.run_record, target)
-        report.write(_with_cost(tree, target), record, target, pdf=pdf)
+        _write_report(tree, record, target, pdf=pdf)
         return target
 
     def _repr_html_(self) -> str:
@@ -319,7 +323,6 @@ def run(
     Results of the same study by the same code are not computed again unless ``fresh``, nor are the finished points of a
     run that ended early; the report always is made.
     """
-    from tradestudy import report as renderer
     from tradestudy import storage
     from tradestudy.study.execution import Checkpoints
 
@@ -332,7 +335,7 @@ def run(
         else:
             progress("report", 0.0)
             storage.remove_abandoned(directory)
-            renderer.write(_with_cost(result.data, directory), dict(result.run_record), directory, pdf=pdf)
+            _write_report(result.data, result.run_record, directory, pdf=pdf)
         checkpoints.remove()
     progress("report", 1.0)
     return result
@@ -373,10 +376,8 @@ def open_result(directory: str | Path) -> Result:
 
 def report(directory: str | Path, *, pdf: bool = True) -> None:
     """Render the report of a finished run again, to the same bytes."""
-    from tradestudy import report as renderer
-
     result = open_result(directory)
-    renderer.write(_with_cost(result.data, Path(directory)), dict(result.run_record), Path(directory), pdf=pdf)
+    _write_report(result.data, result.run_record, Path(directory), pdf=pdf)
 
 
 def cost(
@@ -399,12 +400,36 @@ def cost(
     return found
 
 
-def _with_cost(tree: xr.DataTree, directory: Path) -> xr.DataTree:
-    """The results with the last cost of the same study on this machine, where a folder has one."""
-    from tradestudy.cost.stored import read_cost
+def cost_answers(study: Study, cost: xr.Dataset, directory: Path) -> list[str]:
+    """What one more digit of every quantity would cost, a sentence each, as the report says it.
 
-    found = read_cost(directory, str(tree.attrs.get("study_hash", "")))
-    return tree if found is None else tree.assign({"cost": type(tree)(found)})
+    Parameters
+    ----------
+    study
+        Whose cost was measured.
+    cost
+        What `cost` found.
+    directory
+        Where it was written.
+    """
+    from tradestudy.report.document import plain
+    from tradestudy.report.sections.cost import Measuring, answers
+
+    measuring = Measuring(
+        file=study.definition.document.locate(()).file, folder=str(directory), options=options(study.definition)
+    )
+    return [plain(answer) for answer in answers(cost, measuring)]
+
+
+def _write_report(tree: xr.DataTree, record: Mapping[str, Any], directory: Path, *, pdf: bool) -> None:
+    """With the last cost of the same study on this machine, where the folder has one, or why what it has is none."""
+    from tradestudy import report as renderer
+    from tradestudy.cost.stored import read_cost, why_not_shown
+
+    study_hash = str(tree.attrs.get("study_hash", ""))
+    found, not_shown = read_cost(directory, study_hash), why_not_shown(directory, study_hash)
+    shown = tree if found is None else tree.assign({"cost": type(tree)(found)})
+    renderer.write(shown, record, directory, cost_not_shown=not_shown, pdf=pdf)
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:

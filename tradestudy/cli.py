@@ -145,10 +145,10 @@ def cost(
         loaded = api.load(study, set_ or (), tolerance=tolerance)
         directory = out if out is not None else Path("reports") / loaded.name
         with _shown_progress(quiet=quiet) as progress:
-            api.cost(loaded, directory, repeats=repeats, budget=budget, progress=progress)
+            found = api.cost(loaded, directory, repeats=repeats, budget=budget, progress=progress)
             shown = api.is_finished(loaded, directory)
         if not quiet:
-            _say(f"{directory / 'cost.json'}")
+            _say("\n".join((*api.cost_answers(loaded, found, directory), f"{directory / 'cost.json'}")))
             later = "The report of the next `run` of this study into this folder shows it, given the same options."
             _say(f"{directory / 'report.html'}" if shown else later)
 

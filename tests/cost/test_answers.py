@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
+from collections.abc import Mapping
 from dataclasses import replace
 
 import pytest
@@ -13,7 +14,8 @@ from matplotlib.axes import Axes
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.study_cost import _dataset
 from tradestudy.figures.cost import _ARROW, _RING, _next_digit, cost_drawing, cost_figure
-from tradestudy.report.document import Bullets, Callout, Paragraph, Table, Text, spans
+from tradestudy.report.document import Bullets, Callout, Paragraph, Table, plain
+from tradestudy.report.sections.cost import Measuring
 from tradestudy.report.sections.cost import cost as cost_section
 
 
@@ -32,7 +34,14 @@ def entry(setting: str, error: float, seconds: float, *, chosen: bool = False) -
     )
 
 
-def tree(*entries: Entry, floor: float, asked: float = math.nan, left_out: tuple[str, ...] = ()) -> xr.DataTree:
+def tree(
+    *entries: Entry,
+    floor: float,
+    asked: float = math.nan,
+    left_out: tuple[str, ...] = (),
+    ways: Mapping[str, str] | None = None,
+    of_a_run: bool = True,
+) -> xr.DataTree:
     measured = Measured(
         name="q",
         title="Quantity",
@@ -43,6 +52,8 @@ def tree(*entries: Entry, floor: float, asked: float = math.nan, left_out: tuple
         entries=entries,
         left_out=left_out,
         asked=asked,
+        ways=ways or {},
+        of_a_run=of_a_run,
     )
     return as_tree(measured)
 
@@ -51,19 +62,21 @@ def as_tree(*measured: Measured) -> xr.DataTree:
     return xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": _dataset(list(measured), budget=30.0)})
 
 
-def plain(text: Text) -> str:
-    return "".join(span.text for span in spans(text)).replace("\N{NO-BREAK SPACE}", " ")
+def measuring(*options: str) -> Measuring:
+    return Measuring(file="studies/one.yaml", folder="out", options=options)
 
 
 def answers(data: xr.DataTree, *options: str) -> list[str]:
-    (box,) = [block for block in cost_section(data, {"options": options}, {}) if isinstance(block, Callout)]
+    (box,) = [block for block in cost_section(data, {}, measuring(*options)) if isinstance(block, Callout)]
     (bullets,) = box.blocks
     assert isinstance(bullets, Bullets)
     return [plain(item) for item in bullets.items]
 
 
 def rows_of(data: xr.DataTree, name: str) -> list[list[str]]:
-    table = next(block for block in cost_section(data, {}, {}) if isinstance(block, Table) and block.name == name)
+    table = next(
+        block for block in cost_section(data, {}, measuring()) if isinstance(block, Table) and block.name == name
+    )
     return [[plain(cell) for cell in row] for row in table.rows]
 
 
@@ -75,8 +88,8 @@ def star(data: xr.DataTree) -> tuple[str, float, float] | None:
 def test_the_next_digit_is_a_measured_entry_and_named() -> None:
     data = tree(entry("1 %", 1e-2, 1.0, chosen=True), entry("0.01 %", 1e-4, 100.0), floor=1e-6)
     assert answers(data) == [
-        "Quantity: a run (law, 1 %) errs by 1 % in 1 s; a tenth of that: law, 0.01 %, 100 s, 100 times as long (it "
-        "errs by 0.01 %)."
+        "Quantity: a run (law, 1 %) errs by 1 % in 1 s; a tenth of that: law, 0.01 %, 100 s, 100 times as long, 99 s "
+        "more (it errs by 0.01 %)."
     ]
     assert star(data) == ("law, 0.01 %", 100.0, 1e-4)
     assert "a tenth of that: law, 0.01 %, 100 s" in cost_drawing(data).alt
@@ -109,7 +122,7 @@ def test_where_the_reference_ends_a_tenth_of_what_is_asked_is_priced() -> None:
     (said,) = answers(data)
     assert said.startswith(
         "Quantity: a run (law, 1 %) errs by 0.4 % in 10 s; a tenth of the 1 % that the study asks for: law, 0.1 %, "
-        "40 s, 4 times as long (it errs by at most 0.08 %); "
+        "40 s, 4 times as long, 30 s more (it errs by at most 0.08 %); "
     )
     assert said.endswith("a tenth of that run's error is less than the 0.08 % by which the reference may err.")
     assert star(data) == ("law, 0.1 %", 40.0, 6e-4)
@@ -120,7 +133,7 @@ def test_where_the_reference_ends_a_tenth_of_what_is_asked_is_priced() -> None:
 def test_where_neither_is_told_the_best_that_was_measured_is_priced() -> None:
     data = tree(entry("1 %", 4e-3, 10.0, chosen=True), entry("0.1 %", 6e-4, 40.0), floor=1.1e-3, asked=1e-2)
     (said,) = answers(data)
-    assert "the best measured errs by at most 0.11 %: law, 0.1 %, 40 s, 4 times as long; a tenth of that run's" in said
+    assert "the best measured errs by at most 0.11 %: law, 0.1 %, 40 s, 4 times as long, 30 s more; a tenth" in said
     assert star(data) is None
 
 
@@ -140,7 +153,68 @@ def test_a_tenth_that_nothing_reaches_is_said_not_to_be_reached_and_the_way_to_m
 
 def test_without_the_choice_the_best_is_named() -> None:
     (said,) = answers(tree(entry("1 %", 1e-2, 1.0), entry("0.1 %", 1e-3, 9.0), floor=1e-6))
-    assert "the best that was, law, 0.1 %, errs by 0.1 % in 9 s" in said
+    assert "the best that was measured, law, 0.1 %, errs by 0.1 % in 9 s" in said
+
+
+def test_what_no_run_computes_is_said_to_be_so_whatever_was_left_out() -> None:
+    data = tree(entry("1 %", 1e-2, 1.0), floor=1e-6, left_out=("law, 0.1 %: about 99 s, 1 s are left",), of_a_run=False)
+    (said,) = answers(data)
+    assert said == (
+        "Quantity: no run computes it by itself, so that none of its models is chosen; the best that was measured, "
+        "law, 1 %, errs by 1 % in 1 s."
+    )
+
+
+def test_what_no_option_asks_for_is_said_to_be_there_for_comparison_only() -> None:
+    entries = entry("", 1e-2, 1.0, chosen=True), replace(entry("fine", 1e-5, 10.0), model="other")
+    data = tree(*entries, floor=1e-6, ways={"law": "effects.calibration"})
+    (said,) = answers(data)
+    assert "other, fine, 10 s, 10 times as long, 9 s more (it errs by 0.001 %; for comparison only: no option " in said
+    (paragraph,) = [
+        plain(block.text)
+        for block in cost_section(data, {}, measuring())
+        if isinstance(block, Paragraph) and plain(block.text).startswith("What a study asks")
+    ]
+    assert paragraph == (
+        "What a study asks for them by: law → effects.calibration. other → nothing, measured for comparison only."
+    )
+    (said,) = answers(tree(*entries, floor=1e-6, ways={"other": "some.option"}))
+    assert "(it errs by 0.001 %; asked for by some.option)" in said
+    (said,) = answers(tree(*entries, floor=1e-6))  # of an earlier program, which did not know
+    assert said.endswith("(it errs by 0.001 %).")
+
+
+def test_beside_the_factor_stands_what_the_whole_run_took() -> None:
+    data = tree(entry("1 %", 1e-2, 1.0, chosen=True), entry("0.01 %", 1e-4, 89.0), floor=1e-6)
+    box = next(
+        block for block in cost_section(data, {}, replace(measuring(), seconds=7.2)) if isinstance(block, Callout)
+    )
+    (bullets,) = box.blocks
+    assert isinstance(bullets, Bullets)
+    assert "89 times as long, 88 s more (it errs by 0.01 %); the whole run took 7.2 s." in plain(bullets.items[0])
+
+
+def test_the_digits_of_an_error_tell_a_tenth_of_it_from_more() -> None:
+    data = tree(
+        entry("", 1.0456e-5, 1e-3, chosen=True), entry("1", 1.18e-6, 0.03), entry("3", 1e-10, 0.09), floor=1e-11
+    )
+    (said,) = answers(data)
+    assert said.startswith("Quantity: a run (law) errs by 0.00105 % in ")
+    assert "law, 3" in said
+    assert [row[1] for row in rows_of(data, "cost-q-table")] == ["0.00105 %", "0.000118 %", "1×10⁻⁸ %"]
+
+
+def test_the_caption_names_what_has_no_panel() -> None:
+    drawn = tree(entry("1 %", 1e-2, 1.0), floor=1e-6)
+    assert "panel, as" not in cost_drawing(drawn).caption
+    measured = Measured(
+        name="q", title="Quantity", says="", reference="", reference_error=1e-6, reference_seconds=1.0,
+        entries=(entry("1 %", 1e-2, 1.0),),
+    )  # fmt: skip
+    both = as_tree(measured, nothing_measured("spot", "Whole spot", "", "no time"))
+    assert cost_drawing(both).caption.endswith(
+        " Without a panel, as nothing of it was measured that could be drawn: Whole spot."
+    )
 
 
 def test_the_most_complete_model_has_no_digit_to_buy() -> None:
@@ -155,17 +229,17 @@ def test_where_nothing_was_measured_the_box_says_why_and_how_to_get_it() -> None
     (said,) = answers(data, "--tolerance", "10 %")
     assert said.startswith("Quantity: nothing was measured within the 30 s of this measurement. Left out: everything")
     assert "it takes about 90 s" in said
-    assert "cost STUDY --tolerance '10 %' --out DIR --budget SECONDS" in said
+    assert "cost studies/one.yaml --tolerance '10 %' --out out --budget SECONDS" in said
 
 
 @pytest.mark.parametrize("value", ["10 %", "a 'b' c", 'say "x"', "it's $HOME", "plain"])
 def test_options_are_quoted_for_a_shell(value: str) -> None:
     data = xr.DataTree.from_dict({"/depth": xr.Dataset()})
-    _, paragraph = cost_section(data, {"options": ["--set", f"title={value}"]}, {})
+    _, paragraph = cost_section(data, {}, measuring("--set", f"title={value}"))
     assert isinstance(paragraph, Paragraph)
     (command,) = [span.text for span in paragraph.text if span.style == "code"]
     assert shlex.split(command) == [
-        *("python", "-m", "tradestudy", "cost", "STUDY", "--set", f"title={value}", "--out", "DIR")
+        *("python", "-m", "tradestudy", "cost", "studies/one.yaml", "--set", f"title={value}", "--out", "out")
     ]
 
 

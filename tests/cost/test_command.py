@@ -27,11 +27,12 @@ from tradestudy.figures.cost import cost_drawing, measured_quantities
 from tradestudy.optics.quadrature import gauss_legendre
 from tradestudy.provenance import code_hash
 from tradestudy.report.document import Table
+from tradestudy.report.sections.cost import Measuring
 from tradestudy.report.sections.cost import cost as cost_section
 from tradestudy.results import GROUPS
 
 ASKED = "What would one more digit cost?"
-HOW = "python -m tradestudy cost STUDY --out DIR"
+HERE = Measuring(file="one.yaml")
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -64,7 +65,8 @@ def test_runs_never_measure_and_show_the_last_cost_or_say_how_to_get_one(study: 
 
     api.run(study, tmp_path, pdf=False)
     assert ASKED not in report()
-    assert HOW in report()
+    how = f"python -m tradestudy cost {study.definition.document.locate(()).file} --out DIR"
+    assert how in report()
     results = (tmp_path / "results.nc").read_bytes()
     assert api.is_finished(study, tmp_path)
     api.cost(study, tmp_path, budget=6.0)  # renders the finished run's report again
@@ -92,6 +94,8 @@ def test_the_command_says_which_report_shows_it(study: Study, tmp_path: Path) ->
         "The report of the next `run` of this study into this folder shows it, given the same options." in found.output
     )
     assert not (out / "report.html").exists()
+    (told,) = [line for line in found.output.splitlines() if line.startswith("Depth uncertainty: ")]
+    assert " a run (linear in disparity, closed form) errs by " in told
     assert not api.is_finished(study, out)
 
 
@@ -107,12 +111,15 @@ def test_a_report_says_the_command_that_measures_its_cost_and_that_command_does(
         assert found.exit_code == 0, found.output
 
     invoke("run", str(file), "--tolerance", "10 %", "--set", "stereo.baseline=60 mm", "--out", str(out), "--no-pdf")
-    (said,) = set(re.findall(r"python -m tradestudy (cost STUDY [^<]*)<", report()))
-    assert said == "cost STUDY --set 'cameras.stereo.baseline=60 mm' --tolerance '10 %' --out DIR"
-    places = {"STUDY": str(file), "DIR": str(out)}
-    invoke("cost", str(file), "--out", str(out), "--budget", "0.5")  # as it stands: that of another study
-    assert ASKED not in report()
-    invoke(*(places.get(word, word) for word in shlex.split(said)), "--budget", "0.5")
+    (said,) = set(re.findall(r"python -m tradestudy (cost [^<]*)<", report()))
+    assert said == f"cost {file} --set 'cameras.stereo.baseline=60 mm' --tolerance '10 %' --out DIR"
+    assert "lies there" not in report()
+    for given, told in (((), "without options"), (("--tolerance", "1 %"), "with --tolerance '1 %'")):
+        invoke("cost", str(file), *given, "--out", str(out), "--budget", "0.5")  # that of another study
+        api.report(out, pdf=False)
+        assert ASKED not in report()
+        assert f"A cost.json that lies there now was measured for small as it stood then, {told}." in report()
+    invoke(*shlex.split(said.replace("DIR", str(out))), "--budget", "0.5")
     assert ASKED in report()
 
 
@@ -226,7 +233,7 @@ def test_a_quantity_that_nothing_answers_has_no_panel(study: Study, folder: Path
     assert cost_drawing(xr.DataTree.from_dict({"/cost": cost})).draw().svg()
     tree = xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": answerless})
     (table,) = [
-        block for block in cost_section(tree, {}, {}) if isinstance(block, Table) and block.name.endswith("-table")
+        block for block in cost_section(tree, {}, HERE) if isinstance(block, Table) and block.name.endswith("-table")
     ]
     assert {row[1] for row in table.rows} == {"no answer"}
 
@@ -253,6 +260,6 @@ def test_what_is_timed_once_is_said_to_be(study: Study, monkeypatch: pytest.Monk
     assert set(found["repeats"].values) == {1}
     tree = xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": found})
     table = next(
-        block for block in cost_section(tree, {}, {}) if isinstance(block, Table) and block.name.endswith("-table")
+        block for block in cost_section(tree, {}, HERE) if isinstance(block, Table) and block.name.endswith("-table")
     )
     assert {row[5] for row in table.rows} == {"once"}

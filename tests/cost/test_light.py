@@ -35,13 +35,13 @@ def points() -> Measured:
     one = part.model_copy(
         update={"elements": {"microlens": part.elements["microlens"]}, "window": 4.0, "tolerance": 1e-4}
     )
-    return point_spread_cost(one, Allowance(seconds=1e4), lambda _step, _share: None, (1e-3, 1e-4))
+    return point_spread_cost(one, "kirchhoff", Allowance(seconds=1e4), lambda _step, _share: None, (1e-3, 1e-4))
 
 
 def test_without_time_for_the_quadrature_no_point_spread_is_measured() -> None:
     part = tradestudy.load(STUDIES / "light_spot.yaml").definition.file.point_spread
     assert part is not None
-    found = point_spread_cost(part, Allowance(seconds=1e-3), lambda _step, _share: None)
+    found = point_spread_cost(part, "kirchhoff", Allowance(seconds=1e-3), lambda _step, _share: None)
     assert found.entries == ()
     assert "a larger --budget" in found.left_out[0]
 
@@ -56,7 +56,12 @@ def test_kirchhoff_keeps_every_tolerance_against_direct_quadrature(points: Measu
         tolerance = float(entry.setting.removeprefix("tolerance "))
         # Held at a part of the places, whose share of the light is not that of all.
         assert entry.error <= 3.0 * tolerance
-    assert [entry.setting for entry in points.entries if entry.chosen] == ["tolerance 1e-04", "tolerance 1e-04"]
+
+
+def test_of_the_laws_that_a_run_computes_the_one_it_answers_with_is_chosen(points: Measured) -> None:
+    assert [entry.words for entry in points.entries if entry.chosen] == ["Kirchhoff, tolerance 1e-04"]
+    assert set(points.ways) == {"Fresnel", "Kirchhoff"}
+    assert "A run computes Fresnel and Kirchhoff" in points.notes[0]
 
 
 def test_fresnel_errs_by_its_law_at_any_tolerance(points: Measured) -> None:

@@ -27,6 +27,10 @@ def again(path: Path, found: tuple[str, ...]) -> Study:
         ("close_range", ["scene.picture.texture.contrast={value: 20 %, basis: measured, note: 'it''s new'}"], None),
         ("close_range", ["requirements=null", "pair-f22.lenses.f_number=1.60e1"], "10 %"),
         ("close_range", ["scene.distances={from: 43 mm, to: 70 mm, points: 20, spacing: linear}"], None),
+        ("light_spot", [], "10 %"),
+        ("light_spot", ["light_spot.tolerance=10 %"], "10 %"),
+        ("light_spot", ["light_spot.tolerance=3 %"], "2 %"),
+        ("light_spot", ["accuracy.relative=10 %", "light_spot.tolerance=3 %"], None),
         ("calibration", [], "10 %"),
         ("calibration", ["accuracy.relative=3 %"], None),  # the study's own depth_uncertainty stays
     ],
@@ -35,14 +39,22 @@ def test_the_study_is_the_same_again(study: str, values: list[str], tolerance: s
     path = STUDIES / f"{study}.yaml"
     given = load(path, values, tolerance=tolerance)
     assert given.hash != load(path).hash
-    assert again(path, options(given.definition.document)).hash == given.hash
+    assert again(path, options(given.definition)).hash == given.hash
 
 
 def test_a_study_as_it_is_needs_none() -> None:
-    assert options(load(STUDIES / "close_range.yaml").definition.document) == ()
+    assert options(load(STUDIES / "close_range.yaml").definition) == ()
 
 
 def test_a_tolerance_is_one_option_whatever_it_takes_back() -> None:
     given = load(STUDIES / "calibration.yaml", tolerance="10 %")
     assert len(given.definition.document.overrides) == 2
-    assert options(given.definition.document) == ("--tolerance", "10 %")
+    assert options(given.definition) == ("--tolerance", "10 %")
+
+
+def test_pictures_that_a_tolerance_loosens_need_no_option_of_their_own() -> None:
+    given = load(STUDIES / "light_spot.yaml", tolerance="10 %")
+    assert len(given.definition.document.overrides) == 2
+    assert options(given.definition) == ("--tolerance", "10 %")
+    finer = load(STUDIES / "light_spot.yaml", ["light_spot.tolerance=3 %"], tolerance="2 %")
+    assert options(finer.definition) == ("--set", "light_spot.tolerance=3 %", "--tolerance", "2 %")

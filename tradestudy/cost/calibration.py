@@ -64,7 +64,8 @@ def calibration_cost(
         more=((SOBOL, f"until {100.0 * part.accuracy:g} %", rule),),
     )
     unbounded = tuple(f"{titles[one]}: {_UNBOUNDED}" for one, case in found.items() if case is None)
-    return replace(measured, left_out=(*unbounded, *measured.left_out))
+    ways = {SOBOL: "calibration.accuracy, which says how many draws, and calibration.budget, which bounds them"}
+    return replace(measured, left_out=(*unbounded, *measured.left_out), ways=ways)
 
 
 def _case(camera: UncertainCamera, title: str, places: FloatArray) -> Case | None:

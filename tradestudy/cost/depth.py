@@ -69,6 +69,7 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
         measured,
         left_out=(*unusable, *measured.left_out),
         notes=(_WHICH_IS_LINEAR, *measured.notes) if measured.entries else measured.notes,
+        ways={IN_DISPARITY: "no option, as every run takes it"},
     )
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -81,6 +81,10 @@ class Measured:
         What else follows from the measurements.
     asked
         Relative error that the study asks for; NaN where it asks for none.
+    ways
+        By what a study asks for a model, in words; a model that is not in it is measured for comparison only.
+    of_a_run
+        Whether a run of the study computes this quantity.
     """
 
     name: str
@@ -93,6 +97,8 @@ class Measured:
     left_out: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     asked: float = math.nan
+    ways: Mapping[str, str] = field(default_factory=dict)
+    of_a_run: bool = True
 
     def told(self, entry: Entry) -> float:
         """The smallest error that an entry can be said to have: its own, or that of the reference if it is larger."""

@@ -139,6 +139,7 @@ def picture_cost(
         reference_seconds=reference.seconds,
         entries=tuple(sorted(entries, key=lambda entry: order.index(entry.model.partition(" at ")[0]))),
         left_out=tuple(left_out),
+        ways={entry.model: "effects, or an accuracy.depth_uncertainty that calls for it" for entry in entries},
     )
 
 

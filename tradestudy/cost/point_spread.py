@@ -25,6 +25,7 @@ from tradestudy.optics.propagation import (
     nodes_for,
     sample_wave,
 )
+from tradestudy.study.groups.point_spread import METHODS
 from tradestudy.study.point_spreads import LensAndPoint
 from tradestudy.study.progress import Progress
 from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
@@ -57,11 +58,15 @@ class _Lens:
 
 def point_spread_cost(
     part: PointSpreadPart,
+    law: str,
     allowance: Allowance,
     progress: Progress,
     tolerances: tuple[float, ...] = TOLERANCES,
 ) -> Measured:
-    """Cost of the point-spread functions of the study's lenses as they stand, together, at some tolerances."""
+    """Cost of the point-spread functions of the study's lenses as they stand, together, at some tolerances.
+
+    ``law`` is the one that a run answers with.
+    """
     step = "cost: point_spread"
     progress(step, 0.0)
     title = "Image of a point"
@@ -84,7 +89,7 @@ def point_spread_cost(
     reference_seconds = time.perf_counter() - begin
     entries: list[Entry] = []
     left_out: list[str] = []
-    runs = list(_runs(lenses, part.tolerance, tolerances))
+    runs = list(_runs(lenses, law, part.tolerance, tolerances))
     for number, (model, setting, compute, chosen) in enumerate(runs):
         progress(step, number / len(runs))
         earlier = [entry.seconds for entry in entries if entry.model == model]
@@ -123,6 +128,11 @@ def point_spread_cost(
         reference_seconds=reference_seconds,
         entries=tuple(entries),
         left_out=tuple(left_out),
+        notes=(
+            f"A run computes {' and '.join(TITLES[method] for method in METHODS)}, as each is the other's check; its "
+            "answer, which is marked as chosen, is the one that the accuracy wanted calls for.",
+        ),
+        ways={TITLES[method]: "point_spread.tolerance, of both laws that a run computes" for method in METHODS},
     )
 
 
@@ -179,8 +189,8 @@ def _direct(
 Run = tuple[str, str, Callable[[int], tuple[list[FloatArray], float]], bool]
 
 
-def _runs(lenses: list[_Lens], standing: float, wanted: tuple[float, ...]) -> Iterator[Run]:
-    """Model, setting, computation, and whether the study computes it so."""
+def _runs(lenses: list[_Lens], law: str, standing: float, wanted: tuple[float, ...]) -> Iterator[Run]:
+    """Model, setting, computation, and whether the study answers with it."""
     for method, title in TITLES.items():
         tolerances = (wanted[0],) if method == "geometric" else sorted({*wanted, standing}, reverse=True)
         for tolerance in tolerances:
@@ -201,7 +211,7 @@ def _runs(lenses: list[_Lens], standing: float, wanted: tuple[float, ...]) -> It
                 ]
                 return [one.intensity for one in found], float(sum(one.effort.nodes for one in found))
 
-            used = method in ("fresnel", "kirchhoff") and math.isclose(tolerance, standing)
+            used = method == law and math.isclose(tolerance, standing)
             yield title, "" if method == "geometric" else f"tolerance {tolerance:.0e}", compute, used
     for tolerance in wanted[::2]:
 

@@ -130,6 +130,7 @@ def posterior_cost(
         reference_seconds=reference_seconds,
         entries=tuple(entries),
         left_out=tuple(left_out),
+        ways={EMCEE: f"calibration.cameras.{camera.name}.target.maximum_steps, which stops what has not converged"},
     )
 
 

@@ -37,6 +37,7 @@ _FINEST: Final = 1e-6
 _COARSEST: Final = 0.2
 _COARSEST_REFERENCE: Final = 0.1
 _REFERENCE_SEED: Final = 1
+_WAYS: Final = "light_spot.methods at light_spot.tolerance, of a run's own picture accuracy.pixel_intensity and effects"
 _LARGEST_SHARE: Final = 0.5  # of what is left, for a reference that is not the cheapest one
 
 
@@ -89,7 +90,8 @@ def point_cost(
     )
     if finest is None:
         progress("cost: spot_point", 1.0)
-        return nothing_measured("spot_point", title, says, taking.too_little(cheapest, "a reference at 1 % takes"))
+        why = taking.too_little(cheapest, "a reference at 1 % takes")
+        return replace(nothing_measured("spot_point", title, says, why), of_a_run=False)
     begin = time.perf_counter()
     reference = image("kirchhoff", _finer(finest, _FINER), _REFERENCE_SEED)
     reference_seconds = time.perf_counter() - begin
@@ -108,6 +110,7 @@ def point_cost(
         reference_seconds=reference_seconds,
         entries=taking.entries(reference.pixels),
         left_out=tuple(taking.left_out),
+        of_a_run=False,
     )
 
 
@@ -234,6 +237,7 @@ def spot_cost(
         left_out=tuple(taking.left_out),
         notes=tuple(_digit_of_tolerance(entries, standing)),
         asked=asked,
+        ways={entry.model: _WAYS for entry in entries},
     )
 
 

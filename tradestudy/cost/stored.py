@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from pathlib import Path
 from typing import Any, Final
 
@@ -39,14 +40,49 @@ def read_cost(directory: Path, study_hash: str) -> xr.Dataset | None:
     study_hash
         Of the study that asks.
     """
+    cost = _read(directory)
+    return cost if cost is not None and not _why_not(cost, study_hash) else None
+
+
+def why_not_shown(directory: Path, study_hash: str) -> str:
+    """Why a cost that lies there is none that `read_cost` finds, as the end of a sentence; empty where it is found.
+
+    Parameters
+    ----------
+    directory, study_hash
+        As for `read_cost`.
+    """
+    cost = _read(directory)
+    return "" if cost is None else _why_not(cost, study_hash)
+
+
+def _read(directory: Path) -> xr.Dataset | None:
+    """What lies there; None for nothing, and for what is damaged."""
     try:
         with xr.open_datatree(directory / COST, engine="h5netcdf") as opened:
             cost = opened["cost"].to_dataset().load()
-        machine = json.loads(str(cost.attrs["machine"]))
+        json.loads(str(cost.attrs["machine"]))
     except (OSError, ValueError, KeyError, RuntimeError):
         return None
-    whole = set(map(str, cost.data_vars)) == set(GROUPS["cost"])
-    return cost if whole and cost.attrs.get("study_hash") == study_hash and machine == identity() else None
+    return cost
+
+
+def _why_not(cost: xr.Dataset, study_hash: str) -> str:
+    if cost.attrs.get("study_hash") != study_hash:
+        options = json.loads(str(cost.attrs.get("options", "null")))
+        how = (
+            "by an earlier program"
+            if options is None
+            else f"with {shlex.join(options)}"
+            if options
+            else "without options"
+        )
+        return f"was measured for {cost.attrs.get('study')} as it stood then, {how}"
+    if json.loads(str(cost.attrs["machine"])) != identity():
+        return "was measured on another machine"
+    if set(map(str, cost.data_vars)) != set(GROUPS["cost"]):
+        return "was measured by an earlier program, which measured other things"
+    return ""
 
 
 def _summary(cost: xr.Dataset) -> dict[str, Any]:

@@ -44,7 +44,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.execution import Steps
 from tradestudy.study.plan import Plan, plan_of
 from tradestudy.study.progress import Progress
-from tradestudy.study.situations import depth_of_field, light_spot
+from tradestudy.study.situations import depth_of_field, light_spot, point_spread
 from tradestudy.study.situations.light_spot import spot_models
 
 _ENTRY_FIELDS: Final = {
@@ -128,7 +128,8 @@ def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Ite
         sharpness = plan.selections[depth_of_field.NAME]
         yield lambda allowance: depth_of_field_cost(definition, asked, sharpness, allowance, progress)
     if (spread := file.point_spread) is not None:
-        yield lambda allowance: point_spread_cost(spread, allowance, progress)
+        law = plan.selections[point_spread.NAME].name_of("main_lens_diffraction")
+        yield lambda allowance: point_spread_cost(spread, law, allowance, progress)
     if definition.case.cameras:
         yield lambda allowance: depth_cost(definition, allowance, progress)
         yield from _pictures(declared, plan, progress)
@@ -206,6 +207,8 @@ def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:
             "load_average": _load(),
             "budget": budget,
             "code_hash": provenance.code_hash(),
+            "ways": json.dumps({measured.name: dict(measured.ways) for measured in found}),
+            "not_of_a_run": json.dumps([measured.name for measured in found if not measured.of_a_run]),
         },
     )
 

@@ -78,7 +78,7 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
         "Star: the cheapest that was measured within a tenth of its error, or, where nothing was, of the error that "
         "the study asks for; named above each panel. Dotted: the error of the reference; hollow marks on it, with an "
         "arrow, err by at most that. Below a break in the axis: no error, for an entry that is the reference. Errors "
-        "above ten times the value are not drawn.",
+        "above ten times the value are not drawn." + _without_panel(data),
         alt="Log-log charts of error against seconds. " + _in_words(data),
         draw=partial(cost_figure, tree),
     )
@@ -88,6 +88,17 @@ def measured_quantities(data: xr.Dataset) -> list[str]:
     """Quantities that have entries whose errors can be drawn."""
     kept = {str(name) for name in data["quantity"].values[_drawable(data["relative_error"].values)]}
     return [str(name) for name in data["cost_quantity"].values if str(name) in kept]
+
+
+def _without_panel(data: xr.Dataset) -> str:
+    """What there is nothing to draw of."""
+    drawn = measured_quantities(data)
+    missing = [
+        str(data["title"].sel(cost_quantity=name).item()) for name in data["cost_quantity"].values if name not in drawn
+    ]
+    return (
+        f" Without a panel, as nothing of it was measured that could be drawn: {'; '.join(missing)}." if missing else ""
+    )
 
 
 def _drawable(error: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
@@ -115,7 +126,7 @@ def _in_words(data: xr.Dataset) -> str:
 
 def _percent(error: float) -> str:
     """As the report writes errors."""
-    return f"{significant(100.0 * error, 2)} %"
+    return f"{significant(100.0 * error, 3)} %"
 
 
 def _time(one: xr.Dataset, name: str) -> str:

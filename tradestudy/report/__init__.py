@@ -10,7 +10,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def write(tree: xr.DataTree, run: Mapping[str, Any], directory: Path, *, pdf: bool = True) -> None:
+def write(
+    tree: xr.DataTree, run: Mapping[str, Any], directory: Path, *, cost_not_shown: str = "", pdf: bool = True
+) -> None:
     """Write ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv`` of a finished run.
 
     The same results and run give the same bytes. Everything is made in memory first, and each file takes its place
@@ -21,10 +23,12 @@ def write(tree: xr.DataTree, run: Mapping[str, Any], directory: Path, *, pdf: bo
     tree
         The content of ``results.nc``.
     run
-        The content of ``run.json``; only the section on provenance depends on it.
+        The content of ``run.json``; only the section on provenance, and how costs are measured, depend on it.
     directory
         Where the files go; it is made if it does not exist. Figures and tables of an earlier report that this one does
         not have are removed.
+    cost_not_shown
+        Why a cost that lies in the folder is none of this run, in words; empty where none does.
     pdf
         Whether to write ``report.pdf``.
 
@@ -39,7 +43,7 @@ def write(tree: xr.DataTree, run: Mapping[str, Any], directory: Path, *, pdf: bo
 
     drawings = figures.build(tree)
     pictures = {name: drawing.draw().svg() for name, drawing in drawings.items()}
-    document = contents.compose(tree, run, drawings)
+    document = contents.compose(tree, run, drawings, cost_not_shown=cost_not_shown)
     made = {f"figures/{name}.svg": svg for name, svg in pictures.items()}
     made |= {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     made["report.html"] = html.render(document, pictures)

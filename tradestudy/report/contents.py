@@ -10,7 +10,7 @@ from tradestudy.report.document import Block, Contents, Document, PageBreak
 from tradestudy.report.sections.answer import answer
 from tradestudy.report.sections.calibration import calibration
 from tradestudy.report.sections.cameras import cameras
-from tradestudy.report.sections.cost import cost
+from tradestudy.report.sections.cost import Measuring, cost
 from tradestudy.report.sections.depth_of_field import depth_of_field, sharp_answer
 from tradestudy.report.sections.effects import effects
 from tradestudy.report.sections.fresnel_validity import fresnel_answer, fresnel_validity
@@ -27,7 +27,13 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 
-def compose(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Document:
+def compose(
+    tree: xr.DataTree,
+    run: Mapping[str, Any],
+    drawings: Mapping[str, Drawing],
+    *,
+    cost_not_shown: str = "",
+) -> Document:
     """Write the report of a results tree.
 
     Parameters
@@ -38,15 +44,20 @@ def compose(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
         The content of ``run.json``; what took how long, and where it was computed.
     drawings
         The figures that the tree allows.
+    cost_not_shown
+        As for `tradestudy.report.write`.
     """
+    measuring = Measuring.of(run, not_shown=cost_not_shown)
     return Document(
         title=facts.attribute(tree, "title"),
         subtitle=facts.attribute(tree, "question"),
-        blocks=tuple(_blocks(tree, run, drawings)),
+        blocks=tuple(_blocks(tree, run, drawings, measuring)),
     )
 
 
-def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def _blocks(
+    tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing], measuring: Measuring
+) -> Iterator[Block]:
     first_page = (
         *sharp_answer(tree, drawings),
         *answer(tree, drawings),
@@ -68,7 +79,7 @@ def _blocks(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Dr
     yield from fresnel_validity(tree, drawings)
     yield from light_spot(tree, run, drawings)
     yield from hard_cases(tree, drawings)
-    yield from cost(tree, run, drawings)
+    yield from cost(tree, drawings, measuring)
     yield from claims(tree)
     yield from requirements(tree)
     yield from contradictions(tree)

@@ -47,6 +47,11 @@ def spans(text: Text) -> Spans:
     return (Span(literal(text)),) if isinstance(text, str) else text
 
 
+def plain(text: Text) -> str:
+    """Text alone, for a terminal: no styles, no spaces that do not break."""
+    return "".join(span.text for span in spans(text)).replace("\N{NO-BREAK SPACE}", " ")
+
+
 def say(template: LiteralString, **values: Text) -> Spans:
     """Read light markup from `template` and put `values` into its ``{places}`` as literal text.
 

@@ -3,30 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Final
 
 from tradestudy.accuracy import QUANTITIES
-from tradestudy.study.document import Document, Entry, ListEntry, ScalarEntry, dotted
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Document, Entry, ListEntry, Path, ScalarEntry, dotted
 from tradestudy.study.source import UnreadableError, compose
 
+_OF_ALL: Final = "accuracy.relative"
+_OF_PICTURES: Final = "light_spot.tolerance"
 
-def options(document: Document) -> tuple[str, ...]:
+
+def options(definition: StudyDefinition) -> tuple[str, ...]:
     """Options and their values, in order: ``("--set", "scene.distances.to=4 m", "--tolerance", "1 %")``.
 
     They give a study that says the same, so that its hash is the same.
     """
-    return tuple(_options(document))
+    return tuple(_options(definition))
 
 
-def _options(document: Document) -> Iterator[str]:
-    tolerance = document.path_of("accuracy.relative")
-    own = [document.path_of(f"accuracy.{name}") for name in QUANTITIES]
-    # One tolerance stands for all where no quantity has one of its own, or has it any longer.
-    alone = not any(document.entry(path) for path in own)
+def _options(definition: StudyDefinition) -> Iterator[str]:
+    document = definition.document
+    covered = _by_tolerance(definition)
     for one in document.overrides:
-        if not (alone and one.path in (tolerance, *own)):
+        if one.path not in covered:
             yield from ("--set", f"{dotted(one.path)}={_value(document.entry(one.path))}")
-    if alone and any(one.path == tolerance for one in document.overrides):
-        yield from ("--tolerance", _value(document.entry(tolerance)))
+    if covered:
+        yield from ("--tolerance", _value(document.entry(_OF_ALL)))
+
+
+def _by_tolerance(definition: StudyDefinition) -> frozenset[Path]:
+    """Values that one tolerance sets: that of all, none of a quantity alone, and a looser one of pictures.
+
+    Nothing where one would set others, or no tolerance of all was given.
+    """
+    document = definition.document
+    of_all, of_pictures = (document.path_of(path) for path in (_OF_ALL, _OF_PICTURES))
+    alone = {of_all, *(document.path_of(f"accuracy.{name}") for name in QUANTITIES)}
+    given = {one.path: one for one in document.overrides}
+    if of_all not in given or any(document.entry(path) for path in alone - {of_all}):
+        return frozenset()
+    if _loosened(definition, document) != _value(document.entry(of_pictures)):
+        return frozenset()
+    if of_pictures not in given:
+        return frozenset(alone)
+    before = definition.with_values({_OF_PICTURES: given[of_pictures].before.partition(" (")[0] or None})
+    implied = _loosened(before, document) == _value(document.entry(of_pictures))
+    return frozenset(alone | {of_pictures} if implied else alone)
+
+
+def _loosened(definition: StudyDefinition, document: Document) -> str:
+    """The tolerance of pictures under the tolerance of all that a document has."""
+    return _value(definition.with_tolerance(_value(document.entry(_OF_ALL))).document.entry(_OF_PICTURES))
 
 
 def _value(entry: Entry | None) -> str:

@@ -37,7 +37,47 @@ _NO_ANSWER: Final = 10.0
 _WITHIN_DOUBLE_QUOTES: Final = frozenset('$`\\"!')  # what a shell reads there
 
 
-def cost(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+@dataclass(frozen=True, kw_only=True)
+class Measuring:
+    """How the costs of a run are measured, and what is known of it.
+
+    Parameters
+    ----------
+    file
+        The study, as whoever ran it named it.
+    folder
+        Where the run is; a report, which may be moved, does not know.
+    options
+        What was set from outside, as options of the command line.
+    seconds
+        What computing the run took [s]; NaN where that is not known.
+    not_shown
+        Why a cost that lies in the folder is none of this run, in words; empty where none does.
+    """
+
+    file: str
+    folder: str = "DIR"
+    options: tuple[str, ...] = ()
+    seconds: float = math.nan
+    not_shown: str = ""
+
+    @classmethod
+    def of(cls, run: Mapping[str, Any], *, not_shown: str) -> Measuring:
+        """Of a run with this record, which in older ones does not name the file."""
+        return cls(
+            file=str(run.get("file", "STUDY")),
+            options=tuple(run.get("options", ())),
+            seconds=float(run.get("seconds", {}).get("compute", math.nan)),
+            not_shown=not_shown,
+        )
+
+    def command(self, *more: str) -> str:
+        """Measures what this run computes, set from outside as it was."""
+        words = (self.file, *self.options, "--out", self.folder, *more)
+        return " ".join(["python -m tradestudy cost", *map(_in_a_shell, words)])
+
+
+def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing], measuring: Measuring) -> Iterator[Block]:
     """Write the last measured cost of the study on this machine, or say how to measure it."""
     if not any(group in tree.children for group in _HAS_PRICES):
         return
@@ -46,14 +86,16 @@ def cost(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawi
         yield Paragraph(
             say(
                 "Not measured on this machine for this study as it stands. `{command}` measures error against seconds "
-                "for every model and setting; STUDY is its file and DIR the folder of this report, and the next report "
-                "shows it here.",
-                command=_command(run, "--out", "DIR"),
+                "for every model and setting; DIR is the folder of this report, where the next report shows it.{other}",
+                command=measuring.command(),
+                other=f" A cost.json that lies there now {measuring.not_shown}." if measuring.not_shown else "",
             )
         )
         return
     data = facts.dataset(tree, "cost")
-    yield Callout(title="What would one more digit cost?", blocks=(Bullets(tuple(_answers(data, run))),), tone="answer")
+    yield Callout(
+        title="What would one more digit cost?", blocks=(Bullets(tuple(answers(data, measuring))),), tone="answer"
+    )
     yield Paragraph(_circumstances(data, str(tree.attrs.get("code_hash", ""))))
     if "cost" in drawings:
         drawing = drawings["cost"]
@@ -61,11 +103,6 @@ def cost(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawi
     yield _digits(data)
     for name in (str(key) for key in data["cost_quantity"].values):
         yield from _quantity(data, name)
-
-
-def _command(run: Mapping[str, Any], *more: str) -> str:
-    """Measures what this run computes, set from outside as it was."""
-    return " ".join(["python -m tradestudy cost STUDY", *map(_in_a_shell, (*run.get("options", ()), *more))])
 
 
 def _in_a_shell(text: str) -> str:
@@ -76,12 +113,13 @@ def _in_a_shell(text: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class _Found:
-    """One of the entries: its words, error and time, and the error below which the reference cannot tell."""
+    """One of the entries: its words, error and time, how it is asked for, and the error that the reference has."""
 
     words: str
     error: float
     seconds: float
     floor: float
+    way: str
 
     @property
     def least(self) -> str:
@@ -103,14 +141,45 @@ def _found(one: xr.Dataset, which: str) -> _Found | None:
     """The entry of a quantity that results name so; None where there is none."""
     words = str(one[f"{which}_entry"].item())
     error, seconds = float(one[f"{which}_error"]), float(one[f"{which}_seconds"])
-    return _Found(words=words, error=error, seconds=seconds, floor=float(one["reference_error"])) if words else None
+    if not words:
+        return None
+    floor, way = float(one["reference_error"]), _way(one, words)
+    return _Found(words=words, error=error, seconds=seconds, floor=floor, way=way)
 
 
-def _answers(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
+def _ways(one: xr.Dataset) -> dict[str, str]:
+    """By what a study asks for a model; nothing where that was not measured, or by an earlier program."""
+    return dict(json.loads(str(one.attrs.get("ways", "{}"))).get(str(one["cost_quantity"].item()), {}))
+
+
+def _way(one: xr.Dataset, words: str) -> str:
+    """How a study asks for the entry of these words; empty where that is not known."""
+    if not (ways := _ways(one)):
+        return ""
+    entries = _entries(one, str(one["cost_quantity"].item()))
+    named = zip(entries["model"].values, entries["setting"].values, strict=True)
+    model = next(str(model) for model, setting in named if _in_words(str(model), str(setting)) == words)
+    return f"asked for by {ways[model]}" if model in ways else "for comparison only: no option asks for it"
+
+
+def _in_words(model: str, setting: str) -> str:
+    return ", ".join(filter(None, (model, setting)))
+
+
+def answers(data: xr.Dataset, measuring: Measuring) -> Iterator[Spans]:
+    """Say of every quantity what a tenth of its error would cost.
+
+    Parameters
+    ----------
+    data
+        The group ``/cost``.
+    measuring
+        How it was measured.
+    """
     for name in (str(key) for key in data["cost_quantity"].values):
         one = data.sel(cost_quantity=name)
         if (own := _found(one, "chosen")) is not None:
-            yield _answer(one, own)
+            yield _answer(one, own, measuring.seconds)
         elif (best := _found(one, "best")) is not None:
             yield _not_chosen(one, best)
         else:
@@ -120,24 +189,27 @@ def _answers(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
                 title=str(one["title"].item()),
                 budget=_duration(float(data.attrs["budget"])),
                 why=str(one["left_out"].item()).replace("\n", "; "),
-                command=_command(run, "--out", "DIR", "--budget", "SECONDS"),
+                command=measuring.command("--budget", "SECONDS"),
             )
 
 
 def _not_chosen(one: xr.Dataset, best: _Found) -> Spans:
     """What was measured where a run's own model is not among it."""
+    of_a_run = str(one["cost_quantity"].item()) not in json.loads(str(one.attrs.get("not_of_a_run", "[]")))
+    left_out = " (see what is left out below; a larger --budget measures more)" if str(one["left_out"].item()) else ""
     return say(
-        "**{title}:** what a run computes is not among what was measured{why}; the best that was, {words}, errs by "
-        "{error} in {seconds}.",
+        "**{title}:** {why}; the best that was measured, {words}, errs by {error} in {seconds}.",
         title=str(one["title"].item()),
-        why=" (see what is left out below; a larger --budget measures more)" if str(one["left_out"].item()) else "",
+        why=f"what a run computes is not among what was measured{left_out}"
+        if of_a_run
+        else "no run computes it by itself, so that none of its models is chosen",
         words=best.words,
         error=best.least,
         seconds=best.took,
     )
 
 
-def _answer(one: xr.Dataset, own: _Found) -> Spans:
+def _answer(one: xr.Dataset, own: _Found, whole: float) -> Spans:
     title = str(one["title"].item())
     if own.error == own.floor == 0.0:
         return say(
@@ -153,7 +225,9 @@ def _answer(one: xr.Dataset, own: _Found) -> Spans:
         words=own.words,
         error=own.least,
         seconds=own.took,
-        then="; ".join(_digit(one, own)),
+        then="; ".join(
+            (*_digit(one, own), *(() if math.isnan(whole) else (f"the whole run took {_duration(whole)}",)))
+        ),
     )
 
 
@@ -165,7 +239,8 @@ def _digit(one: xr.Dataset, own: _Found) -> Iterator[str]:
     else:
         yield from _instead(one, own, quicker)
     if quicker is not None and (found is None or found.words != quicker.words):
-        yield f"{quicker.words} errs less than that run, by {quicker.least}, and takes no more time, {quicker.took}"
+        said = f"{quicker.words} errs less than that run, by {quicker.least}, and takes no more time, {quicker.took}"
+        yield ", ".join(filter(None, (said, quicker.way)))
 
 
 def _instead(one: xr.Dataset, own: _Found, quicker: _Found | None) -> Iterator[str]:
@@ -178,7 +253,7 @@ def _instead(one: xr.Dataset, own: _Found, quicker: _Found | None) -> Iterator[s
         better = True
         yield _costs(f"a tenth of the {_error(asked)} that the study asks for", tenth, own)
     elif better and (quicker is None or quicker.words != best.words):
-        yield f"the best measured errs by {best.least}: {_price(best, own)}"
+        yield f"the best measured errs by {best.least}: {_price(best, own)}" + (f" ({best.way})" if best.way else "")
     if wanted >= own.floor:
         more = "; a larger --budget measures what is left out below" if str(one["left_out"].item()) else ""
         yield f"a tenth of that run's error was not reached{'' if better else ', and nothing measured errs less'}{more}"
@@ -196,12 +271,15 @@ def _instead(one: xr.Dataset, own: _Found, quicker: _Found | None) -> Iterator[s
 def _costs(what: str, found: _Found, own: _Found) -> str:
     """What an entry costs beside what is chosen."""
     if found.seconds <= own.seconds:
-        return f"{what} costs nothing more: {found.words} takes {found.took} and errs by {found.least}"
-    return f"{what}: {_price(found, own)} (it errs by {found.least})"
+        said = f"{what} costs nothing more: {found.words} takes {found.took} and errs by {found.least}"
+        return ", ".join(filter(None, (said, found.way)))
+    return f"{what}: {_price(found, own)} ({'; '.join(filter(None, (f'it errs by {found.least}', found.way)))})"
 
 
 def _price(found: _Found, own: _Found) -> str:
-    return f"{found.words}, {found.took}, {significant(found.seconds / own.seconds, 2)} times as long"
+    """What an entry takes, as a factor of what is chosen, and how much more that is."""
+    times, more = significant(found.seconds / own.seconds, 2), _duration(found.seconds - own.seconds)
+    return f"{found.words}, {found.took}, {times} times as long, {more} more"
 
 
 def _circumstances(data: xr.Dataset, code_hash: str) -> Spans:
@@ -260,7 +338,7 @@ def _level(one: xr.Dataset, level: float) -> tuple[str, str, str]:
     found, floor = _found(one, "digit"), float(one["reference_error"])
     if found is None:
         return "?" if level < floor else "—", "", ""
-    return found.words, found.took, _told(found.error, floor, digits=3)  # told from the error wanted
+    return found.words, found.took, _told(found.error, floor)
 
 
 def _entries(data: xr.Dataset, name: str) -> xr.Dataset:
@@ -284,9 +362,25 @@ def _quantity(data: xr.Dataset, name: str) -> Iterator[Block]:
         yield Bullets(tuple(notes))
     if entries.sizes["entry"]:
         yield _table(entries, one, floor)
+        yield from _asked_for(entries, one)
     left_out = [line for line in str(one["left_out"].item()).split("\n") if line]
     if left_out:
         yield Paragraph(say("Left out: {what}.", what="; ".join(left_out)))
+
+
+def _asked_for(entries: xr.Dataset, one: xr.Dataset) -> Iterator[Paragraph]:
+    """By what a study asks for the models of a table, those of one way together."""
+    ways = _ways(one)
+    if not ways:
+        return
+    models: dict[str, list[str]] = {}
+    for model in dict.fromkeys(map(str, entries["model"].values)):
+        models.setdefault(ways.get(model, ""), []).append(model)
+    compared = models.pop("", [])
+    said = [f"{'; '.join(names)} → {way}" for way, names in models.items()]
+    if compared:
+        said.append(f"{'; '.join(compared)} → nothing, measured for comparison only")
+    yield Paragraph(say("What a study asks for them by: {said}.", said=". ".join(said)))
 
 
 def _table(entries: xr.Dataset, one: xr.Dataset, floor: float) -> Table:
@@ -295,7 +389,7 @@ def _table(entries: xr.Dataset, one: xr.Dataset, floor: float) -> Table:
     names = [str(name) for name, array in entries.data_vars.items() if array.dims == ("entry",)]
     for place in range(entries.sizes["entry"]):
         entry: dict[str, Any] = {key: entries[key].values[place] for key in names}
-        words = ", ".join(filter(None, (str(entry["model"]), str(entry["setting"]))))
+        words = _in_words(str(entry["model"]), str(entry["setting"]))
         marked = {"frontier": entry["frontier"], "chosen": entry["chosen"], "next digit": words == next_digit}
         rows.append(
             (
@@ -330,17 +424,18 @@ def _table(entries: xr.Dataset, one: xr.Dataset, floor: float) -> Table:
     )
 
 
-def _told(error: float, floor: float, digits: int = 2) -> str:
+def _told(error: float, floor: float) -> str:
     """An error as a cell of a table."""
-    return f"≤\N{NO-BREAK SPACE}{_error(floor, digits)}" if error < floor else _error(error, digits)
+    return f"≤\N{NO-BREAK SPACE}{_error(floor)}" if error < floor else _error(error)
 
 
-def _error(value: float, digits: int = 2) -> str:
+def _error(value: float) -> str:
+    """In per cent, with the digits that tell an entry from a tenth of another."""
     if math.isnan(value):
         return "—"
     if value > _NO_ANSWER:
         return "no answer"
-    return f"{significant(100.0 * value, digits)}\N{NO-BREAK SPACE}%"
+    return f"{significant(100.0 * value, 3)}\N{NO-BREAK SPACE}%"
 
 
 def _duration(seconds: float) -> str:
