@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -116,20 +115,20 @@ def select(
         raise UnaffordableError("sets of models", value=str(count), limit=str(_MOST_SETS), remedy="force some effects")
     wanted = np.array([accuracy.relative[quantity] for quantity in quantities])
     changes = _joint_changes(slots, open_models, quantities, forced)  # (sets, quantities)
-    sets = list(itertools.product(*open_models))
-    names = [slot.name for slot in slots]
+    counts = [len(models) for models in open_models]
 
     def chosen_of(index: int) -> Chosen:
-        return dict(zip(names, sets[index], strict=True))
+        places = np.unravel_index(index, counts)
+        return {slot.name: models[k] for slot, models, k in zip(slots, open_models, places, strict=True)}
 
-    shortfall = (changes / wanted).max(axis=1) if wanted.size else np.zeros(len(sets))
+    shortfall = (changes / wanted).max(axis=1) if wanted.size else np.zeros(count)
     fitting = np.flatnonzero(shortfall <= 1.0)
     added = seconds is sum_of_seconds
     costs = _costs(open_models)[fitting] if added else np.array([seconds(chosen_of(int(i))) for i in fitting])
     affordable = (costs <= accuracy.budget) & np.isfinite(costs)
     if not affordable.any():
-        by_shortfall = [chosen_of(int(i)) for i in np.argsort(shortfall, kind="stable")]
-        raise _nothing_fits(by_shortfall, quantities, accuracy, forced, seconds, costs)
+        ranked = np.argsort(shortfall, kind="stable")
+        raise _nothing_fits(lambda: (chosen_of(int(i)) for i in ranked), quantities, accuracy, forced, seconds, costs)
     order = np.lexsort((fitting[affordable], shortfall[fitting[affordable]], costs[affordable]))
     best = int(fitting[affordable][order[0]])
     chosen = chosen_of(best)
@@ -254,7 +253,7 @@ def _worst(model: Model, totals: Mapping[Quantity, float], accuracy: Accuracy) -
 
 
 def _nothing_fits(
-    by_shortfall: Sequence[Chosen],
+    by_shortfall: Callable[[], Iterator[Chosen]],
     quantities: Sequence[Quantity],
     accuracy: Accuracy,
     forced: Mapping[SlotName, str],
@@ -262,9 +261,9 @@ def _nothing_fits(
     fitting_costs: np.ndarray[tuple[int, ...], np.dtype[np.float64]],
 ) -> UnaffordableError:
     """Say what is missing, which effects stand in the way, and the nearest accuracy that the budget allows."""
-    nearest = next((one for one in by_shortfall if seconds(one) <= min(accuracy.budget, 1e300)), None)
+    nearest = next((one for one in by_shortfall() if seconds(one) <= min(accuracy.budget, 1e300)), None)
     if nearest is None:
-        return _no_set(min(map(seconds, by_shortfall)), accuracy.budget)
+        return _no_set(min(map(seconds, by_shortfall())), accuracy.budget)
     free = {name: model for name, model in nearest.items() if name not in forced}
     changes = {q: math.fsum(model.change_of(q) for model in free.values()) for q in quantities}
     limited = math.isfinite(accuracy.budget)

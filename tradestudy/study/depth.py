@@ -134,12 +134,12 @@ class DepthErrors:
         Larger errors change it by more than smaller ones, for depth falls ever more steeply towards its far end.
         Infinite where that is lost for some of these errors only; NaN where for all, and where no image is formed.
         """
-        narrow, wide = (
-            _uncertainty_of_reach(self.camera, self.distance, factor * self._reach)
-            for factor in (max(0.0, 1.0 - change), 1.0 + change)
-        )
-        known = np.where(np.isfinite(wide) & (self.uncertainty > 0.0), self.uncertainty, np.nan)
-        return np.where(np.isfinite(narrow) & np.isinf(wide), np.inf, wide / known - 1.0)
+        wide = _uncertainty_of_reach(self.camera, self.distance, (1.0 + change) * self._reach)
+        lost, narrow = np.isinf(wide), self.uncertainty
+        if np.isinf(narrow).any():
+            narrow = _uncertainty_of_reach(self.camera, self.distance, max(0.0, 1.0 - change) * self._reach)
+        known = np.where(~lost & (self.uncertainty > 0.0), self.uncertainty, np.nan)
+        return np.where(lost & np.isfinite(narrow), np.inf, wide / known - 1.0)
 
     @property
     def failed_fraction(self) -> FloatArray:

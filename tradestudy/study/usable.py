@@ -103,6 +103,8 @@ def boundaries(
     condition: Callable[[FloatArray], BoolArray] | Callable[[FloatArray], FloatArray],
     distance: FloatArray,
     held: BoolArray | None = None,
+    *,
+    to: float = 0.0,
 ) -> tuple[Boundary, ...]:
     """Every distance where a condition changes between neighbouring grid points, to the last digits of a float.
 
@@ -115,6 +117,8 @@ def boundaries(
         Increasing grid [m]; a condition that changes twice between two points is not seen.
     held
         Where it holds on the grid, if that is known.
+    to
+        Share of a distance to which it is enough to find it, where its last digits are not of interest.
     """
     held = _holds(condition(distance)) if held is None else held
     change = np.flatnonzero(held[1:] != held[:-1])
@@ -123,7 +127,7 @@ def boundaries(
         return ()
     ends = np.full((2, change.size), np.nan)  # by how much the condition is kept at low and high
     shares, columns = _even(change.size), np.arange(change.size)
-    while np.any(high - low > 2.0 * np.spacing(high)):
+    while np.any(high - low > np.maximum(2.0 * np.spacing(high), to * high)):
         points = np.vstack([low, low + shares * (high - low), high])
         found = condition(points[1:-1].ravel()).reshape(shares.shape)
         first = np.argmax(np.vstack([_holds(found) == begins, begins | True]), axis=0)
@@ -157,9 +161,14 @@ def _towards_zero(at_low: FloatArray, at_high: FloatArray) -> FloatArray:
 
 
 def usable_stretches(
-    camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, limits: Mapping[str, Limit]
+    camera: DepthCamera,
+    criteria: UsableCriteria,
+    distance: FloatArray,
+    limits: Mapping[str, Limit],
+    *,
+    to: float = 0.0,
 ) -> tuple[tuple[Boundary, ...], tuple[Boundary, ...]]:
-    """Where usable intervals begin and where they end within a grid, whose limits are known.
+    """Where usable intervals begin and where they end within a grid, whose limits are known; ``to`` as of `boundaries`.
 
     Between two grid points only the limits are followed that are broken on one side, and those that this leaves broken
     at an end that it finds.
@@ -171,7 +180,7 @@ def usable_stretches(
     ends: tuple[Boundary, ...] = ()
     broken = names
     while broken:
-        ends = boundaries(partial(_kept_by, camera, criteria, names=tuple(names)), distance, held)
+        ends = boundaries(partial(_kept_by, camera, criteria, names=tuple(names)), distance, held, to=to)
         at_ends = evaluate_limits(camera, criteria, np.array([end.distance for end in ends]))
         broken = [name for name, limit in at_ends.items() if name not in names and not limit.met.all()]
         names = [*names, *broken]

@@ -46,6 +46,7 @@ _MOST_DISTANCES: Final = 401
 # Of every usable stretch: what a model changes swings with the blur, from focus to focus of several microlens types;
 # from one trial to the next it stays within the margin.
 _TRIAL_DISTANCES: Final = 15
+_ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance: trials go a tenth beyond
 # Designs of a sweep that are weighed: all, or so many at most, evenly among each axis with its ends. Nothing goes
 # steadily from end to end where a design between them is in focus and they are not.
 _MOST_DESIGNS: Final = 64
@@ -291,7 +292,8 @@ def _trial_places(variant: _Variant) -> FloatArray:
     """Across every usable interval and a tenth beyond, as leaving blur out would extend it, and wherever is asked."""
     camera, distance = variant.as_forced, variant.distance
     found = [np.asarray(variant.asked)]
-    for near, far in zip(*usable_stretches(camera, variant.criteria, distance, variant.limits), strict=True):
+    ends = usable_stretches(camera, variant.criteria, distance, variant.limits, to=_ENDS_ARE_KNOWN_TO)
+    for near, far in zip(*ends, strict=True):
         found.append(np.geomspace(0.9 * near.distance, 1.1 * far.distance, _TRIAL_DISTANCES))
         found.append(np.array([near.distance, far.distance]))
     if len(found) == 1:

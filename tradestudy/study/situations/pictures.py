@@ -45,6 +45,7 @@ _SECONDS_PER_DISTANCE: Final = {
     "kirchhoff": 1e-3,
 }
 _SECONDS_PER_POINT: Final = (9.5e-3, 3.7e-3, 4.7e-4)
+_ROUNDING: Final = 1e-12  # of a cube of an inverse distance: where the plane is that of the image there is no more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,36 +172,31 @@ class PictureCase:
         if self.settings.lens_phase == "parabolic":
             return self._largest(rim * (there + np.abs(1.0 / stage.object_distance**3)))
         focused = np.abs(1.0 / stage.focal_length - 1.0 / stage.object_distance) ** 3
-        return self._largest(rim * np.abs(there - focused))
+        apart = np.abs(there - focused)
+        return self._largest(rim * np.where(apart > _ROUNDING * there, apart, 0.0))
 
     def paraxial_change(self, stage: LensStage | None) -> float:
         """Relative change of the disparity error by what Fresnel leaves out of a lens, the largest over the places.
 
         Spherical aberration of W waves at the rim, balanced, is a defocus of W waves: a blur wider or narrower by
-        ``8 λ N W``; the rest of it, a thirteenth, is left to the margin.
+        ``8 λ N W``. Wider changes more; the rest of the aberration, a thirteenth, is left to the margin.
         """
-        if stage is None:
+        if stage is None or self.aberration_waves(stage) == 0.0:
             return 0.0
         is_main = stage is self.geometry.main_lens
         standing = self._standing("main_lens_diffraction" if is_main else "microlens_diffraction")
-        width = 8.0 * self.settings.wavelength * stage.f_number * self.aberration_waves(stage)
-        blur = np.abs(np.concatenate([stage.blur_diameter + width, stage.blur_diameter - width]))
-        twice = self.geometry.at(np.tile(np.arange(self.places.size), 2))
-        if is_main:
-            moved = replace(twice, main_lens=replace(twice.main_lens, blur_diameter=blur))
-        else:
-            assert twice.microlens is not None  # the stage is one of the two
-            moved = replace(twice, microlens=replace(twice.microlens, blur_diameter=blur))
-        moved_px = disparity_bound_px(moved, self.settings, standing)
-        return _departure(np.tile(self._bound_px(standing), 2), moved_px)
+        wider = stage.blur_diameter + 8.0 * self.settings.wavelength * stage.f_number * self.aberration_waves(stage)
+        moved = replace(stage, blur_diameter=wider)
+        geometry = replace(self.geometry, main_lens=moved) if is_main else replace(self.geometry, microlens=moved)
+        return _departure(self._bound_px(standing), disparity_bound_px(geometry, self.settings, standing))
 
     def depth_change(self, change: float) -> float:
         """Relative change of the depth uncertainty that such a one of the disparity error makes at most.
 
         Calibration, which does not change, is counted as if it did.
         """
-        if math.isinf(change):
-            return math.inf
+        if change == 0.0 or math.isinf(change):
+            return change
         return max(change, float(np.nanmax(self.errors.largest_change(change), initial=0.0)))
 
     def obliquity(self, stage: LensStage | None) -> float:
