@@ -342,3 +342,13 @@ def test_check_passes_what_plan_passes(override: str) -> None:
     loaded = tradestudy.load(STUDIES / "close_range.yaml", [override])
     assert loaded.check() == loaded.check_summary()
     assert loaded.plan().selections
+
+
+def test_every_piece_that_cannot_be_had_is_named_with_what_it_offers() -> None:
+    study = tradestudy.load(STUDIES / "close_range.yaml").with_values({"accuracy.relative": "0.001 %"})
+    with pytest.raises(UnaffordableError) as refused:
+        study.plan()
+    lines = str(refused.value).splitlines()
+    assert len(lines) > 1
+    assert len({line.split(":")[0] for line in lines}) == len(lines)
+    assert all("even the most accurate models leave" in line and "can be had; ask for that" in line for line in lines)

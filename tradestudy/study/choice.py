@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from tradestudy.accuracy import Accuracy
 from tradestudy.effects.base import SlotName
 from tradestudy.effects.selection import Selection
-from tradestudy.errors import Problem, StudyError
+from tradestudy.errors import Problem, StudyError, UnaffordableError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.situations.every import every_situation
 from tradestudy.study.situations.situation import Situation
@@ -27,7 +27,25 @@ def choose(definition: StudyDefinition) -> tuple[tuple[Situation, ...], Mapping[
     situations = every_situation(definition, forced)
     _check_forced(definition, situations, forced)
     timeless = Accuracy(relative=definition.file.accuracy.wanted().relative)
-    return situations, {one.name: one.select(timeless, forced) for one in situations}
+    return situations, _selections(situations, timeless, forced)
+
+
+def _selections(
+    situations: tuple[Situation, ...], accuracy: Accuracy, forced: dict[SlotName, str]
+) -> Mapping[str, Selection]:
+    """Of every piece, or one refusal of all that cannot be had, so that an offer of one is not refused by the next."""
+    found: dict[str, Selection] = {}
+    refused: list[UnaffordableError] = []
+    for one in situations:
+        try:
+            found[one.name] = one.select(accuracy, forced)
+        except UnaffordableError as error:
+            refused.append(error)
+    if len(refused) > 1:
+        raise UnaffordableError("\n".join(map(str, refused)))
+    if refused:
+        raise refused[0]
+    return found
 
 
 def _check_forced(
