@@ -292,6 +292,22 @@ def test_the_frontier_has_no_slope_between_entries() -> None:
     assert axes.lines[0].get_drawstyle() == "steps-post"
 
 
+@pytest.mark.parametrize("start", [1.05e-3, 2e-3, 4e-3, 9e-3])
+@pytest.mark.parametrize("floor", [0.0, 2e-4])
+def test_axes_have_labels_to_read_a_value_by(start: float, floor: float) -> None:
+    axes = drawn(tree(entry("a", start, start), entry("b", 9.0 * start, 9.0 * start), floor=floor))
+    for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        ticks = zip(axis.get_majorticklocs(), axis.get_ticklabels(), strict=True)
+        labels = [label.get_text() for at, label in ticks if low <= at <= high and label.get_text() != "no error"]
+        assert len(labels) >= 2
+
+
+def test_the_legend_names_models_in_full() -> None:
+    model = "Fresnel at the main lens, Kirchhoff at microlenses"
+    (legend,) = cost_figure(tree(replace(entry("", 1e-2, 1.0), model=model), floor=1e-6)).legends
+    assert model in [text.get_text() for text in legend.get_texts()]
+
+
 @pytest.mark.parametrize("longest", ["closed form", "diffraction to the first dark ring", "a model " * 5])
 def test_the_legend_stays_within_the_figure(longest: str) -> None:
     models = [f"{longest} {number}" for number in range(9)]

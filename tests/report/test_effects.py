@@ -115,3 +115,14 @@ def test_what_a_change_of_a_picture_is_and_what_the_models_take_is_said(plan: Pl
     assert ("relative L2 over the pixels of the picture" in section.text) == pictures
     for one in plan.situations:
         assert pretty(plan.selections[one.name].seconds, DURATION, digits=2) in section.notes
+
+
+def test_rows_of_a_model_stand_together(section: Section) -> None:
+    for table in section.tables.values():
+        headings = [plain(row[0]).partition(" — ")[0] for row in table.rows if len(row) == 1]
+        models = [name for place, name in enumerate(headings) if headings[place - 1 : place] != [name]]
+        assert len(set(models)) == len(models)
+
+
+def test_where_numbers_stand_names_the_distances_that_are_asked_for(section: Section) -> None:
+    assert "usable or not, also of those that decision.at, solve and requirements ask for" in section.notes

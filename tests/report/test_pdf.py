@@ -143,6 +143,20 @@ def test_hostile_text_stays_text() -> None:
     assert pages[0].startswith("#t $x$")
 
 
+@pytest.mark.parametrize("lines", range(36, 48))
+def test_a_heading_of_rows_stands_on_the_page_of_its_first_row_and_again_where_they_go_on(lines: int) -> None:
+    def rows(heading: str, count: int) -> tuple[tuple[str, ...], ...]:
+        return ((heading,), *((f"{heading} row {number};", "") for number in range(count)))
+
+    columns = (Column(title="A"), Column(title="B"))
+    table = Table(name="t", caption="T", columns=columns, rows=(*rows("First", lines), *rows("Second", 40)))
+    printed = texts(pdf.render(Document(title="D", subtitle="", blocks=(table,)), {}))
+    assert len(printed) > 1
+    for page in printed:
+        for heading in ("First", "Second"):
+            assert len(re.findall(rf"{heading}(?! row)", page)) == (1 if f"{heading} row" in page else 0)
+
+
 def test_an_equation_that_does_not_parse_is_a_clear_error() -> None:
     document = Document(title="t", subtitle="", blocks=(Equation(typst="frac(", alt="x"),))
     with pytest.raises(TradestudyError, match=r"the typesetter refused report\.typ"):

@@ -39,7 +39,8 @@ _COLUMNS: Final = 2
 _PANEL_HEIGHT: Final = 2.7
 _LARGEST: Final = 10.0  # an error of ten times the value is no answer
 _MARKER: Final = 3.6
-_MOST_TICKS: Final = 7
+_FEWEST_TICKS, _MOST_TICKS = 2, 7
+_FEW_DECADES: Final = 1.5
 _FOOT: Final = 0.1  # of the smallest error, where entries without one stand
 _BREAK: Final = 1.12  # half the height of the break above them, as a factor
 _ROOM, _EDGE = 2.0, 0.09  # beyond the outermost marks: at least a factor, and a share of the decades between them
@@ -151,7 +152,13 @@ def cost_figure(tree: xr.DataTree) -> StudyFigure:
             _panel(axes, data, name, models)
         for axes in panels[len(names) :]:
             axes.remove()
-        legend(figure, [*(_line(models.index(model)) for model in models), *marks.values()], labels, beside)
+        legend(
+            figure,
+            [*(_line(models.index(model)) for model in models), *marks.values()],
+            labels,
+            beside,
+            longest=_LEGEND_WIDTH,
+        )
     return figure
 
 
@@ -310,13 +317,20 @@ def _frame(axes: Axes, seconds: FloatArray, errors: FloatArray, scale: _Scale) -
         room = max(_ROOM, 10.0 ** (_EDGE * decades))  # a ring fits beside the outermost marks
         low, high = float(values.min()) / room, float(values.max()) * room
         decades = math.log10(high / low)
-        log_axis(axes, which, dense=decades < 1.5)
-        if decades >= 1.5:
+        labelled = scale.gap if which == "y" and scale.exact else low
+        dense = decades < _FEW_DECADES or _powers_of_ten(labelled, high) < _FEWEST_TICKS
+        log_axis(axes, which, dense=dense)
+        if not dense:
             axis = axes.xaxis if which == "x" else axes.yaxis
             axis.set_major_locator(LogLocator(base=10.0 ** math.ceil(decades / _MOST_TICKS), numticks=20))
         (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)
     if scale.exact:
         _broken(axes, scale)
+
+
+def _powers_of_ten(low: float, high: float) -> int:
+    """How many stand between two values."""
+    return math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
 
 
 def _broken(axes: Axes, scale: _Scale) -> None:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import matplotlib
 from matplotlib import font_manager, ft2font
@@ -90,6 +90,9 @@ def line_style(order: int) -> LineStyle:
     )
 
 
+LONGEST_LABEL: Final = 44  # characters
+
+
 @contextlib.contextmanager
 def styled() -> Iterator[None]:
     """Settings of all figures, put back afterwards: a notebook's own settings neither leak in nor change."""
@@ -139,7 +142,7 @@ def printable(text: str) -> str:
     return "".join(letter if ord(letter) in known else f"⟨U+{ord(letter):04X}⟩" for letter in text)
 
 
-def shortened(text: str, longest: int = 44) -> str:
+def shortened(text: str, longest: int = LONGEST_LABEL) -> str:
     """Text that fits a legend or a label."""
     text = printable(text)
     return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"
@@ -212,11 +215,18 @@ def log_axis(
         axis.set_minor_locator(NullLocator())
 
 
-def legend(figure: StudyFigure, handles: Sequence[Line2D | Patch], labels: Sequence[str], columns: int) -> Legend:
-    """A legend under the figure; labels are literal, also one that starts with an underscore."""
+def legend(
+    figure: StudyFigure,
+    handles: Sequence[Line2D | Patch],
+    labels: Sequence[str],
+    columns: int,
+    *,
+    longest: int = LONGEST_LABEL,
+) -> Legend:
+    """A legend under the figure; labels, cut where too long, are literal, also one that starts with an underscore."""
     drawn = figure.legend(
         handles, [f"{number}" for number in range(len(labels))], loc="outside lower center", ncols=columns
     )
     for text, label in zip(drawn.get_texts(), labels, strict=True):
-        text.set_text(shortened(label))
+        text.set_text(shortened(label, longest))
     return drawn

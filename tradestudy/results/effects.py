@@ -14,7 +14,8 @@ TIMES_WITH_A_MODEL: Final = (
 WHERE_NUMBERS_ARE_TAKEN: Final = (
     "A distance behind a number is where it is the worst, under every reading and at the ends of the sweep: of usable "
     "distances, or of all for a camera that is usable nowhere, and a tenth beyond them where the disparity error is "
-    "derived from the picture. Where none stands, the number is the same at all or belongs to none."
+    "derived from the picture; usable or not, also of those that decision.at, solve and requirements ask for. Where "
+    "none stands, the number is the same at all or belongs to none."
 )
 EFFECTS: Final[Mapping[str, Variable]] = {
     "situation": Variable(dims=("decision",), units="", long_name="camera, lens or light path the model belongs to"),

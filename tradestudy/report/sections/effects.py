@@ -160,8 +160,8 @@ def _merged(rows: list[dict[str, Any]], data: xr.Dataset) -> list[_Row]:
         for row in _of_a_piece([row for row in rows if row["situation"] == name]):
             pieces.setdefault(row, []).append(str(name))
     found = [replace(row, pieces=_of(names, titles)) for row, names in pieces.items()]
-    order = [row.heading for row in found]
-    return sorted(found, key=lambda row: order.index(row.heading))
+    models, order = [(row.effects, row.model) for row in found], [row.heading for row in found]
+    return sorted(found, key=lambda row: (models.index((row.effects, row.model)), order.index(row.heading)))
 
 
 def _of_a_piece(rows: list[dict[str, Any]]) -> list[_Row]:
