@@ -12,7 +12,9 @@ TIMES_WITH_A_MODEL: Final = (
     "cannot stand beside the others, with the cheapest change of one more"
 )
 WHERE_NUMBERS_ARE_TAKEN: Final = (
-    "A distance behind a number is where it is the worst, under every reading and at the ends of the sweep: of usable "
+    "Bounds on the depth uncertainty hold for what noise alone makes of it, too, however large the errors of "
+    "calibration are. A distance behind a number is where it is the worst, under every reading, at every design of the "
+    "sweep (at 64 of them where there are more) and at five values of what an inverse question varies: of usable "
     "distances, or of all for a camera that is usable nowhere, and a tenth beyond them where the disparity error is "
     "derived from the picture; usable or not, also of those that decision.at, solve and requirements ask for. Where "
     "none stands, the number is the same at all or belongs to none."

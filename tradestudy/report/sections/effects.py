@@ -44,7 +44,7 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
         say(
             "Every effect has models, from leaving it out to the most complete one, and each states beforehand how far "
             "it can move a result. The cheapest set was taken whose bounds add up to no more than the accuracy wanted, "
-            "at the worst of the distances, readings and ends of the sweep that were looked at. {wanted}",
+            "at the worst of the distances, readings and designs of the sweep that were looked at. {wanted}",
             wanted=" ".join((*_wanted(data), *_foreseen(run))),
         )
     )
