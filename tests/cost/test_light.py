@@ -46,6 +46,21 @@ def test_without_time_for_the_quadrature_no_point_spread_is_measured() -> None:
     assert "a larger --budget" in found.left_out[0]
 
 
+def test_what_a_run_answers_with_is_measured_before_all_else() -> None:
+    part = tradestudy.load(STUDIES / "light_spot.yaml").definition.file.point_spread
+    assert part is not None
+    one = part.model_copy(update={"elements": {"microlens": part.elements["microlens"]}, "window": 4.0})
+    allowance = Allowance(seconds=1e4)
+
+    def until_something_is_measured(_step: str, share: float) -> None:
+        if share > 0.0:
+            allowance.seconds = 0.0
+
+    found = point_spread_cost(one, "kirchhoff", allowance, until_something_is_measured, (1e-3, 1e-4))
+    assert [entry.words for entry in found.entries if entry.chosen] == ["Kirchhoff, tolerance 1e-05"]
+    assert len(found.left_out) + len(found.entries) == 11
+
+
 def of(table: Measured, model: str) -> list[Entry]:
     return [entry for entry in table.entries if entry.model == model]
 
@@ -60,6 +75,7 @@ def test_kirchhoff_keeps_every_tolerance_against_direct_quadrature(points: Measu
 
 def test_of_the_laws_that_a_run_computes_the_one_it_answers_with_is_chosen(points: Measured) -> None:
     assert [entry.words for entry in points.entries if entry.chosen] == ["Kirchhoff, tolerance 1e-04"]
+    assert [entry.setting for entry in of(points, "Kirchhoff")] == ["tolerance 1e-03", "tolerance 1e-04"]
     assert set(points.ways) == {"Fresnel", "Kirchhoff"}
     assert "A run computes Fresnel and Kirchhoff" in points.notes[0]
 
