@@ -105,7 +105,7 @@ def depth_situations(definition: StudyDefinition, forced: Mapping[SlotName, str]
 
     Every slot is weighed beside the models that the study forces in the others.
     """
-    variants = tuple(_every_variant(definition))
+    variants = tuple(every_variant(definition))
     found = []
     for name in definition.case.cameras:
         own: list[_Variant] = []
@@ -127,7 +127,7 @@ def depth_situations(definition: StudyDefinition, forced: Mapping[SlotName, str]
     return tuple(found)
 
 
-def _every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
+def every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
     """The study, its readings, the designs of its sweep, and some between the ends of its inverse questions."""
     yield definition
     yield from definition.readings.values()
