@@ -93,7 +93,7 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthErrors:
-    """What all errors of a camera together do to depth at distances [m]; answers share what they rest on.
+    """What the errors of a camera together do to depth at distances [m]; answers share what they rest on.
 
     Parameters
     ----------
@@ -101,19 +101,22 @@ class DepthErrors:
         With the errors that it declares.
     distance
         [m]; NaN where the camera forms no image.
+    way
+        Which errors: ``both``, ``noise`` or ``calibration`` alone.
     """
 
     camera: DepthCamera
     distance: FloatArray
+    way: str = "both"
 
     @classmethod
-    def of(cls, camera: DepthCamera, distance: FloatArray) -> DepthErrors:
+    def of(cls, camera: DepthCamera, distance: FloatArray, way: str = "both") -> DepthErrors:
         """At distances that may lie where no image is formed."""
-        return cls(camera=camera, distance=_imaged(camera, distance))
+        return cls(camera=camera, distance=_imaged(camera, distance), way=way)
 
     @cached_property
     def _parts(self) -> tuple[DepthErrorPart, ...]:
-        return self.camera.depth_error_parts(self.distance)
+        return _of_way(self.camera.depth_error_parts(self.distance), self.way)
 
     @cached_property
     def _sum(self) -> SumOfErrors:

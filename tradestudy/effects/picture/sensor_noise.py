@@ -10,8 +10,9 @@ from tradestudy.effects.picture.criteria import electrons
 from tradestudy.effects.picture.trial import PictureTrial, bounded, weighed
 
 _RULE: Final = (
-    "leaving this share of the noise power out lowers noise by half of it, and a bound is twice what was tried: it "
-    "fits where this number is below the accuracy wanted, alone and with the other omissions"
+    "leaving this share of the noise power out lowers noise by half of it, and the bound is twice the largest "
+    "change at the distances tried: it fits where this number is below the accuracy wanted, alone and with the other "
+    "omissions"
 )
 
 

@@ -14,8 +14,9 @@ def vignetting(trial: PictureTrial) -> Slot:
         name="vignetting",
         models=(
             weighed(trial, "vignetting", OFF, left,
-                    "the share of light that is lost raises noise over signal by half of itself or more, and a "
-                    "bound is twice what was tried: nothing is left out where this number is 1, as on the axis"),
+                    "the share of light that is lost raises noise over signal by half of itself or more, and the "
+                    "bound is twice the largest change at the distances tried: nothing is left out where this number "
+                    "is 1, on the axis"),
             weighed(trial, "vignetting", "cos4", left, "cos⁴ and the overlap of the stops are closed forms"),
         ),
     )  # fmt: skip

@@ -271,12 +271,15 @@ def _picture_case(variant: _Variant) -> PictureCase | None:
         return None
     places = _trial_places(variant)
     where = variant.distance[variant.usable] if variant.usable.any() else variant.imaged
+    errors = DepthErrors.of(variant.as_forced, np.union1d(places, where))
+    # Where calibration loses the far end of depth, noise alone may not, and is shown by itself.
+    lost = errors.distance[np.isinf(errors.uncertainty)]
     return PictureCase(
         camera=variant.as_forced,
         settings=law.settings,
         places=places,
         forced=variant.forced,
-        errors=DepthErrors.of(variant.as_forced, np.union1d(places, where)),
+        errors=(errors, DepthErrors.of(variant.as_forced, lost, "noise")) if lost.size else (errors,),
         shown=np.union1d(variant.imaged, _around_ends(variant)),
     )
 
@@ -289,17 +292,29 @@ def _around_ends(variant: _Variant) -> FloatArray:
 
 
 def _trial_places(variant: _Variant) -> FloatArray:
-    """Across every usable interval and a tenth beyond, as leaving blur out would extend it, and wherever is asked."""
+    """Across every usable interval and a tenth beyond, as leaving blur out would extend it, and wherever is asked.
+
+    And where the picture is the sharpest, for there what pixels and diffraction do is seen the best.
+    """
     camera, distance = variant.as_forced, variant.distance
-    found = [np.asarray(variant.asked)]
+    found = [np.asarray(variant.asked), _in_focus(variant)]
     ends = usable_stretches(camera, variant.criteria, distance, variant.limits, to=_ENDS_ARE_KNOWN_TO)
     for near, far in zip(*ends, strict=True):
         found.append(np.geomspace(0.9 * near.distance, 1.1 * far.distance, _TRIAL_DISTANCES))
         found.append(np.array([near.distance, far.distance]))
-    if len(found) == 1:
+    if not variant.usable.any():
         found.append(distance[np.unique(np.linspace(0, distance.size - 1, _TRIAL_DISTANCES).astype(int))])
     places = np.unique(np.concatenate(found))
     return places[camera.images(places)]
+
+
+def _in_focus(variant: _Variant) -> FloatArray:
+    """Usable distances of least blur [m]: several where microlenses have several focal lengths."""
+    distance = variant.distance[variant.usable]
+    if not distance.size:
+        return distance
+    blur = np.pad(picture_geometry(variant.camera, distance).blur_px, 1, constant_values=math.inf)
+    return distance[(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
 
 
 def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:

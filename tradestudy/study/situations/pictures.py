@@ -55,7 +55,7 @@ class PictureCase:
     Parameters
     ----------
     errors
-        Of its depth, wherever an uncertainty counts.
+        Of its depth, wherever an uncertainty counts; of noise alone where all errors together leave none.
     shown
         Distances [m] that a run asks for.
     """
@@ -64,7 +64,7 @@ class PictureCase:
     settings: PictureSettings
     places: FloatArray
     forced: Mapping[SlotName, str]
-    errors: DepthErrors
+    errors: tuple[DepthErrors, ...]
     shown: FloatArray
 
     @cached_property
@@ -197,7 +197,7 @@ class PictureCase:
         """
         if change == 0.0 or math.isinf(change):
             return change
-        return max(change, float(np.nanmax(self.errors.largest_change(change), initial=0.0)))
+        return max(change, *(float(np.nanmax(one.largest_change(change), initial=0.0)) for one in self.errors))
 
     def obliquity(self, stage: LensStage | None) -> float:
         """``1 − cos²θ`` at the rim: the cosine, and the longer way."""
