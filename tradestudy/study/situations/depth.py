@@ -41,8 +41,10 @@ from tradestudy.study.situations.situation import Situation
 from tradestudy.study.sweep import SweepAxis, sweep_axes
 from tradestudy.study.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_stretches
 
-# Bounds are looked for at this many of the study's distances; they change slowly in between.
+# Bounds are looked for at this many of the study's distances; they change slowly in between, where the disparity error
+# is derived by less than the margin.
 _MOST_DISTANCES: Final = 401
+_MOST_DERIVED: Final = 101
 # Of every usable stretch: what a model changes swings with the blur, from focus to focus of several microlens types;
 # from one trial to the next it stays within the margin.
 _TRIAL_DISTANCES: Final = 15
@@ -158,7 +160,8 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
         return None
     assert isinstance(camera, AnyDepthCamera)  # a case holds no others
     distance, file = definition.case.distance, definition.file
-    step = max(1, -(-distance.size // _MOST_DISTANCES))
+    most = _MOST_DERIVED if isinstance(camera.disparity_error_px, PictureDisparityError) else _MOST_DISTANCES
+    step = max(1, -(-distance.size // most))
     asked = [*(() if file.decision is None else file.decision.at), *(one.at for one in file.solve.values())]
     asked += [end for one in file.requirements.values() for end in one.depth_uncertainty.over]
     own = _applicable(camera, forced)
