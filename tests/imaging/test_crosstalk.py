@@ -47,7 +47,7 @@ def test_the_share_is_that_of_light_on_a_grid(window_px: float, blurred: bool) -
     assert lens is not None
     blur_diameter = 3.0 * geometry.sample_pitch
     geometry = replace(geometry, microlens=replace(lens, blur_diameter=np.full(2, blur_diameter)))
-    R, step, count = micro_image_radius(geometry), 0.2e-6, 4096
+    R, step, count = micro_image_radius(geometry), 0.2e-6, 2048
     x = np.fft.fftfreq(count, 1.0 / count) * step
     r = np.hypot(x[:, np.newaxis], x)
     v = np.pi * np.maximum(r, 1e-12) / (WAVELENGTH * float(lens.f_number[0]))
