@@ -38,6 +38,11 @@ def with_models(models: PictureModels, chosen: Models) -> PictureModels:
     return replace(models, **names)  # type: ignore[arg-type] # which names a slot has is the effects' concern
 
 
+def in_closed_form(chosen: Models) -> dict[SlotName, str]:
+    """The same models with Fresnel's transfer in place of Kirchhoff's, an integral that hardly differs from it."""
+    return {slot: "fresnel" if name == "kirchhoff" else name for slot, name in chosen.items()}
+
+
 def acting(camera: AnyDepthCamera, chosen: Models) -> AnyDepthCamera:
     """The camera with the chosen models in place of what it declares; nothing chosen leaves it as it is."""
     law = camera.disparity_error_px

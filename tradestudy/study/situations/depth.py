@@ -32,7 +32,7 @@ from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.study.acting import AnyDepthCamera, acting
+from tradestudy.study.acting import AnyDepthCamera, acting, in_closed_form
 from tradestudy.study.decision import question_ends
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.depth import DepthErrors, depth_uncertainty
@@ -165,8 +165,8 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
     asked = [*(() if file.decision is None else file.decision.at), *(one.at for one in file.solve.values())]
     asked += [end for one in file.requirements.values() for end in one.depth_uncertainty.over]
     own = _applicable(camera, forced)
-    # Where to weigh is found by Fresnel's transfer: a closed form that Kirchhoff's, an integral, hardly differs from.
-    sought = {slot: "fresnel" if name == "kirchhoff" else name for slot, name in own.items() if slot not in _LENGTHS}
+    # Where to weigh is found in closed form, and with every error of lengths.
+    sought = in_closed_form({slot: name for slot, name in own.items() if slot not in _LENGTHS})
     return _Variant(
         camera=acting(camera, sought),
         criteria=definition.case.criteria,

@@ -30,7 +30,7 @@ from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.acting import with_models
+from tradestudy.study.acting import in_closed_form, with_models
 from tradestudy.study.depth import DepthErrors
 
 # On the reference machine [s]: for every distance at which a run asks for the error; and for every point of the lattice
@@ -95,13 +95,10 @@ class PictureCase:
     def _standing(self, slot: SlotName) -> PictureModels:
         """What a slot is weighed beside: the models that are forced elsewhere, and the most complete of the others.
 
-        Fresnel stands in for Kirchhoff, which it hardly differs from, so that nothing has to be integrated.
+        In closed form, so that nothing has to be integrated.
         """
         beside = {other: name for other, name in self.forced.items() if other != slot}
-        closed: dict[SlotName, str] = {
-            other: "fresnel" if name == "kirchhoff" else name for other, name in beside.items()
-        }
-        return with_models(self.complete, closed)
+        return with_models(self.complete, in_closed_form(beside))
 
     def _bound_px(self, models: PictureModels) -> FloatArray:
         if models not in self._known:
@@ -181,11 +178,12 @@ class PictureCase:
         Spherical aberration of W waves at the rim, balanced, is a defocus of W waves: a blur wider or narrower by
         ``8 λ N W``. Wider changes more; the rest of the aberration, a thirteenth, is left to the margin.
         """
-        if stage is None or self.aberration_waves(stage) == 0.0:
+        waves = self.aberration_waves(stage)
+        if stage is None or waves == 0.0:
             return 0.0
         is_main = stage is self.geometry.main_lens
         standing = self._standing("main_lens_diffraction" if is_main else "microlens_diffraction")
-        wider = stage.blur_diameter + 8.0 * self.settings.wavelength * stage.f_number * self.aberration_waves(stage)
+        wider = stage.blur_diameter + 8.0 * self.settings.wavelength * stage.f_number * waves
         moved = replace(stage, blur_diameter=wider)
         geometry = replace(self.geometry, main_lens=moved) if is_main else replace(self.geometry, microlens=moved)
         return _departure(self._bound_px(standing), disparity_bound_px(geometry, self.settings, standing))
