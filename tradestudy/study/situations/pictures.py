@@ -176,8 +176,8 @@ class PictureCase:
         """Relative change of the disparity error by what Fresnel leaves out of a lens, the largest over the places.
 
         Spherical aberration of W waves at the rim, balanced, is a defocus of W waves: a blur wider or narrower by
-        ``8 λ N W``. Wider changes more; the rest of the aberration, a thirteenth, is left to the margin. Weighed in light
-        of one colour, where defocus shows the best.
+        ``8 λ N W``. Wider changes more; the rest of the aberration, a thirteenth, is left to the margin. Weighed in
+        light of one colour, where defocus shows the best.
         """
         waves = self.aberration_waves(stage)
         if stage is None or waves == 0.0:
