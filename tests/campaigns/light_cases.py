@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from tradestudy.effects.spectrum import spectrum_in_picture
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import (
     EXACT_RAYS,
+    FRESNEL,
     KIRCHHOFF,
     KIRCHHOFF_FRESNEL,
     ChainAccuracy,
@@ -41,6 +43,8 @@ PHASES = ("parabolic", "stigmatic", "perfect")
 _MOST_POINTS = 4  # resolved points across the source
 RAYS = "diffraction: rays on both legs"
 MICROLENS_EDGES = "microlens_diffraction: boundary_wave"
+ALL_BY_RAYS = "all together: rays, of a point, in one colour"
+ALL_BY_WAVES = "all together: Fresnel, no crosstalk, of a point, at points, in one colour"
 _POINT = 1e-3
 LINES = 2  # wavelengths of a spectrum
 
@@ -118,7 +122,7 @@ def bounds_of(case: LightCase) -> dict[str, float]:
     scene = case.scene
     main, micro = main_lens_diffraction_in_picture(scene), microlens_diffraction_in_picture(scene)
     edges = {MICROLENS_EDGES: _bound(micro, "boundary_wave")} if "boundary_wave" in micro.model_names else {}
-    return edges | {
+    alone = edges | {
         RAYS: _bound(main, OFF) + _bound(micro, OFF),
         "main_lens_diffraction: boundary_wave": _bound(main, "boundary_wave"),
         "main_lens_diffraction: fresnel": _bound(main, "fresnel"),
@@ -130,48 +134,59 @@ def bounds_of(case: LightCase) -> dict[str, float]:
             spectrum_in_picture(scene, wavelengths=case.wavelengths, weights=np.ones(LINES)), OFF
         ),
     }  # fmt: skip
+    joint = alone["crosstalk: off"] + alone["source_extent: off"] + alone["spectrum: off"]
+    waves = alone["main_lens_diffraction: fresnel"] + alone["microlens_diffraction: fresnel"]
+    return alone | {ALL_BY_RAYS: joint + alone[RAYS], ALL_BY_WAVES: joint + waves + alone["pixel_integration: off"]}
 
 
 def changes_of(case: LightCase, tolerance: float, names: Collection[str]) -> dict[str, float]:
     """What leaving each of the effects named out changes, against the picture of the complete models.
 
-    Each is forced on, one at a time. None is named that the case does not have.
+    Each is forced on, one at a time, or all together. None is named that the case does not have.
     """
     scene = case.scene
     path, accuracy = scene.path, ChainAccuracy(tolerance=tolerance)
+    points = replace(path, pixels=replace(path.pixels, integrated=False))
 
     def picture(path: LightPath = path, legs: Legs = KIRCHHOFF, *, point: bool = False) -> FloatArray:
-        # A disc far below any resolution is a point whose computation shares its numerical error with the disc's.
-        source = replace(scene.source, diameter=_POINT * scene.source.diameter) if point else scene.source
         return chain_image(
-            path, source, wavelength=scene.wavelength, legs=legs, accuracy=accuracy, rng=np.random.default_rng(0)
-        ).pixels
-
-    def alone() -> FloatArray:
-        return separate_image(
-            path, scene.source, wavelength=scene.wavelength, legs=KIRCHHOFF, accuracy=accuracy,
+            path, source(point), wavelength=scene.wavelength, legs=legs, accuracy=accuracy,
             rng=np.random.default_rng(0),
         ).pixels  # fmt: skip
 
+    def source(point: bool) -> DiscSource:
+        # A disc far below any resolution is a point whose computation shares its numerical error with the disc's.
+        return replace(scene.source, diameter=_POINT * scene.source.diameter) if point else scene.source
+
+    def alone(path: LightPath = path, legs: Legs = KIRCHHOFF, *, point: bool = False) -> FloatArray:
+        return separate_image(
+            path, source(point), wavelength=scene.wavelength, legs=legs, accuracy=accuracy,
+            rng=np.random.default_rng(0),
+        ).pixels  # fmt: skip
+
+    @cache
+    def whole() -> FloatArray:
+        return picture()
+
+    @cache
     def colours() -> FloatArray:
         return spectral_image(
             path, scene.source, wavelengths=case.wavelengths, weights=np.ones(LINES), legs=KIRCHHOFF,
             accuracy=accuracy, rng=np.random.default_rng(0),
         ).pixels  # fmt: skip
 
-    whole = picture()
     changes: dict[str, Callable[[], float]] = {
-        RAYS: lambda: _relative(picture(legs=EXACT_RAYS), whole),
-        "main_lens_diffraction: boundary_wave": lambda: _relative(picture(legs=TO_ARRAY), whole),
-        "main_lens_diffraction: fresnel": lambda: _relative(picture(legs=FRESNEL_KIRCHHOFF), whole),
-        MICROLENS_EDGES: lambda: _relative(picture(legs=BEHIND_ARRAY), whole),
-        "microlens_diffraction: fresnel": lambda: _relative(picture(legs=KIRCHHOFF_FRESNEL), whole),
-        "crosstalk: off": lambda: _relative(alone(), whole),
-        "pixel_integration: off": lambda: _relative(
-            picture(replace(path, pixels=replace(path.pixels, integrated=False))), whole
-        ),
-        "source_extent: off": lambda: _relative(picture(point=True), whole),
-        "spectrum: off": lambda: _relative(whole, colours()),
+        RAYS: lambda: _relative(picture(legs=EXACT_RAYS), whole()),
+        "main_lens_diffraction: boundary_wave": lambda: _relative(picture(legs=TO_ARRAY), whole()),
+        "main_lens_diffraction: fresnel": lambda: _relative(picture(legs=FRESNEL_KIRCHHOFF), whole()),
+        MICROLENS_EDGES: lambda: _relative(picture(legs=BEHIND_ARRAY), whole()),
+        "microlens_diffraction: fresnel": lambda: _relative(picture(legs=KIRCHHOFF_FRESNEL), whole()),
+        "crosstalk: off": lambda: _relative(alone(), whole()),
+        "pixel_integration: off": lambda: _relative(picture(points), whole()),
+        "source_extent: off": lambda: _relative(picture(point=True), whole()),
+        "spectrum: off": lambda: _relative(whole(), colours()),
+        ALL_BY_RAYS: lambda: _relative(picture(legs=EXACT_RAYS, point=True), colours()),
+        ALL_BY_WAVES: lambda: _relative(alone(points, FRESNEL, point=True), colours()),
     }
     return {name: changes[name]() for name in names}
 

@@ -135,16 +135,15 @@ def test_each_quantity_that_cannot_be_had_is_offered_what_it_needs() -> None:
     assert select(one, quantities=asked, accuracy=offered).bounds["psf_width"] == 0.051
 
 
-def test_what_has_no_bound_or_one_beyond_the_whole_offers_nothing() -> None:
-    for change, remedy in ((math.inf, "no set of models has a finite bound"), (1.2, "not even 100 % can be had")):
+def test_what_has_no_bound_or_one_beyond_the_whole_offers_to_name_models() -> None:
+    for change, least in ((math.inf, "no set of models has a finite bound"), (1.2, "not even 100 % can be had")):
+        only, wanted = slot("crosstalk", ("off", change, 0.0)), Accuracy.of_all(0.01)
         with pytest.raises(UnaffordableError) as error:
-            select(
-                (slot("crosstalk", ("off", change, 0.0)),),
-                quantities=("depth_uncertainty",),
-                accuracy=Accuracy.of_all(0.01),
-            )
-        assert error.value.remedy == remedy
+            select((only,), quantities=("depth_uncertainty",), accuracy=wanted)
+        assert error.value.remedy == f"{least}; models that a study names under 'effects' are held against no bound"
         assert "of which crosstalk (off) " in error.value.value
+        named = select((only,), quantities=("depth_uncertainty",), accuracy=wanted, forced={"crosstalk": "off"})
+        assert named.name_of("crosstalk") == "off"
 
 
 def test_a_budget_below_the_cheapest_set_says_what_that_takes() -> None:

@@ -99,7 +99,12 @@ def study_cost(
     if repeats < FEWEST_REPEATS:
         raise OutOfRangeError("repeats of a measurement", value=str(repeats), limit=f">= {FEWEST_REPEATS}")
     if not 0.0 < budget < math.inf:
-        raise OutOfRangeError("time for measuring", value=f"{budget:g} s", limit="> 0 s, finite")
+        raise OutOfRangeError(
+            "time for measuring",
+            value=f"{budget:g} s",
+            limit="> 0 s, finite",
+            remedy="give the time that measuring may take, such as 10 min",
+        )
     progress("cost: models of the study", 0.0)
     questions = list(_questions(definition, plan_of(definition), progress))
     allowance = Allowance(seconds=budget, repeats=repeats)

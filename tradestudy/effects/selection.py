@@ -310,10 +310,10 @@ def _what_remains(free: Chosen, quantity: Quantity, total: float, wanted: float)
 def _offer(changes: Mapping[Quantity, float], accuracy: Accuracy, within: str) -> str:
     """What to ask for in place of what is exceeded; of each quantity where there are several."""
     missing = {q: change for q, change in changes.items() if change > accuracy.relative[q] * (1.0 - 1e-12)}
-    if math.isinf(max(missing.values())):
-        return "no set of models has a finite bound"
-    if max(missing.values()) > 1.0:
-        return "not even 100 % can be had"
+    most = max(missing.values())
+    if most > 1.0:
+        least = "no set of models has a finite bound" if math.isinf(most) else "not even 100 % can be had"
+        return f"{least}; models that a study names under 'effects' are held against no bound"
     texts = {q: f"{_rounded_up(100.0 * change)} %" for q, change in missing.items()}
     several = " and ".join(f"{text} of {_words(q)}" for q, text in texts.items())
     return f"{several if len(texts) > 1 else next(iter(texts.values()))} can be had{within}; ask for that"

@@ -187,9 +187,17 @@ class StudyDefinition:
         """The same study with one relative error wanted of every quantity, such as ``"1 %"``.
 
         Pictures of a light spot that are compared need be no better than that: a looser one loosens theirs, too.
+
+        Raises
+        ------
+        StudyError
+            Where that is no relative error; reported at ``--tolerance``.
         """
         own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
-        asked = self.with_values({"accuracy.relative": relative, **{f"accuracy.{name}": None for name in own}})
+        try:
+            asked = self.with_values({"accuracy.relative": relative, **{f"accuracy.{name}": None for name in own}})
+        except StudyError as error:
+            raise StudyError([replace(one, file="--tolerance") for one in error.problems]) from None
         spot, wanted = self.file.light_spot, asked.file.accuracy.wanted().relative["pixel_intensity"]
         if spot is None or not spot.methods or wanted <= spot.tolerance:
             return asked
