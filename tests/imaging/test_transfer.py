@@ -90,12 +90,12 @@ def test_hopkins_against_its_integral_at_many_digits(blur: float) -> None:
     """From a twentieth of a wave of defocus to as much as waves are taken for."""
     f_number = 3.8
     with mpmath.workdps(25):
-        for s in (0.1, 0.35, 0.5, 0.8):
+        for s in (0.1, 0.5, 0.8):
             nu = s / (WAVELENGTH * f_number)
             a = mpmath.pi * blur * nu
             exact = (4 / mpmath.pi) * mpmath.quad(
                 lambda x, a=a, s=s: mpmath.sqrt(abs(1 - (x + s) ** 2)) * mpmath.cos(a * x),
-                mpmath.linspace(0, 1 - s, 12 + int(blur / 2e-6)),
+                mpmath.linspace(0, 1 - s, 12 + int(blur / 8e-6)),
             )
             assert float(fresnel_transfer(nu, WAVELENGTH, f_number, blur)) == pytest.approx(float(exact), abs=1e-14)
 

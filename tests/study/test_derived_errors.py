@@ -11,9 +11,11 @@ import pytest
 from tests.study.conftest import STUDIES
 from tradestudy.errors import StudyError
 from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.transfer.kirchhoff import kirchhoff_correction
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.depth import ONE_SIGMA, WAYS, evaluate_depth
 from tradestudy.study.groups.depth import depth_as_declared
+from tradestudy.study.kirchhoff_pictures import compute_kirchhoff_pictures
 from tradestudy.study.loading import load_definition
 from tradestudy.study.usable import evaluate_limits, usable_intervals
 
@@ -141,3 +143,23 @@ def test_calibration_errors_are_not_propagated_with_a_noise_that_is_not_one() ->
         load_definition(STUDIES / "calibration.yaml", (PICTURE, "stereo-printed.depth.disparity_error=derived"))
     told = {problem.path: problem.what for problem in caught.value.problems}
     assert "declare its disparity_error in pixels" in told["calibration.cameras.stereo-printed"]
+
+
+def test_what_kirchhoff_adds_is_computed_beforehand_with_progress(study: StudyDefinition) -> None:
+    """Then no distance of the study waits for it."""
+    slow = study.with_values({"scene.distances": {"from": "54 mm", "to": "57 mm", "points": 5, "spacing": "log"}})
+    acting = slow.with_models({"pair-f22": {"main_lens_diffraction": "kirchhoff"}})
+    told: list[tuple[str, float]] = []
+    compute_kirchhoff_pictures(acting, lambda step, share: told.append((step, share)))
+    shares = [share for _, share in told]
+    assert shares == sorted(set(shares))
+    assert len(shares) > 5
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert {step for step, _ in told} == {"pictures"}
+    computed = kirchhoff_correction.cache_info().misses
+    by_kirchhoff, by_fresnel = (uncertainty(one, "pair-f22", slow.case.distance) for one in (acting, slow))
+    assert kirchhoff_correction.cache_info().misses == computed
+    assert np.any(by_kirchhoff != by_fresnel)
+    told.clear()
+    compute_kirchhoff_pictures(slow, lambda step, share: told.append((step, share)))
+    assert not told

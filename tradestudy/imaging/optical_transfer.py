@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import assert_never
+from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
@@ -16,8 +17,12 @@ from tradestudy.imaging.transfer import (
     fresnel_transfer,
     kirchhoff_transfers,
     lattice_defocus,
+    lattice_points,
 )
 from tradestudy.optics.arrays import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from tradestudy.imaging.transfer.kirchhoff_lattice import LatticePoint
 
 _MOST_BLUR_OF_WAVES = 200.0
 
@@ -54,7 +59,7 @@ class LensTransfers:
         return self._products[key]
 
     def _product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
-        spectrum = self.settings.spectrum if models.spectrum == "weighted" else ((self.settings.wavelength, 1.0),)
+        spectrum = _light_of(self.settings, models)
         total = sum(weight for _, weight in spectrum)
         error = np.zeros(self.geometry.distance.size)
         products = []
@@ -132,14 +137,13 @@ def _stage_transfer(
         case "fresnel":
             value, error = fresnel_transfer(nu, wavelength, N, np.where(by_rays, 0.0, blur)), exact
         case "kirchhoff":
-            defocused = np.broadcast_to((blur != 0.0) & ~by_rays, (exact.size, 1))[:, 0]
             value, error = kirchhoff_transfers(
                 np.broadcast_to(nu, (exact.size, frequency.size)),
                 wavelength=wavelength,
                 aperture_diameter=stage.aperture_diameter,
                 focal_length=stage.focal_length,
                 plane_distance=stage.plane_distance,
-                defocus_waves=np.where(defocused, stage.defocus(wavelength), 0.0),
+                defocus_waves=_waves(stage, wavelength, defocus),
                 lens_phase=settings.lens_phase,
             )
         case _:
@@ -152,9 +156,40 @@ def _stage_transfer(
 
 def kirchhoff_defocus(stage: LensStage, wavelength: float) -> FloatArray:
     """Defocus [waves] of every point of the lattice that Kirchhoff's transfer of one lens is interpolated on."""
+    return lattice_defocus(stage.plane_distance, _waves(stage, wavelength, "disc"))
+
+
+def kirchhoff_points(
+    geometry: PictureGeometry, settings: PictureSettings, models: PictureModels
+) -> tuple[LatticePoint, ...]:
+    """Arguments of every `kirchhoff_correction` that the transfers of a picture take; none without such a model."""
+    stages = ((geometry.main_lens, models.main_lens_diffraction), (geometry.microlens, models.microlens_diffraction))
+    return tuple(
+        point
+        for stage, model in stages
+        if stage is not None and model == "kirchhoff"
+        for wavelength, _ in _light_of(settings, models)
+        for point in lattice_points(
+            wavelength=wavelength,
+            aperture_diameter=stage.aperture_diameter,
+            focal_length=stage.focal_length,
+            plane_distance=stage.plane_distance,
+            defocus_waves=_waves(stage, wavelength, models.defocus_blur),
+            lens_phase=settings.lens_phase,
+        )
+    )
+
+
+def _light_of(settings: PictureSettings, models: PictureModels) -> Sequence[tuple[float, float]]:
+    """Wavelengths [m] and their weights."""
+    return settings.spectrum if models.spectrum == "weighted" else ((settings.wavelength, 1.0),)
+
+
+def _waves(stage: LensStage, wavelength: float, defocus: DefocusModel) -> FloatArray:
+    """Defocus [waves] that waves are taken for; 0 where there is none, and where it is left to rays."""
     by_waves = ~_is_by_rays(stage.blur_diameter, wavelength, stage.f_number)
-    defocus = np.where((stage.blur_diameter != 0.0) & by_waves, stage.defocus(wavelength), 0.0)
-    return lattice_defocus(stage.plane_distance, defocus)
+    counts = (stage.blur_diameter != 0.0) & by_waves & (defocus == "disc")
+    return np.where(counts, stage.defocus(wavelength), 0.0)
 
 
 def _is_by_rays(blur: FloatArray, wavelength: float, f_number: FloatArray) -> BoolArray:

@@ -19,6 +19,7 @@ from tradestudy.study.groups.images import images_group
 from tradestudy.study.groups.point_spread import point_spread_group
 from tradestudy.study.groups.registers import assumptions_group, cameras_group, contradictions_group
 from tradestudy.study.groups.uncertain import uncertain_groups
+from tradestudy.study.kirchhoff_pictures import compute_kirchhoff_pictures
 from tradestudy.study.plan import Plan
 from tradestudy.study.situations import depth_of_field, light_spot, point_spread
 from tradestudy.study.timing import Seconds
@@ -70,6 +71,7 @@ def compute(
     if plan.situations:
         groups["/effects"] = effects_group(plan)
     if definition.case.cameras:
+        compute_kirchhoff_pictures(definition, progress)
         groups["/depth"] = depth_group(definition, steps)
         if file.decision is not None:
             groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)

@@ -7,7 +7,7 @@ in which their blur is measured. They are 1 at frequency 0; negative values are 
 from tradestudy.imaging.transfer.defocus import disc_transfer
 from tradestudy.imaging.transfer.diffraction import airy_transfer
 from tradestudy.imaging.transfer.fresnel import fresnel_transfer
-from tradestudy.imaging.transfer.kirchhoff_lattice import kirchhoff_transfers, lattice_defocus
+from tradestudy.imaging.transfer.kirchhoff_lattice import kirchhoff_transfers, lattice_defocus, lattice_points
 from tradestudy.imaging.transfer.pixel import square_transfer
 
 __all__ = [
@@ -16,5 +16,6 @@ __all__ = [
     "fresnel_transfer",
     "kirchhoff_transfers",
     "lattice_defocus",
+    "lattice_points",
     "square_transfer",
 ]

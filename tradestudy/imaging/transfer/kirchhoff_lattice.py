@@ -18,6 +18,8 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 if TYPE_CHECKING:  # see there
     from tradestudy.optics.propagation import LensPhase
 
+    LatticePoint = tuple[float, float, float, float, float, LensPhase]  # arguments of `kirchhoff_correction`
+
 _POINTS = 4
 _WAVES = 0.1
 _LOG_PLANE = 0.05
@@ -65,23 +67,52 @@ def kirchhoff_transfers(
     value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
     for k in np.flatnonzero(np.isfinite(plane_distance + defocus_waves + focal_length)):
         f, plane, waves = float(focal_length[k]), float(plane_distance[k]), float(defocus_waves[k])
-        fixed, place = _is_fixed(defocus_waves[k]), float(_place(plane_distance[k], defocus_waves[k]))
-        first = math.floor(place) - 1
-        found = []
-        for j in range(first, first + _POINTS):
-            b, w = (plane, j * _WAVES) if fixed else (math.exp(j * _LOG_PLANE), 0.0)
-            inverse = 1.0 / f - 1.0 / b + 8.0 * wavelength * w / aperture_diameter**2
-            distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
-            found.append(kirchhoff_correction(wavelength, aperture_diameter, f, distance, b, lens_phase))
+        place = float(_place(plane_distance[k], defocus_waves[k]))
+        around = _points_around(wavelength, aperture_diameter, f, plane, waves, lens_phase)
+        found = [kirchhoff_correction(*point) for point in around]
         tables = np.stack([table for table, _ in found])
-        cubic = _lagrange(place - first, _POINTS) @ tables
-        parabola = _lagrange(place - first, _POINTS - 1) @ tables[:-1]
+        since_first = place - math.floor(place) + 1.0
+        cubic = _lagrange(since_first, _POINTS) @ tables
+        parabola = _lagrange(since_first, _POINTS - 1) @ tables[:-1]
         N = plane / aperture_diameter
         blur = 8.0 * N * abs(waves) * wavelength
         value[k] = fresnel_transfer(frequency[k], wavelength, N, blur)
         value[k] += correction_at(cubic, wavelength * N * frequency[k])
         error[k] = max(off for _, off in found) + float(np.max(np.abs(cubic - parabola)))
     return value, error
+
+
+def lattice_points(
+    *,
+    wavelength: float,
+    aperture_diameter: float,
+    focal_length: FloatArray,
+    plane_distance: FloatArray,
+    defocus_waves: FloatArray,
+    lens_phase: LensPhase,
+) -> tuple[LatticePoint, ...]:
+    """Arguments of every `kirchhoff_correction` that `kirchhoff_transfers` takes for the same lens, each once."""
+    lengths = np.stack(np.broadcast_arrays(focal_length, plane_distance, defocus_waves), axis=1)
+    found = {
+        point: None
+        for f, plane, waves in lengths[np.isfinite(lengths).all(axis=1)].tolist()
+        for point in _points_around(wavelength, aperture_diameter, f, plane, waves, lens_phase)
+    }
+    return tuple(found)
+
+
+def _points_around(
+    wavelength: float, aperture: float, focal_length: float, plane: float, waves: float, lens_phase: LensPhase
+) -> tuple[LatticePoint, ...]:
+    """Between which a transfer is interpolated, in order."""
+    first = math.floor(_place(np.asarray(plane), np.asarray(waves))) - 1
+    found = []
+    for j in range(first, first + _POINTS):
+        b, w = (plane, j * _WAVES) if _is_fixed(np.asarray(waves)) else (math.exp(j * _LOG_PLANE), 0.0)
+        inverse = 1.0 / focal_length - 1.0 / b + 8.0 * wavelength * w / aperture**2
+        distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
+        found.append((wavelength, aperture, focal_length, distance, b, lens_phase))
+    return tuple(found)
 
 
 def lattice_defocus(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
