@@ -186,7 +186,7 @@ class TestRun:
 
 class TestProgress:
     def test_short_work_shows_no_bar(self) -> None:
-        bar = cli._ProgressBar()
+        bar = cli._ProgressBar(is_foreseen=True)
         bar("depth", 0.5)
         assert bar.progress is None
 

@@ -144,7 +144,8 @@ def cost(
 
         loaded = api.load(study, set_ or (), tolerance=tolerance)
         directory = out if out is not None else Path("reports") / loaded.name
-        with _shown_progress(quiet=quiet) as progress:
+        # How many settings fit into the budget shows only as they are measured.
+        with _shown_progress(quiet=quiet, is_foreseen=False) as progress:
             found = api.cost(loaded, directory, repeats=repeats, budget=budget, progress=progress)
             shown = api.is_finished(loaded, directory)
         if not quiet:
@@ -304,11 +305,12 @@ class _ProgressLine:
 
 
 class _ProgressBar:
-    """Bars with the time left; they appear only once the work has taken long enough to be worth a look."""
+    """Bars with the time left, or gone by; they appear only once the work has taken long enough to be worth a look."""
 
     WORTH_A_LOOK = 2.0
 
-    def __init__(self) -> None:
+    def __init__(self, *, is_foreseen: bool) -> None:
+        self.is_foreseen = is_foreseen
         self.begin = time.monotonic()
         self.tasks: dict[str, TaskID] = {}
         self.progress: Progress | None = None
@@ -318,7 +320,7 @@ class _ProgressBar:
         if self.progress is None:
             if time.monotonic() - self.begin < self.WORTH_A_LOOK:
                 return
-            self.progress = _bars()
+            self.progress = _bars(is_foreseen=self.is_foreseen)
             self.progress.start()
         if step not in self.tasks:
             self.tasks[step] = self.progress.add_task(step, total=1.0)
@@ -330,7 +332,7 @@ class _ProgressBar:
             self.progress.stop()
 
 
-def _bars() -> Progress:
+def _bars(*, is_foreseen: bool) -> Progress:
     from rich import progress
     from rich.console import Console
 
@@ -338,21 +340,21 @@ def _bars() -> Progress:
         progress.TextColumn("{task.description}"),
         progress.BarColumn(),
         progress.TaskProgressColumn(),
-        progress.TimeRemainingColumn(compact=True),
+        progress.TimeRemainingColumn(compact=True) if is_foreseen else progress.TimeElapsedColumn(),
         console=Console(stderr=True),
         transient=True,
     )
 
 
 @contextmanager
-def _shown_progress(*, quiet: bool) -> Iterator[Callable[[str, float], None]]:
-    """Choose how a long command shows how far it is."""
+def _shown_progress(*, quiet: bool, is_foreseen: bool = True) -> Iterator[Callable[[str, float], None]]:
+    """Choose how a long command shows how far it is; where shares of its time are not foreseen, how long it has run."""
     if quiet:
         yield lambda _step, _share: None
     elif not sys.stderr.isatty():
         yield _ProgressLine(sys.stderr)
     else:
-        bar = _ProgressBar()
+        bar = _ProgressBar(is_foreseen=is_foreseen)
         try:
             yield bar
         finally:

@@ -130,7 +130,7 @@ def test_integration_that_draws_contradict_is_not_believed(
     exact: dict[str, FloatArray], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked = case(product, a=STANDARD, b=STANDARD)
-    monkeypatch.setattr(depth_reference, "_integrated", lambda _cases: (1.02 * exact["product"], 1e-9))
+    monkeypatch.setattr(depth_reference, "_integrated", lambda _cases, _alive: (1.02 * exact["product"], 1e-9))
     found = reference_of([asked], ALLOWED, 2**12)
     assert "draws in 8 scrambles" in found.words
     assert found.half_width == pytest.approx(exact["product"], rel=8.0 * found.relative_error)

@@ -61,6 +61,30 @@ def test_what_a_run_answers_with_is_measured_before_all_else() -> None:
     assert len(found.left_out) + len(found.entries) == 11
 
 
+def test_what_a_study_can_ask_for_is_measured_before_what_is_for_comparison() -> None:
+    part = tradestudy.load(STUDIES / "light_spot.yaml").definition.file.point_spread
+    assert part is not None
+    one = part.model_copy(update={"elements": {"microlens": part.elements["microlens"]}, "window": 4.0})
+    allowance = Allowance(seconds=1e4)
+
+    def until_half_is_measured(_step: str, share: float) -> None:
+        if share > 0.5:
+            allowance.seconds = 0.0
+
+    found = point_spread_cost(one, "kirchhoff", allowance, until_half_is_measured, (1e-3, 1e-4))
+    assert {entry.model for entry in found.entries} == {"Fresnel", "Kirchhoff"}
+    assert len(found.entries) == 6
+    assert len(found.left_out) == 5
+    assert all(line.startswith(("rays", "boundary wave", DIRECT)) for line in found.left_out)
+    assert all("no time left" in line for line in found.left_out)
+
+
+def test_what_is_not_begun_says_what_it_would_take_and_what_is_left() -> None:
+    words = Allowance(seconds=1e-3).lacking(12.3)
+    assert words.startswith("no time left: it takes about 12 s, 0.00")
+    assert words.endswith(" s are left for this quantity")
+
+
 def of(table: Measured, model: str) -> list[Entry]:
     return [entry for entry in table.entries if entry.model == model]
 

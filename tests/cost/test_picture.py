@@ -10,19 +10,21 @@ import pytest
 
 from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS, hand_lens
-from tradestudy.cost import measuring, picture
+from tradestudy.cost import depth, measuring, picture
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.picture import TITLES, picture_cost
 from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.cost.study_cost import study_cost
 from tradestudy.errors import UnaffordableError
+from tradestudy.imaging import derived_error
 from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import disparity_error_px
 from tradestudy.imaging.texture import texture_spectrum
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.depth import depth_uncertainty
 from tradestudy.study.loading import load_definition
 from tradestudy.study.situations.depth import depth_situations
 from tradestudy.study.situations.situation import Situation
@@ -201,3 +203,19 @@ def test_a_study_s_cost_has_one_quantity_for_every_derived_camera(
     found = study_cost(study, budget=2.0)
     assert found["cost_quantity"].values.tolist() == ["depth_uncertainty", "picture_1"]
     assert found["title"].values.tolist()[1] == "Picture models: Stereo 30.5 mm"
+
+
+def test_no_way_of_propagating_errors_is_charged_with_the_picture(
+    study: StudyDefinition, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    camera = study.case.cameras["pair"]
+    (case,) = depth._declared(study, "pair", camera)
+    assert case.closed_form is not None
+    expected = depth_uncertainty(camera, case.distance)
+
+    def derived_again(*_: object) -> None:
+        raise AssertionError("the picture is computed again")
+
+    monkeypatch.setattr(derived_error, "disparity_bound_px", derived_again)
+    derived_error._bound_px.cache_clear()
+    np.testing.assert_allclose(case.closed_form(), expected, rtol=1e-14)

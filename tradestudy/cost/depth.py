@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.case import Case
@@ -19,7 +20,9 @@ from tradestudy.cost.interval_quadrature import half_width
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
 from tradestudy.effects.calibration import LINEAR as EFFECT_LINEAR
 from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.acting import AnyDepthCamera
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.depth import ONE_SIGMA, depth_uncertainty
 from tradestudy.study.progress import Progress
@@ -64,16 +67,20 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
         chosen=IN_DISPARITY,
         asked=definition.file.accuracy.wanted().relative["depth_uncertainty"],
     )
+    derived = any(isinstance(one.disparity_error_px, PictureDisparityError) for one in cameras.values())
     unusable = tuple(f"{titles[one]}: usable at no distance of the study" for one in cameras if one not in usable)
     return replace(
         measured,
         left_out=(*unusable, *measured.left_out),
-        notes=(_WHICH_IS_LINEAR, *measured.notes) if measured.entries else measured.notes,
+        notes=(_WHICH_IS_LINEAR, *([_PICTURES] * derived), *measured.notes) if measured.entries else measured.notes,
         ways={IN_DISPARITY: "no option, as every run takes it"},
     )
 
 
 IN_DISPARITY: Final = "linear in disparity, closed form"
+_PICTURES: Final = (
+    "What it takes to derive disparity errors from pictures is measured by itself, below; here they are known."
+)
 LINEAR, INVERSE = "linear in depth", "linear in inverse depth"
 _WHICH_IS_LINEAR: Final = (
     f"What a run takes, {IN_DISPARITY}, is what the table of effects calls calibration: {EFFECT_LINEAR}. All errors "
@@ -121,8 +128,12 @@ def propagation_cost(
         Of any way; the reference takes at most eight times as many.
     """
     progress(f"cost: {name}", 0.0)
+
+    def alive() -> None:
+        progress(f"cost: {name}", min(_spent(allowance), _REFERENCE_SHARE))
+
     try:
-        found = reference_of(cases, allowance.share(_REFERENCE_SHARE), most_draws)
+        found = reference_of(cases, allowance.share(_REFERENCE_SHARE), most_draws, alive)
     except UnaffordableError as error:
         progress(f"cost: {name}", 1.0)
         return nothing_measured(name, title, says, f"everything: no time left: {error}")
@@ -158,7 +169,7 @@ def propagation_cost(
     for nodes, setting in _NODES.items():
         # The nodes of up to five dimensions grow by less than a hundredfold from one setting to the next.
         if not allowance.allows(2.0 * took_last):
-            left_out.append(f"{QUADRATURE}, {setting}: no time left")
+            left_out.append(f"{QUADRATURE}, {setting}: {allowance.lacking(2.0 * took_last)}")
             continue
         try:
             timed = measure(partial(_by_quadrature, cases, nodes), allowance)
@@ -169,24 +180,30 @@ def propagation_cost(
         entries.append(_entry(QUADRATURE, setting, math.nan, timed, reference))
         if entries[-1].error <= 2.0 * reference_error:  # finer ones are as good as can be told
             break
-    took = dict.fromkeys(_SAMPLERS, 0.0)
+    took, drawn = dict.fromkeys(_SAMPLERS, 0.0), 0.0
+    planned = sum(
+        2.0**power for power in _POWERS for most in _MOST_POWER.values() if 2**power <= min(2**most, most_draws)
+    )
     for power in _POWERS:
         for model, sampler in _SAMPLERS.items():
             if power > _MOST_POWER[model] or 2**power > most_draws:
                 continue
             setting = f"2{str(power).translate(SUPERSCRIPTS)} draws"
             # Four times the draws take four times as long; one run for the memory, and at least one for the time.
-            if not allowance.allows(2.0 * 4.0 * took[model]):
-                left_out.append(f"{model}, {setting}: no time left")
+            predicted = 2.0 * 4.0 * took[model]
+            if not allowance.allows(predicted):
+                left_out.append(f"{model}, {setting}: {allowance.lacking(predicted)}")
                 continue
             timed = measure(partial(_sampled, cases, fixed_sampling(sampler, 2**power)), allowance)
             took[model] = timed.seconds
             entries.append(_entry(model, setting, 2.0**power, timed, reference))
-            progress(f"cost: {name}", _REFERENCE_SHARE + (1 - _REFERENCE_SHARE) * _spent(allowance))
+            drawn += 2.0**power
+            progress(f"cost: {name}", _REFERENCE_SHARE + (1.0 - _REFERENCE_SHARE) * drawn / planned)
         # Before the many draws, lest they leave no time for what a run takes.
         for model, setting, sampling in more if power == _RULES_AFTER else ():
-            if not allowance.allows(_UNTIL_CONVERGED * took[model]):
-                left_out.append(f"{model}, {setting}: no time left")
+            predicted = _UNTIL_CONVERGED * took[model]
+            if not allowance.allows(predicted):
+                left_out.append(f"{model}, {setting}: {allowance.lacking(predicted)}")
                 continue
             timed = measure(partial(_sampled, cases, sampling), allowance)
             entries.append(_entry(model, setting, math.nan, timed, reference, chosen=model == chosen))
@@ -249,14 +266,40 @@ def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> It
         shape = (len(next(iter(values.values()))), distance.size)
         return Outcome(values=np.broadcast_to(1.0 / depth, shape))
 
+    known = _with_known_errors(camera, distance)
     yield Case(
         name=name,
         title=definition.file.cameras[name].title,
         model=model,
         sources=Sources(groups=tuple(sources)),
         distance=distance,
-        closed_form=lambda: depth_uncertainty(camera, distance),
+        closed_form=lambda: depth_uncertainty(known, distance),
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _KnownDisparityError(PictureDisparityError):
+    """Errors that a picture has at some distances, so that no way of propagation is charged with deriving them."""
+
+    distance: tuple[float, ...]
+    known_px: tuple[float, ...]
+
+    def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:  # noqa: ARG002  # known of one camera
+        """At those distances."""
+        return np.interp(np.asarray(distance, dtype=np.float64), self.distance, self.known_px)
+
+
+def _with_known_errors(camera: DepthCamera, distance: FloatArray) -> DepthCamera:
+    """The camera, at some distances, without the picture that its disparity error is derived from."""
+    law = camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return camera
+    assert isinstance(camera, AnyDepthCamera)  # no others are pictured
+    found = law.error_px(camera, distance)
+    known = _KnownDisparityError(
+        settings=law.settings, models=law.models, distance=tuple(distance.tolist()), known_px=tuple(found.tolist())
+    )
+    return replace(camera, disparity_error_px=known)
 
 
 def _analytic(cases: Sequence[Case]) -> Iterator[tuple[str, Callable[[int], FloatArray]]]:

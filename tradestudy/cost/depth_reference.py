@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -62,7 +62,9 @@ class Reference:
     words: str
 
 
-def reference_of(cases: Sequence[Case], allowance: Allowance, most_draws: int) -> Reference:
+def reference_of(
+    cases: Sequence[Case], allowance: Allowance, most_draws: int, alive: Callable[[], None] = lambda: None
+) -> Reference:
     """The more exact one of integration, where the errors are few and independent, and of many draws.
 
     Integration is believed only where it agrees with draws to six of their standard errors.
@@ -75,6 +77,8 @@ def reference_of(cases: Sequence[Case], allowance: Allowance, most_draws: int) -
         Time for the draws, of which there are more as long as it allows twice as many.
     most_draws
         Of what is measured; there are at most eight times as many.
+    alive
+        Called again and again, for progress.
 
     Raises
     ------
@@ -90,8 +94,8 @@ def reference_of(cases: Sequence[Case], allowance: Allowance, most_draws: int) -
             limit=f"{significant(max(allowance.left, 0.0), 2)} s are left for it",
             remedy="a larger --budget measures it",
         )
-    drawn = _scrambles(cases, _FEWEST_DRAWS)
-    integrated = _integrated(cases) if allowance.allows(_INTEGRATED * drawn[1]) else None
+    drawn = _scrambles(cases, _FEWEST_DRAWS, alive)
+    integrated = _integrated(cases, alive) if allowance.allows(_INTEGRATED * drawn[1]) else None
     if integrated is not None:
         value, error = integrated
         apart = _apart(drawn[0], value)
@@ -104,7 +108,7 @@ def reference_of(cases: Sequence[Case], allowance: Allowance, most_draws: int) -
                 f"by finer rules; {_power(_FEWEST_DRAWS)} scrambled Sobol draws agree with it to {apart:.1f} of their "
                 "standard errors",
             )
-    return _by_draws(cases, drawn, allowance, most_draws)
+    return _by_draws(cases, drawn, allowance, most_draws, alive)
 
 
 def _predicted_seconds(cases: Sequence[Case]) -> float:
@@ -131,12 +135,16 @@ def _apart(scrambles: FloatArray, value: FloatArray) -> float:
 
 
 def _by_draws(
-    cases: Sequence[Case], drawn: tuple[FloatArray, float], allowance: Allowance, most_draws: int
+    cases: Sequence[Case],
+    drawn: tuple[FloatArray, float],
+    allowance: Allowance,
+    most_draws: int,
+    alive: Callable[[], None],
 ) -> Reference:
     draws = _FEWEST_DRAWS
     while draws < min(_MOST_DRAWS, 8 * most_draws) and allowance.allows(2.5 * drawn[1]):
         draws *= 2
-        drawn = _scrambles(cases, draws)
+        drawn = _scrambles(cases, draws, alive)
     widths = np.where(np.isfinite(drawn[0]).all(axis=0), drawn[0], np.nan)
     mean = widths.mean(axis=0)
     errors = widths.std(axis=0, ddof=1) / math.sqrt(_SCRAMBLES) / mean
@@ -149,13 +157,14 @@ def _by_draws(
     )
 
 
-def _scrambles(cases: Sequence[Case], draws: int) -> tuple[FloatArray, float]:
+def _scrambles(cases: Sequence[Case], draws: int, alive: Callable[[], None]) -> tuple[FloatArray, float]:
     """Half-widths of every scramble, shape (scrambles, places), and the seconds they took."""
     from scipy.stats.qmc import Sobol
 
     begin = time.perf_counter()
     rows = []
     for scramble in range(_SCRAMBLES):
+        alive()
         parts = []
         for number, case in enumerate(cases):
             rng = np.random.default_rng((REFERENCE_SEED, scramble, number))
@@ -172,11 +181,12 @@ def _scrambles(cases: Sequence[Case], draws: int) -> tuple[FloatArray, float]:
     return np.stack(rows), time.perf_counter() - begin
 
 
-def _integrated(cases: Sequence[Case]) -> tuple[FloatArray, float] | None:
+def _integrated(cases: Sequence[Case], alive: Callable[[], None]) -> tuple[FloatArray, float] | None:
     """Half-widths by integration and their worst relative error; None where a case cannot be integrated."""
     values, errors = [], []
     for case in cases:
         integral = _integral(case)
+        alive()
         try:
             value, error = (None, None) if integral is None else _refined(integral)
         except NotConvergedError:

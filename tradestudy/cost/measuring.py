@@ -14,6 +14,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from tradestudy.cost.defaults import FEWEST_REPEATS
 from tradestudy.cost.entries import Entry
+from tradestudy.units import significant
 
 Value = TypeVar("Value")
 
@@ -64,6 +65,13 @@ class Allowance:
     def allows(self, predicted: float) -> bool:
         """Whether a computation that takes so long may begin."""
         return predicted <= self.left
+
+    def lacking(self, predicted: float) -> str:
+        """Why a computation that takes so long is not begun."""
+        if predicted == 0.0:
+            return "no time left for this quantity"
+        left = significant(max(self.left, 0.0), 2)
+        return f"no time left: it takes about {significant(predicted, 2)} s, {left} s are left for this quantity"
 
     def keeping(self, seconds: float) -> Allowance:
         """An allowance of its own for what is left, less what is to be kept for something else."""

@@ -106,8 +106,9 @@ def picture_cost(
         progress(step, number / len(sets))
         model, setting = _words(names, situation)
         waves = "kirchhoff" in names.values()
-        if not allowance.allows(_LATTICE_POINTS * reference.seconds if waves else 0.0):
-            left_out.append(f"{', '.join(filter(None, (model, setting)))}: no time left")
+        predicted = _LATTICE_POINTS * reference.seconds if waves else 0.0
+        if not allowance.allows(predicted):
+            left_out.append(f"{', '.join(filter(None, (model, setting)))}: {allowance.lacking(predicted)}")
             continue
         timed = measure(
             lambda _run, one=model_camera: depth_uncertainty(one, reference.places),  # type: ignore[misc]  # bound at once

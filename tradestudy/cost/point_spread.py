@@ -43,6 +43,7 @@ _REFERENCE_TOLERANCE: Final = 1e-10
 _COUNT: Final = 65  # targets to a side; the reference is at every fourth, row and column
 _EVERY: Final = 4
 _PILOT_COUNT: Final = 5  # targets to a side, from which the reference's seconds follow
+_FINER_TAKES: Final = 4.0  # times as long as a setting before, at most, its repeats included
 _REFERENCE_SHARE: Final = 0.5  # at most, of what is left, so that models can be held against it
 
 
@@ -90,12 +91,16 @@ def point_spread_cost(
     entries: list[Entry] = []
     left_out: list[str] = []
     runs = list(_runs(lenses, law, part.tolerance, tolerances))
-    # What a run answers with comes first, in case the time ends.
-    for number, (model, setting, compute, chosen) in enumerate(sorted(runs, key=lambda run: not run[-1])):
+    # In case the time ends: first what a run answers with, then what a study can ask for, then what is for comparison.
+    ways = {TITLES[method]: "point_spread.tolerance, of both laws that a run computes" for method in METHODS}
+    for number, (model, setting, compute, chosen) in enumerate(
+        sorted(runs, key=lambda run: (not run[-1], run[0] not in ways))
+    ):
         progress(step, number / len(runs))
         earlier = [entry.seconds for entry in entries if entry.model == model]
-        if not allowance.allows(4.0 * (earlier[-1] if earlier else 0.0)):
-            left_out.append(f"{model}, {setting}: no time left")
+        predicted = _FINER_TAKES * earlier[-1] if earlier else 0.0
+        if not allowance.allows(predicted):
+            left_out.append(f"{model}, {setting}: {allowance.lacking(predicted)}")
             continue
         try:
             timed = measure(compute, allowance)
@@ -134,7 +139,7 @@ def point_spread_cost(
             f"A run computes {' and '.join(TITLES[method] for method in METHODS)}, as each is the other's check; its "
             "answer, which is marked as chosen, is the one that the accuracy wanted calls for.",
         ),
-        ways={TITLES[method]: "point_spread.tolerance, of both laws that a run computes" for method in METHODS},
+        ways=ways,
     )
 
 

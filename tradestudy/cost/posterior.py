@@ -102,8 +102,9 @@ def posterior_cost(
     left_out: list[str] = []
     for number, (model, setting, draw, chosen) in enumerate(runs):
         progress(step, number / len(runs))
-        if not allowance.allows(reference_seconds / len(widths) if model == EMCEE else 0.0):
-            left_out.append(f"{model}, {setting}: no time left")
+        predicted = reference_seconds / len(widths) if model == EMCEE else 0.0
+        if not allowance.allows(predicted):
+            left_out.append(f"{model}, {setting}: {allowance.lacking(predicted)}")
             continue
         timed = measure(lambda run, draw=draw: width(draw(run)), allowance)  # type: ignore[misc]  # bound at once
         off = np.sqrt(np.mean((np.stack(timed.values)[:, seen] / reference - 1.0) ** 2, axis=0))
