@@ -69,17 +69,21 @@ def audit(cases: int, seed: int) -> Iterator[Held]:
             done += 1
 
 
-def omissions(name: str, definition: StudyDefinition) -> Iterator[Held]:
-    """Every omission of the one camera of a study, and what is chosen for some accuracies; none if it is not usable."""
-    (situation,) = depth_situations(definition, {})
+def omissions(name: str, definition: StudyDefinition, forced: Mapping[SlotName, str] | None = None) -> Iterator[Held]:
+    """Every omission of the one camera of a study, and what is chosen for some accuracies; none if it is not usable.
+
+    All beside the models that are forced, if any are.
+    """
+    forced = forced or {}
+    (situation,) = depth_situations(definition, forced)
     complete: dict[SlotName, str] = {
         slot.name: "fresnel" if "fresnel" in slot.model_names else slot.model_names[-1] for slot in situation.slots
-    }
+    } | forced
     places = _places(definition, complete)
     if not places.size:
         return
     reference = _uncertainty(definition, complete, places)
-    for slot in situation.slots:
+    for slot in (one for one in situation.slots if one.name not in forced):
         for model in slot.models[:-1]:
             bound = model.change_of("depth_uncertainty")
             if model.name == "fresnel":
@@ -92,7 +96,7 @@ def omissions(name: str, definition: StudyDefinition) -> Iterator[Held]:
             yield Held(case=name, slot=slot.name, model=model.name, change=change, bound=bound)
     for wanted in (0.01, 0.05, 0.2):
         try:
-            chosen = situation.select(Accuracy.of_all(wanted), {})
+            chosen = situation.select(Accuracy.of_all(wanted), forced)
         except UnaffordableError:
             continue
         names = {slot: model.name for slot, model in chosen.chosen.items()}

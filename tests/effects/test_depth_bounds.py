@@ -11,6 +11,7 @@ import pytest
 from tests.campaigns import depth_of_field_bounds
 from tests.campaigns.depth_bounds import audit, omissions
 from tests.campaigns.depth_cases import base_study
+from tradestudy.effects.base import SlotName
 from tradestudy.imaging.transfer import airy_transfer, kirchhoff_transfers
 from tradestudy.study.situations.depth import depth_situations
 
@@ -65,6 +66,54 @@ def test_angles_at_the_rim_take_their_share_of_what_diffraction_takes(f_number: 
     sine_squared = 1.0 / (1.0 + 4.0 * f_number**2)
     ratio = np.log(exact[0] / airy) / (sine_squared * np.minimum(1.0, np.abs(np.log(airy))))
     assert np.all((ratio > -1.15) & (ratio < -0.8))
+
+
+def test_aberration_is_bounded_where_everything_is_held_to_be_in_focus(tmp_path: Path) -> None:
+    """Without defocus it blurs all the same."""
+    forced: dict[SlotName, str] = {"defocus_blur": "off"}
+    values = {
+        "scene.distances": {"from": "46 mm", "to": "68 mm", "points": 5, "spacing": "log"},
+        "scene.picture.texture.contrast": "20 %",
+        "scene.picture.texture.correlation_length": "0.066 mm",
+        "scene.picture.light.at_f_number": 2.8,
+        "scene.picture.spectrum": None,
+        "scene.picture.lens_phase": "parabolic",
+        "cameras.one.lenses.focal_length": "5 mm",
+        "cameras.one.lenses.f_number": 2.8,
+        "cameras.one.focus_distance": "52.8 mm",
+        "cameras.one.baseline": "5 mm",
+    }
+    found = list(omissions("aberration", base_study("stereo", tmp_path).with_values(values), forced))
+    assert [one for one in found if not one.within] == []
+    (fresnel,) = [one for one in found if one.model == "fresnel"]
+    assert fresnel.change > 0.01
+
+
+def test_aberration_is_bounded_in_light_far_from_the_central_colour(tmp_path: Path) -> None:
+    """Blue light shows more of it than that of the centre, which diffraction blurs."""
+    forced: dict[SlotName, str] = {"pixel_integration": "off"}
+    values = {
+        "scene.distances": {"from": "62.5 mm", "to": "95.6 mm", "points": 9, "spacing": "log"},
+        "scene.wavelength": "1000 nm",
+        "scene.picture.texture.contrast": "20 %",
+        "scene.picture.texture.correlation_length": "0.055 mm",
+        "scene.picture.light.electrons": "5000 electrons",
+        "scene.picture.light.at_f_number": 4.0,
+        "scene.picture.read_noise": "1.1 electrons",
+        "scene.picture.window": "25 px",
+        "scene.picture.spectrum": [
+            {"wavelength": "400 nm", "weight": 100.0},
+            {"wavelength": "1000 nm", "weight": 0.01},
+        ],
+        "scene.picture.lens_phase": "parabolic",
+        "cameras.one.main_lens.focal_length": "12.32 mm",
+        "cameras.one.main_lens.f_number": 4.0,
+        "cameras.one.focus.total_covering_plane": "66.16 mm",
+    }
+    found = list(omissions("blue", base_study("focused", tmp_path).with_values(values), forced))
+    assert [one for one in found if not one.within] == []
+    (fresnel,) = [one for one in found if (one.slot, one.model) == ("main_lens_diffraction", "fresnel")]
+    assert fresnel.change > 0.1
 
 
 def test_a_sweep_that_goes_through_focus_is_weighed_there_too(tmp_path: Path) -> None:

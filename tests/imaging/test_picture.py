@@ -21,12 +21,13 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
-from tradestudy.imaging.models import PictureModels, PictureSettings
+from tradestudy.imaging.models import DefocusModel, PictureModels, PictureSettings
 from tradestudy.imaging.noise import Light, SensorNoise
-from tradestudy.imaging.optical_transfer import LensTransfers
+from tradestudy.imaging.optical_transfer import LensTransfers, kirchhoff_points
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px, disparity_error_px, window_px
 from tradestudy.imaging.texture import Texture, texture_spectrum
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
+from tradestudy.imaging.transfer.kirchhoff import kirchhoff_correction
 
 SETTINGS = PictureSettings(
     texture=Texture(contrast=0.2, correlation_length=100e-6),
@@ -195,6 +196,21 @@ def test_models_weighed_one_after_another_have_the_bound_of_each_alone(camera) -
         alone = disparity_bound_px(geometry, settings, models)
         np.testing.assert_array_equal(weighed.bound_px(models), alone)
         np.testing.assert_array_equal(weighed.bound_px(models), alone)
+
+
+@pytest.mark.parametrize(("defocus", "count"), [("disc", 10), ("off", 4)])
+def test_kirchhoff_takes_the_points_that_are_said_beforehand_and_no_others(defocus: DefocusModel, count: int) -> None:
+    """Six around two neighbouring defoci, and four in focus, which serve where rays do and where defocus is off."""
+    geometry = picture_geometry(hand_lens(5.6), np.array([55.3e-3, 55.6e-3, 30e-3]))
+    models = replace(CLOSED, main_lens_diffraction="kirchhoff", defocus_blur=defocus)
+    said = kirchhoff_points(geometry, SETTINGS, models)
+    kirchhoff_correction.cache_clear()
+    disparity_bound_px(geometry, SETTINGS, models)
+    assert kirchhoff_correction.cache_info().misses == len(set(said)) == len(said) == count
+    for point in said:
+        kirchhoff_correction(*point)
+    assert kirchhoff_correction.cache_info().misses == len(said)
+    assert kirchhoff_points(geometry, SETTINGS, replace(models, main_lens_diffraction="fresnel")) == ()
 
 
 @pytest.mark.parametrize("f_number", [1.4, 5.6, 22.0])

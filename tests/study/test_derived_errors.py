@@ -12,11 +12,14 @@ from tests.study.conftest import STUDIES
 from tradestudy.errors import StudyError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.transfer.kirchhoff import kirchhoff_correction
+from tradestudy.study import runner
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.depth import ONE_SIGMA, WAYS, evaluate_depth
+from tradestudy.study.execution import Steps
 from tradestudy.study.groups.depth import depth_as_declared
 from tradestudy.study.kirchhoff_pictures import compute_kirchhoff_pictures
 from tradestudy.study.loading import load_definition
+from tradestudy.study.plan import plan_of
 from tradestudy.study.usable import evaluate_limits, usable_intervals
 
 NOISE, BOTH = WAYS.index("noise"), WAYS.index("both")
@@ -163,3 +166,19 @@ def test_what_kirchhoff_adds_is_computed_beforehand_with_progress(study: StudyDe
     told.clear()
     compute_kirchhoff_pictures(slow, lambda step, share: told.append((step, share)))
     assert not told
+
+
+def test_a_run_does_so_before_depth(study: StudyDefinition, monkeypatch: pytest.MonkeyPatch) -> None:
+    class ReachedError(Exception):
+        pass
+
+    def depth(*_: object) -> None:
+        raise ReachedError
+
+    monkeypatch.setattr(runner, "depth_group", depth)
+    few = {"scene.distances": {"from": "55 mm", "to": "55.5 mm", "points": 2, "spacing": "log"}}
+    forced = study.with_values({**few, "effects": {"main_lens_diffraction": "kirchhoff"}})
+    told: list[tuple[str, float]] = []
+    with pytest.raises(ReachedError):
+        runner.compute(plan_of(forced), Steps(progress=lambda step, share: told.append((step, share))))
+    assert told[-1] == ("pictures", 1.0)

@@ -103,7 +103,7 @@ def study_cost(
             "time for measuring",
             value=f"{budget:g} s",
             limit="> 0 s, finite",
-            remedy="give the time that measuring may take, such as 10 min",
+            remedy="give the seconds that measuring may take, such as 600",
         )
     progress("cost: models of the study", 0.0)
     questions = list(_questions(definition, plan_of(definition), progress))

@@ -37,7 +37,7 @@ def _cone(aperture: float, focal_length: float, distance: float, plane: float) -
     return plane / aperture, aperture * plane * abs(1.0 / focal_length - 1.0 / distance - 1.0 / plane)
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=2**15)  # of a kilobyte each
 def kirchhoff_correction(
     wavelength: float, aperture: float, focal_length: float, distance: float, plane: float, lens_phase: LensPhase
 ) -> tuple[FloatArray, float]:

@@ -176,19 +176,22 @@ class PictureCase:
         """Relative change of the disparity error by what Fresnel leaves out of a lens, the largest over the places.
 
         Spherical aberration of W waves at the rim, balanced, is a defocus of W waves: a blur wider or narrower by
-        ``8 λ N W``. Wider changes more; the rest of the aberration, a thirteenth, is left to the margin. Weighed in
-        light of one colour, where defocus shows the best.
+        ``8 λ N W``. Wider changes more; the rest of the aberration, a thirteenth, is left to the margin.
         """
         waves = self.aberration_waves(stage)
         if stage is None or waves == 0.0:
             return 0.0
         is_main = stage is self.geometry.main_lens
         standing = self._standing("main_lens_diffraction" if is_main else "microlens_diffraction")
-        standing = with_models(standing, {"spectrum": "central"})
-        wider = stage.blur_diameter + 8.0 * self.settings.wavelength * stage.f_number * waves
-        moved = replace(stage, blur_diameter=wider)
-        geometry = replace(self.geometry, main_lens=moved) if is_main else replace(self.geometry, microlens=moved)
-        return _departure(self._bound_px(standing), disparity_bound_px(geometry, self.settings, standing))
+        # Aberration blurs what is in focus as well, where a study insists that everything is.
+        geometry = self.geometry if standing.defocus_blur == "disc" else self.geometry.in_focus()
+        own = geometry.main_lens if is_main else geometry.microlens
+        assert own is not None  # as the stage that was given is
+        wider = own.blur_diameter + 8.0 * self.settings.wavelength * own.f_number * waves
+        moved = replace(own, blur_diameter=wider)
+        geometry = replace(geometry, main_lens=moved) if is_main else replace(geometry, microlens=moved)
+        blurred = with_models(standing, {"defocus_blur": "disc"})
+        return _departure(self._bound_px(standing), disparity_bound_px(geometry, self.settings, blurred))
 
     def depth_change(self, change: float) -> float:
         """Relative change of the depth uncertainty that such a one of the disparity error makes at most.
