@@ -201,7 +201,7 @@ def test_models_weighed_one_after_another_have_the_bound_of_each_alone(camera) -
 @pytest.mark.parametrize(("defocus", "count"), [("disc", 10), ("off", 4)])
 def test_kirchhoff_takes_the_points_that_are_said_beforehand_and_no_others(defocus: DefocusModel, count: int) -> None:
     """Six around two neighbouring defoci, and four in focus, which serve where rays do and where defocus is off."""
-    geometry = picture_geometry(hand_lens(5.6), np.array([55.3e-3, 55.6e-3, 30e-3]))
+    geometry = picture_geometry(hand_lens(5.6), np.array([55.3e-3, 55.6e-3, 30e-3, 28e-3]))
     models = replace(CLOSED, main_lens_diffraction="kirchhoff", defocus_blur=defocus)
     said = kirchhoff_points(geometry, SETTINGS, models)
     kirchhoff_correction.cache_clear()
