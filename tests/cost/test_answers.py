@@ -191,7 +191,10 @@ def test_beside_the_factor_stands_what_the_whole_run_took() -> None:
     )
     (bullets,) = box.blocks
     assert isinstance(bullets, Bullets)
-    assert "89 times as long, 88 s more (it errs by 0.01 %); the whole run took 7.2 s." in plain(bullets.items[0])
+    assert (
+        "89 times as long, 88 s more (it errs by 0.01 %); all that the run computed took 7.2 s, its report apart."
+        in plain(bullets.items[0])
+    )
 
 
 def test_the_digits_of_an_error_tell_a_tenth_of_it_from_more() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,24 @@ def bullets(blocks: tuple[Block, ...]) -> list[str]:
 def rows(blocks: tuple[Block, ...]) -> list[list[str]]:
     (table,) = (block for block in blocks if isinstance(block, Table) and block.name == NAME)
     return [[plain(cell) for cell in row] for row in table.rows]
+
+
+def test_the_largest_numerical_error_says_of_which_camera_and_where(found: xr.Dataset) -> None:
+    (table,) = (block for block in section(found) if isinstance(block, Table) and block.name == NAME)
+    told = re.search(r"Estimated numerical error: at most (\S+) %, of (.+) at (.+)\.$", plain(table.notes[0]))
+    assert told is not None
+    relative = {
+        (camera, place): max(
+            float((found[f"{name}_error"] / found[name]).sel(camera=camera, distance=place).max())
+            for name in ("disparity_error_px", "disparity_error_px_changed")
+        )
+        for camera in found["camera"].values
+        for place in found["distance"].values
+    }
+    camera, place = max(relative, key=lambda key: relative[key])
+    assert float(told[1]) == pytest.approx(100.0 * relative[camera, place], rel=0.05)
+    assert told[2] == load_definition(STUDY, QUICK).file.cameras[camera].title
+    assert told[3] == f"{1e3 * place:g} mm"
 
 
 # ---- the numbers ----------------------------------------------------------------------------------------------------

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
 import xarray as xr
 
 import tradestudy
+from tests.campaigns.depth_cases import base_study
 from tradestudy.effects.base import NOTHING_LEFT_OUT
 from tradestudy.effects.selection import Decision
 from tradestudy.report.document import Paragraph, Table, Text, spans
 from tradestudy.report.sections.effects import effects
 from tradestudy.study.groups.effects import effects_group
-from tradestudy.study.plan import Plan
+from tradestudy.study.plan import Plan, plan_of
+from tradestudy.study.runner import compute
 from tradestudy.units import DURATION, pretty, significant
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -124,5 +127,24 @@ def test_rows_of_a_model_stand_together(section: Section) -> None:
         assert len(set(models)) == len(models)
 
 
-def test_where_numbers_stand_names_the_distances_that_are_asked_for(section: Section) -> None:
-    assert "usable or not, also of those that decision.at, solve and requirements ask for" in section.notes
+def test_where_numbers_stand_names_the_distances_that_are_asked_for(plan: Plan, section: Section) -> None:
+    """Of depth; light has no such distances."""
+    of_depth = any("depth_uncertainty" in one.quantities for one in plan.situations)
+    asked_for = "usable or not, also of those that decision.at, solve and requirements ask for"
+    for told in (asked_for, "hold for what noise alone makes of it"):
+        assert (told in section.notes) == (told in str(plan)) == of_depth
+
+
+@pytest.mark.parametrize(("yaw", "is_told"), [("1e-5 deg", False), ("0.02 deg", True)])
+def test_how_little_noise_makes_is_told_where_calibration_makes_more(tmp_path: Path, yaw: str, is_told: bool) -> None:
+    changed = {"cameras.one.calibration.yaw.standard_deviation": yaw, "accuracy.relative": "20 %"}
+    study = base_study("stereo", tmp_path).with_values(changed)
+    tree = compute(plan_of(study))
+    depth = tree["depth"].to_dataset().sel(camera="one")
+    table = next(block for block in effects(tree, {}) if isinstance(block, Table))
+    found = re.search(r"Of the variance of depth of (.+), noise makes at most ([\d.]+).% where", plain(table.notes[0]))
+    assert (found is not None) == is_told
+    if found is not None:
+        ways = depth["depth_uncertainty_way"].where(depth["usable"] > 0)
+        share = (ways.sel(way="noise") / ways.sel(way="both")).max().item() ** 2
+        assert float(found[2]) == pytest.approx(100.0 * share, rel=0.05)

@@ -16,6 +16,7 @@ DiffractionModel = Literal["none", "airy", "fresnel", "kirchhoff"]
 CrosstalkModel = Literal["off", "share"]
 PixelModel = Literal["point", "square"]
 SpectrumModel = Literal["central", "weighted"]
+LensPhase = Literal["perfect", "parabolic"]
 VignettingModel = Literal["off", "cos4"]
 
 
@@ -63,7 +64,7 @@ class PictureSettings:
     field_angle: float = 0.0
     stop_separation: float = 0.0
     pixel_fill: float = 1.0
-    lens_phase: Literal["perfect", "parabolic"] = "perfect"
+    lens_phase: LensPhase = "perfect"
 
     def __post_init__(self) -> None:
         if (self.window_px is None) == (self.window_length is None):

@@ -11,9 +11,12 @@ TIMES_WITH_A_MODEL: Final = (
     "predicted on the reference machine for all models that act in the piece, with this one in its slot; where it "
     "cannot stand beside the others, with the cheapest change of one more"
 )
+OF_NOISE_ALONE: Final = (
+    "Bounds on the depth uncertainty hold for what noise alone makes of it, too, which is shown by itself, however "
+    "large the errors of calibration are: where these are the larger part, the whole moves by less."
+)
 WHERE_NUMBERS_ARE_TAKEN: Final = (
-    "Bounds on the depth uncertainty hold for what noise alone makes of it, too, however large the errors of "
-    "calibration are. A distance behind a number is where it is the worst, under every reading, at every design of the "
+    "A distance behind a number is where it is the worst, under every reading, at every design of the "
     "sweep (at 64 of them where there are more) and at five values of what an inverse question varies: of usable "
     "distances, or of all for a camera that is usable nowhere, and a tenth beyond them where the disparity error is "
     "derived from the picture; usable or not, also of those that decision.at, solve and requirements ask for. Where "

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from tradestudy.accuracy import Quantity
 from tradestudy.effects.base import NOTHING_LEFT_OUT, Bound
 from tradestudy.effects.selection import Decision
-from tradestudy.results.effects import TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
+from tradestudy.results.effects import OF_NOISE_ALONE, TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
 from tradestudy.units import DURATION, FRACTION, pretty, significant
 from tradestudy.wording import distance
 
@@ -70,7 +70,10 @@ def _explained(plan: Plan) -> Iterator[str]:
         return
     yield ""
     yield f"  Times above: {TIMES_WITH_A_MODEL}."
-    yield f"  {WHERE_NUMBERS_ARE_TAKEN}"
+    if any("depth_uncertainty" in one.quantities for one in plan.situations):
+        yield f"  {OF_NOISE_ALONE}"
+    if any(not math.isnan(criterion.at) for criterion in numbers.values()):
+        yield f"  {WHERE_NUMBERS_ARE_TAKEN}"
     for heading, told in (
         ("The rules of models that do not act:", rules),
         ("The numbers:", {words: criterion.definition for words, criterion in numbers.items()}),

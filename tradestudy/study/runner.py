@@ -79,6 +79,7 @@ def compute(
             groups["/disparity_causes"] = causes
         progress("decision", 0.0)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"])
+        progress("decision", 1.0)
     if file.calibration is not None:
         groups |= uncertain_groups(definition, file.calibration, groups["/decision"], steps)
     if file.depth_of_field is not None:

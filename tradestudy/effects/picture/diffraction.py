@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Final, Literal
 
 from tradestudy.effects.base import OFF, Criterion, Model, Slot
 from tradestudy.effects.picture.criteria import main_lens_airy, microlens_airy
 from tradestudy.effects.picture.trial import MARGIN, PictureTrial, bounded
+from tradestudy.imaging.models import LensPhase
 
 # Numerical error of a transfer by Kirchhoff, which Fresnel's is held against.
 _TRANSFER_ERROR: Final = 1e-4
+_PATHS: Final[Mapping[LensPhase, str]] = {
+    "parabolic": "R⁴/(8 λ) (1/b³ + 1/a³), for a parabolic lens",
+    "perfect": "R⁴/(8 λ) |1/b³ − (1/f − 1/a)³|, for a lens of exact paths",
+}
 
 
 def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "microlens_diffraction"]) -> Slot:
@@ -30,9 +36,8 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
     waves = trial.aberration_waves[stage]
     paths = Criterion(
         words="waves between exact and parabolic paths",
-        definition="R⁴/(8 λ) (1/b³ + 1/a³) for a parabolic lens, R⁴/(8 λ) |1/b³ − (1/f − 1/a)³| for one of exact "
-        "paths; R the radius of the aperture, f the focal length, a and b the distances to the object and to the plane "
-        "of the picture",
+        definition=f"{' or '.join(_PATHS[phase] for phase in trial.lens_phases)}; R the radius of the aperture, f the "
+        "focal length, a and b the distances to the object and to the plane of the picture",
         value=waves.value,
         at=waves.at,
     )
@@ -54,8 +59,10 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
                 "it counts unless one of the two is well below a pixel"
             ),
             bounded(trial, "fresnel", left_out, paths,
-                    "parabolic waves in place of spherical ones leave out the path of this many waves at the rim, as "
-                    "much as so much defocus does: it counts unless it is well below a quarter"),
+                    "parabolic waves in place of spherical ones leave out the path of this many waves at the rim, "
+                    "which blurs as so much more defocus: in focus it counts from a quarter on, and from ever less "
+                    "where defocus has taken most of the texture; and that rays at the rim weigh sin² θ less, about "
+                    "1/(4 N²), which counts as that share of what diffraction does"),
             bounded(trial, "kirchhoff", 0.0, paths,
                     "exact paths and cosines: the most complete model here", beforehand=trial.lattice_seconds[stage]),
         ),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.accuracy import Quantity
 from tradestudy.effects.base import Bound, Criterion, Model, SlotName
+from tradestudy.imaging.models import LensPhase
 
 # Trials are made at some of the distances and with one slot changed at a time; what lies in between, and what two
 # slots do together beyond the sum of each, has to fit into this factor.
@@ -36,6 +37,8 @@ class PictureTrial:
         Largest geometric blur [samples].
     main_lens_airy_px, microlens_airy_px
         Largest radius of the first dark ring of either lens on the sensor [samples]; NaN without such a stage.
+    lens_phases
+        By which the main lens and microlenses bend light, under some variant of the study.
     aberration_waves
         Largest path [waves] by which the exact spherical waves of the main lens, and of a microlens, depart from the
         parabolic ones of Fresnel at the rim.
@@ -67,6 +70,7 @@ class PictureTrial:
     blur_px: Worst
     main_lens_airy_px: Worst
     microlens_airy_px: Worst
+    lens_phases: Sequence[LensPhase]
     aberration_waves: tuple[Worst, Worst]
     paraxial_change: tuple[float, float]
     obliquity: tuple[float, float]

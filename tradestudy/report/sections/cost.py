@@ -226,7 +226,14 @@ def _answer(one: xr.Dataset, own: _Found, whole: float) -> Spans:
         error=own.least,
         seconds=own.took,
         then="; ".join(
-            (*_digit(one, own), *(() if math.isnan(whole) else (f"the whole run took {_duration(whole)}",)))
+            (
+                *_digit(one, own),
+                *(
+                    ()
+                    if math.isnan(whole)
+                    else (f"all that the run computed took {_duration(whole)}, its report apart",)
+                ),
+            )
         ),
     )
 

@@ -154,7 +154,7 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "texture drowns in it, less where texture too fine for the pixels is the noise. Where a camera is not "
             "usable a matcher may miss these bounds."
             + (" Brightest light: that of the camera of most electrons that is not saturated." if compared else "")
-            + _numerical_error(found),
+            + _numerical_error(found, titles),
         ),
     )
 
@@ -174,11 +174,17 @@ def _cell(there: xr.Dataset, error: float, change: str) -> str:
     return f"{significant(value)}\N{NO-BREAK SPACE}({significant(_factor(error, value))}×)"
 
 
-def _numerical_error(found: xr.Dataset) -> str:
-    relative = [
-        (found[f"{name}_error"] / found[name].where(found[name] > 0.0)).values.ravel()
+def _numerical_error(found: xr.Dataset, titles: Mapping[str, str]) -> str:
+    """The largest, and of which camera where: it grows where nothing is left to match."""
+    own, changed = (
+        (found[f"{name}_error"] / found[name].where(found[name] > 0.0))
+        .where(lambda value: np.isfinite(value))
+        .fillna(0.0)
         for name in ("disparity_error_px", "disparity_error_px_changed")
-    ]
-    values = np.concatenate(relative)
-    values = values[np.isfinite(values)]
-    return f" Estimated numerical error: at most {share(float(values.max()))}." if values.size else ""
+    )
+    largest = own.clip(min=changed.max("change"))
+    if not largest.any():
+        return ""
+    camera, place = largest.stack(place=("camera", "distance")).idxmax().item()
+    worst = f"{share(float(largest.max()))}, of {titles[camera]} at {distance(place)}"
+    return f" Estimated numerical error: at most {worst}."

@@ -11,7 +11,7 @@ import numpy as np
 
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.results.effects import TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
+from tradestudy.results.effects import OF_NOISE_ALONE, TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
 from tradestudy.units import DURATION, FRACTION, pretty, significant
 from tradestudy.wording import distance
 
@@ -29,6 +29,7 @@ _NUMBER = Column(title="Number", weight=4)
 _TAKES = Column(title="Takes", align="right")
 _VERDICT = Column(title="Verdict, and the rule that it follows", weight=13)
 _NOTHING = "nothing is left out"
+_LITTLE = 0.5  # of the variance: below that, what changes noise changes the whole by less than half as much
 
 
 def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
@@ -53,7 +54,7 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
         caption="The model of each effect that acts, and what it leaves out.",
         columns=(_OF, replace(_NUMBER, weight=7), _VERDICT),
         rows=tuple(_cells([row | {"predicted_seconds": math.nan} for row in rows if row["chosen"]], data)),
-        notes=(WHERE_NUMBERS_ARE_TAKEN,),
+        notes=tuple(_of_depth(tree, rows)),
     )
     others = [row for row in rows if not row["chosen"]]
     if others:
@@ -65,6 +66,31 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
             notes=(f"Takes: {TIMES_WITH_A_MODEL}; —: it can be combined with nothing. {_taken(data)}",),
         )
     yield from _formulas(rows)
+
+
+def _of_depth(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
+    """What the bounds on depth hold for, and where their numbers are taken; nothing where none is of a distance."""
+    data = facts.dataset(tree, "effects")
+    if np.isfinite(data["wanted"].sel(quantity="depth_uncertainty")).any():
+        yield " ".join((OF_NOISE_ALONE, *_noise_shares(tree, rows), WHERE_NUMBERS_ARE_TAKEN))
+    elif np.isfinite(data["number_at"]).any():
+        yield WHERE_NUMBERS_ARE_TAKEN
+
+
+def _noise_shares(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
+    """How little noise makes of the depth uncertainty of cameras whose picture was weighed."""
+    if not facts.has(tree, "depth"):
+        return
+    pictured = {str(row["situation"]) for row in rows if row["slot"] == "sensor_noise" and row["change"] > 0.0}
+    depth = facts.dataset(tree, "depth")
+    for name, title in facts.titles(tree).items():
+        if name not in pictured:
+            continue
+        own = depth.sel(camera=name)
+        ways = own["depth_uncertainty_way"].where(own["usable"] > 0)
+        largest = float((ways.sel(way="noise") / ways.sel(way="both")).max()) ** 2
+        if largest < _LITTLE:
+            yield f"Of the variance of depth of {title}, noise makes at most {_share(largest)} where it is usable."
 
 
 def _wanted(data: xr.Dataset) -> Iterator[str]:
@@ -90,7 +116,10 @@ def _foreseen(run: Mapping[str, Any]) -> Iterator[str]:
     if (foreseen := run.get("predicted_seconds")) is None:
         return
     ends = dict.fromkeys(pretty(float(seconds), DURATION, digits=2) for seconds in foreseen)
-    yield f"The run was foreseen to take {' to '.join(ends)}, report included; what it took stands under provenance."
+    yield (
+        f"The run was foreseen to take {' to '.join(ends)}, report included; what computing took stands under "
+        "provenance."
+    )
 
 
 def _taken(data: xr.Dataset) -> str:

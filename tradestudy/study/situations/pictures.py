@@ -236,6 +236,7 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
         blur_px=worst_of(case.blur_px() for case in cases),
         main_lens_airy_px=worst_of(case.airy_px(main) for case, main, _ in stages),
         microlens_airy_px=worst_of(case.airy_px(micro) for case, _, micro in stages),
+        lens_phases=sorted({case.settings.lens_phase for case in cases}),
         aberration_waves=(
             worst_of(case.aberration(main) for case, main, _ in stages),
             worst_of(case.aberration(micro) for case, _, micro in stages),
