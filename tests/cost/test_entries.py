@@ -61,6 +61,10 @@ def test_no_number_is_never_on_it() -> None:
     assert on_frontier([math.nan, 1e-2], [1e-3, 1.0], 0.0).tolist() == [False, True]
 
 
+def test_what_is_no_answer_is_never_on_it() -> None:
+    assert on_frontier([20.0, 1e-2], [1e-3, 1.0], 0.0).tolist() == [False, True]
+
+
 def test_the_cheapest_within_an_error_is_an_entry_and_nothing_between_two() -> None:
     """Closed form and quadrature of the headline study: what lies between them on a log-log line cannot be had."""
     table = measured(entry("closed form", 1e-5, 840e-6, chosen=True), entry("quadrature", 1e-10, 57e-3), floor=0.0)

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray
+from tradestudy.results.cost import NO_ANSWER
 
 NEXT_FACTOR: Final = 10.0
 DIGITS: Final = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
@@ -111,11 +112,11 @@ def on_frontier(errors: Sequence[float], seconds: Sequence[float], floor: float)
     Parameters
     ----------
     errors, seconds
-        Of the entries; an error that is no finite number is beaten by every other.
+        Of the entries; what is no answer is beaten by every other.
     floor
         Error of the reference: errors below it count as equal.
     """
-    error = np.maximum(np.where(np.isfinite(errors), errors, np.inf), floor)
+    error = np.maximum(np.where(np.less_equal(errors, NO_ANSWER), errors, np.inf), floor)
     took = np.asarray(seconds, dtype=np.float64)
     no_worse = (error[:, None] <= error) & (took[:, None] <= took)
     better = (error[:, None] < error) | (took[:, None] < took)
@@ -182,8 +183,8 @@ def a_tenth_of_what_is_asked(measured: Measured) -> Entry | None:
 
 
 def _answers(measured: Measured) -> list[Entry]:
-    """The entries whose errors are numbers."""
-    return [entry for entry in measured.entries if math.isfinite(entry.error)]
+    """The entries whose errors are those of an answer."""
+    return [entry for entry in measured.entries if entry.error <= NO_ANSWER]
 
 
 NOWHERE_USABLE: Final = "everything: usable at no distance of the study; other distances or looser limits measure it"

@@ -30,6 +30,7 @@ from tradestudy.figures.style import (
     printable,
     styled,
 )
+from tradestudy.results.cost import NO_ANSWER
 from tradestudy.units import DURATION, pretty, significant
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
 
 _COLUMNS: Final = 2
 _PANEL_HEIGHT: Final = 2.7
-_LARGEST: Final = 10.0  # an error of ten times the value is no answer
 _MARKER: Final = 3.6
 _FEWEST_TICKS, _MOST_TICKS = 2, 7
 _FEW_DECADES: Final = 1.5
@@ -103,7 +103,7 @@ def _without_panel(data: xr.Dataset) -> str:
 
 
 def _drawable(error: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    return np.asarray(np.isfinite(error) & (error <= _LARGEST))
+    return np.asarray(np.isfinite(error) & (error <= NO_ANSWER))
 
 
 def _in_words(data: xr.Dataset) -> str:

@@ -7,6 +7,8 @@ from typing import Final
 
 from tradestudy.results.variable import Variable
 
+NO_ANSWER: Final = 10.0
+"""A relative error above this is that of no answer at all."""
 _ENTRY: Final = ("entry",)
 _QUANTITY: Final = ("cost_quantity",)
 _SCATTER: Final = "the repeats scatter; see least_seconds and repeats; of a single run it is not known"

@@ -88,6 +88,7 @@ def compute(
         groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, selection)
         if file.criteria is not None:
             groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field, selection)
+        progress("depth of field", 1.0)
     if file.fresnel_validity is not None:
         groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
     if file.light_spot is not None:

@@ -25,6 +25,7 @@ from tradestudy.report.document import (
     Text,
     say,
 )
+from tradestudy.results.cost import NO_ANSWER
 from tradestudy.units import DURATION, pretty, significant
 
 if TYPE_CHECKING:
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 _HAS_PRICES: Final = ("depth", "depth_of_field", "calibration", "images", "point_spread")
-_NO_ANSWER: Final = 10.0
 _WITHIN_DOUBLE_QUOTES: Final = frozenset('$`\\"!')  # what a shell reads there
 
 
@@ -440,7 +440,7 @@ def _error(value: float) -> str:
     """In per cent, with the digits that tell an entry from a tenth of another."""
     if math.isnan(value):
         return "—"
-    if value > _NO_ANSWER:
+    if value > NO_ANSWER:
         return "no answer"
     return f"{significant(100.0 * value, 3)}\N{NO-BREAK SPACE}%"
 
