@@ -225,17 +225,14 @@ def _answer(one: xr.Dataset, own: _Found, whole: float) -> Spans:
         words=own.words,
         error=own.least,
         seconds=own.took,
-        then="; ".join(
-            (
-                *_digit(one, own),
-                *(
-                    ()
-                    if math.isnan(whole)
-                    else (f"all that the run computed took {_duration(whole)}, its report apart",)
-                ),
-            )
-        ),
+        then="; ".join((*_digit(one, own), *_beside(whole))),
     )
+
+
+def _beside(whole: float) -> Iterator[str]:
+    """What the last run took in all, to compare with; nothing where it is not known."""
+    if not math.isnan(whole):
+        yield f"all that the run computed took {_duration(whole)}, its report apart"
 
 
 def _digit(one: xr.Dataset, own: _Found) -> Iterator[str]:
