@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from itertools import product
 
 import numpy as np
 
@@ -29,12 +28,14 @@ def alias_weights(nodes: BandNodes, width: float, every: int) -> FloatArray:
     """
     radii = alias_radii()[::every]
     step = radii[1] - radii[0]
-    shifts = range(-REPLICAS, REPLICAS + 1)
-    beside = np.array([shift for shift in product(shifts, shifts) if any(shift)])[:, :, np.newaxis]
-    x, y = nodes.x + beside[:, 1], nodes.y + beside[:, 0]
-    position = (np.hypot(x, y) - radii[0]) / step
+    shifts = np.arange(-REPLICAS, REPLICAS + 1)[:, np.newaxis]
+    x, y = nodes.x + shifts, nodes.y + shifts
+    beside = np.delete(np.arange(shifts.size**2), shifts.size**2 // 2)  # the middle one is no replica
+    position = (np.hypot(x, y[:, np.newaxis]).reshape(-1, nodes.x.size)[beside] - radii[0]) / step
     below = np.clip(position.astype(np.intp), 0, radii.size - 2)
-    share, passed = position - below, np.square(square_transfer(x, y, width))
+    # A square's transfer is a product of one along x and one along y.
+    along = square_transfer(x, 0.0, width) * square_transfer(0.0, y, width)[:, np.newaxis]
+    share, passed = position - below, np.square(along.reshape(-1, nodes.x.size)[beside])
     place = below * nodes.x.size + np.arange(nodes.x.size)  # in the matrix, row by row
     places = np.concatenate([place, place + nodes.x.size])
     weights = np.concatenate([(1.0 - share) * passed, share * passed])

@@ -7,13 +7,14 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.imaging.geometry import PictureGeometry
+from tradestudy.imaging.geometry import PictureGeometry, column
 from tradestudy.imaging.transfer import airy_transfer, disc_transfer
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
 
 _LEAST_NODES: Final = 64
 _NODES_PER_CYCLE: Final = 5  # of the product of two Bessel functions
+_STEP: Final = 32  # so that few rules serve all pictures
 
 
 def neighbours_share(
@@ -44,13 +45,14 @@ def neighbours_share(
     from scipy.special import j1
 
     R = geometry.widest_window_px * geometry.sample_pitch / math.sqrt(2.0)
-    a = (window_px * geometry.sample_pitch / math.sqrt(math.pi))[:, np.newaxis]
-    N = lens.f_number[:, np.newaxis]
-    blur = lens.blur_diameter[:, np.newaxis] if blurred else np.zeros_like(N)
+    # What is the same at all distances is computed once.
+    a = column(window_px * geometry.sample_pitch / math.sqrt(math.pi))
+    N = column(lens.f_number)
+    blur = column(lens.blur_diameter if blurred else np.zeros_like(lens.blur_diameter))
     cutoff = 1.0 / (wavelength * N)
     cycles = 2.0 * R * float(np.nanmax(cutoff, initial=0.0))
-    t, w = gauss_legendre(_LEAST_NODES + math.ceil(_NODES_PER_CYCLE * cycles))
+    t, w = gauss_legendre(_STEP * math.ceil((_LEAST_NODES + _NODES_PER_CYCLE * cycles) / _STEP))
     nu = cutoff * t
-    passed = airy_transfer(nu, wavelength, N) * disc_transfer(nu, blur)
-    own = 2.0 * R / a[:, 0] * np.sum(w * passed * j1(2.0 * np.pi * R * nu) * j1(2.0 * np.pi * a * nu) / t, axis=1)
-    return np.asarray(1.0 - own)
+    unblurred = w / t * airy_transfer(nu, wavelength, N) * j1(2.0 * np.pi * R * nu) * j1(2.0 * np.pi * a * nu)
+    own = 2.0 * R / a * np.sum(unblurred * disc_transfer(nu, blur), axis=1, keepdims=True)
+    return np.broadcast_to(1.0 - own, (geometry.distance.size, 1))[:, 0]

@@ -256,3 +256,9 @@ def _unfocused(camera: UnfocusedPlenoptic, a: FloatArray) -> PictureGeometry:
         main_lens=stage,
         microlens=None,
     )
+
+
+def column(values: FloatArray) -> FloatArray:
+    """Values over distance as a column, to stand beside a row over frequency; one number where all are the same."""
+    found = values[:, np.newaxis]
+    return found[:1] if values.size and np.all(values == values[0]) else found

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from tradestudy.imaging.geometry import LensStage, PictureGeometry
+from tradestudy.imaging.geometry import LensStage, PictureGeometry, column
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
 from tradestudy.imaging.transfer import (
     airy_transfer,
@@ -123,8 +123,8 @@ def _stage_transfer(
 
     The transfer has one row for all distances where it is the same for all.
     """
-    nu, N = frequency * _column(stage.relay), _column(stage.f_number)
-    blur = _column(stage.blur_diameter if defocus == "disc" else np.zeros_like(stage.blur_diameter))
+    nu, N = frequency * column(stage.relay), column(stage.f_number)
+    blur = column(stage.blur_diameter if defocus == "disc" else np.zeros_like(stage.blur_diameter))
     exact = np.zeros(stage.relay.size)
     blurred = np.any(blur != 0.0)
     by_rays = _is_by_rays(blur, wavelength, N)
@@ -195,9 +195,3 @@ def _waves(stage: LensStage, wavelength: float, defocus: DefocusModel) -> FloatA
 def _is_by_rays(blur: FloatArray, wavelength: float, f_number: FloatArray) -> BoolArray:
     """Far out of focus rays err by less than 0.2 √(λN/c); waves would take ever more nodes for what is not matched."""
     return np.asarray(blur > _MOST_BLUR_OF_WAVES * wavelength * f_number)
-
-
-def _column(values: FloatArray) -> FloatArray:
-    """Over distance as a column; one number where all are the same."""
-    column = values[:, np.newaxis]
-    return column[:1] if values.size and np.all(values == values[0]) else column
