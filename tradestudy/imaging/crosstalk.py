@@ -12,8 +12,8 @@ from tradestudy.imaging.transfer import airy_transfer, disc_transfer
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
 
-_LEAST_NODES: Final = 64
-_NODES_PER_CYCLE: Final = 5  # of the product of two Bessel functions
+_LEAST_NODES: Final = 32
+_NODES_PER_CYCLE: Final = 3  # of the product of two Bessel functions
 _STEP: Final = 32  # so that few rules serve all pictures
 
 

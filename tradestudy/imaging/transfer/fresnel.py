@@ -13,7 +13,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
 
 _MOST_NODES = 2000
-_STEP = 4  # so that few rules serve all pictures
+_STEP = 8  # so that few rules serve all pictures
 _AT_ONCE = 16_000  # values: enough to keep the loop cheap, few enough for a processor's cache
 
 
