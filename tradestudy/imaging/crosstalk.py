@@ -47,8 +47,8 @@ def neighbours_share(
     R = geometry.widest_window_px * geometry.sample_pitch / math.sqrt(2.0)
     # What is the same at all distances is computed once.
     a = column(window_px * geometry.sample_pitch / math.sqrt(math.pi))
-    N = column(lens.f_number)
-    blur = column(lens.blur_diameter if blurred else np.zeros_like(lens.blur_diameter))
+    _, N, blur = lens.columns
+    blur = blur if blurred else np.zeros((1, 1))
     cutoff = 1.0 / (wavelength * N)
     cycles = 2.0 * R * float(np.nanmax(cutoff, initial=0.0))
     t, w = gauss_legendre(_STEP * math.ceil((_LEAST_NODES + _NODES_PER_CYCLE * cycles) / _STEP))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -45,10 +46,20 @@ class LensStage:
     blur_diameter: FloatArray
     relay: FloatArray
 
-    @property
+    @cached_property
     def f_number(self) -> FloatArray:
         """Working f-number: distance of the plane over the aperture."""
         return np.asarray(self.plane_distance / self.aperture_diameter)
+
+    @cached_property
+    def columns(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Magnification to the sensor, f-number and blur [m], as columns to stand beside a row over frequency."""
+        return column(self.relay), column(self.f_number), column(self.blur_diameter)
+
+    def finest_period(self, wavelength: float) -> float:
+        """Of what passes the lens at some distance, on the sensor [m]; infinite where it forms no picture."""
+        period = wavelength * self.f_number * self.relay
+        return float(np.min(period, initial=np.inf, where=period > 0.0))
 
     def defocus(self, wavelength: float) -> FloatArray:
         """Signed path error at the rim, ``A²/8 (1/a + 1/b − 1/f)/λ`` [waves]."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from tradestudy.imaging.geometry import LensStage, PictureGeometry, column
+from tradestudy.imaging.geometry import LensStage, PictureGeometry
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
 from tradestudy.imaging.transfer import (
     airy_transfer,
@@ -105,10 +105,15 @@ class LensTransfers:
 
     def _below_cutoff(self, stage: LensStage, wavelength: float) -> int:
         """How many of the frequencies pass at some distance."""
-        period = wavelength * stage.f_number * stage.relay
-        finest = np.min(period, initial=np.inf, where=period > 0.0)
-        cutoff = self.geometry.sample_pitch / finest
-        return self.always + int(np.searchsorted(self.frequency_px[self.always :], cutoff))
+        key = (stage, wavelength)
+        if key not in self._passing:
+            cutoff = self.geometry.sample_pitch / stage.finest_period(wavelength)
+            self._passing[key] = self.always + int(np.searchsorted(self.frequency_px[self.always :], cutoff))
+        return self._passing[key]
+
+    @cached_property
+    def _passing(self) -> dict[tuple[LensStage, float], int]:
+        return {}
 
 
 def _stage_transfer(
@@ -123,8 +128,8 @@ def _stage_transfer(
 
     The transfer has one row for all distances where it is the same for all.
     """
-    nu, N = frequency * column(stage.relay), column(stage.f_number)
-    blur = column(stage.blur_diameter if defocus == "disc" else np.zeros_like(stage.blur_diameter))
+    relay, N, blur = stage.columns
+    nu, blur = frequency * relay, blur if defocus == "disc" else np.zeros((1, 1))
     exact = np.zeros(stage.relay.size)
     blurred = np.any(blur != 0.0)
     by_rays = _is_by_rays(blur, wavelength, N)
