@@ -273,16 +273,20 @@ def _picture_case(variant: _Variant) -> PictureCase | None:
     if not isinstance(law, PictureDisparityError):
         return None
     places = _trial_places(variant)
-    where = variant.distance[variant.usable] if variant.usable.any() else variant.imaged
-    errors = DepthErrors.of(variant.as_forced, np.union1d(places, where))
+    # Over the distances of the study as its limits had them, whose pictures are known.
+    counts = variant.usable if variant.usable.any() else variant.camera.images(variant.distance)
+    everywhere, tried = (DepthErrors.of(variant.as_forced, asked) for asked in (variant.distance, places))
+    errors = [(everywhere, counts), (tried, np.ones(places.shape, dtype=bool))]
     # Where calibration loses the far end of depth, noise alone may not, and is shown by itself.
-    lost = errors.distance[np.isinf(errors.uncertainty)]
+    lost = np.concatenate([one.distance[at & np.isinf(one.uncertainty)] for one, at in errors])
+    if lost.size:
+        errors.append((DepthErrors.of(variant.as_forced, lost, "noise"), np.ones(lost.shape, dtype=bool)))
     return PictureCase(
         camera=variant.as_forced,
         settings=law.settings,
         places=places,
         forced=variant.forced,
-        errors=(errors, DepthErrors.of(variant.as_forced, lost, "noise")) if lost.size else (errors,),
+        errors=tuple(errors),
         shown=np.union1d(variant.imaged, _around_ends(variant)),
     )
 

@@ -29,7 +29,7 @@ from tradestudy.imaging.optical_transfer import kirchhoff_defocus
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
 from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.airy import FIRST_DARK_RING
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.acting import in_closed_form, with_models
 from tradestudy.study.depth import DepthErrors
 
@@ -55,7 +55,8 @@ class PictureCase:
     Parameters
     ----------
     errors
-        Of its depth, wherever an uncertainty counts; of noise alone where all errors together leave none.
+        Of its depth, and at which of their distances an uncertainty counts; of noise alone where all errors together
+        leave none.
     shown
         Distances [m] that a run asks for.
     """
@@ -64,7 +65,7 @@ class PictureCase:
     settings: PictureSettings
     places: FloatArray
     forced: Mapping[SlotName, str]
-    errors: tuple[DepthErrors, ...]
+    errors: tuple[tuple[DepthErrors, BoolArray], ...]
     shown: FloatArray
 
     @cached_property
@@ -200,7 +201,8 @@ class PictureCase:
         """
         if change == 0.0 or math.isinf(change):
             return change
-        return max(change, *(float(np.nanmax(one.largest_change(change), initial=0.0)) for one in self.errors))
+        largest = (float(np.nanmax(one.largest_change(change)[at], initial=0.0)) for one, at in self.errors)
+        return max(change, *largest)
 
     def obliquity(self, stage: LensStage | None) -> float:
         """``1 − cos²θ`` at the rim: the cosine, and the longer way."""
