@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,10 +24,15 @@ class BandNodes:
     y: FloatArray
     weight: FloatArray
 
-    @property
+    @cached_property
     def radius(self) -> FloatArray:
         """|ν| [cycles/px]."""
         return np.hypot(self.x, self.y)
+
+    @cached_property
+    def slope(self) -> FloatArray:
+        """Weights of (2π ν_x)²: by symmetry ν_x² may stand for half of |ν|²."""
+        return np.asarray(self.weight * (2.0 * np.pi) ** 2 * np.square(self.radius) / 2.0)
 
 
 @lru_cache(maxsize=32)
@@ -85,8 +90,6 @@ def matching_bound_px(nodes: BandNodes, *, signal: ArrayLike, noise: ArrayLike, 
     noisy = ~(N <= 0.0)  # NaN, for no picture, goes through
     ratio = S / np.where(noisy, N, 1.0)
     usable = np.where(noisy, ratio * (ratio / (1.0 + 2.0 * ratio)), np.where(S > 0.0, np.inf, 0.0))
-    # By symmetry ν_x² may stand for half of |ν|².
-    slope = nodes.weight * (2.0 * np.pi) ** 2 * np.square(nodes.radius) / 2.0
-    information = np.square(np.asarray(window_px, dtype=np.float64)) * np.sum(usable * slope, axis=-1)
+    information = np.square(np.asarray(window_px, dtype=np.float64)) * np.sum(usable * nodes.slope, axis=-1)
     with np.errstate(divide="ignore"):  # no signal, no disparity: infinite, as documented
         return np.asarray(1.0 / np.sqrt(information))

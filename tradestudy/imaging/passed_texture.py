@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
@@ -74,7 +74,7 @@ class PassedTexture:
     def bound(self, k: int, aliased: FloatArray, every: int = 1) -> FloatArray:
         """By the k-th rule, with so much power from far beyond, and every n-th radius of what aliases."""
         rule = self.rules[k]
-        signal = self.inside[k] * np.square(square_transfer(rule.x, rule.y, self.sample_width))
+        signal = self.inside[k] * _pixel_power(rule, self.sample_width)
         passed = self.beyond[:, ::every]
         replicas = _product(passed, alias_weights(rule, self.sample_width, every)[: passed.shape[1]])
         noise = self.floor + replicas + aliased + self.foreign * signal
@@ -175,6 +175,14 @@ class TextureBand:
         return LensTransfers(
             geometry=self.geometry, settings=self.settings, frequency_px=self._frequency, always=self._ends[-1]
         )
+
+
+@lru_cache(maxsize=64)
+def _pixel_power(nodes: BandNodes, width: float) -> FloatArray:
+    """What a square pixel leaves of the power at the nodes of a band."""
+    power = np.square(square_transfer(nodes.x, nodes.y, width))
+    power.setflags(write=False)
+    return power
 
 
 def _product(first: FloatArray, second: FloatArray) -> FloatArray:
