@@ -37,7 +37,7 @@ from tradestudy.study.depth import DepthErrors
 # that Kirchhoff's part is interpolated on, whose spot takes more places and nodes the wider it is: coefficients of
 # powers of its defocus in waves.
 _SECONDS_PER_DISTANCE: Final = {
-    "fresnel": 1e-4,
+    "fresnel": 6e-5,
     "airy": 1e-5,
     "disc": 1e-5,
     "share": 2e-5,
