@@ -16,7 +16,6 @@ DiffractionModel = Literal["none", "airy", "fresnel", "kirchhoff"]
 CrosstalkModel = Literal["off", "share"]
 PixelModel = Literal["point", "square"]
 SpectrumModel = Literal["central", "weighted"]
-LensPhase = Literal["perfect", "parabolic"]
 VignettingModel = Literal["off", "cos4"]
 
 
@@ -64,7 +63,7 @@ class PictureSettings:
     field_angle: float = 0.0
     stop_separation: float = 0.0
     pixel_fill: float = 1.0
-    lens_phase: LensPhase = "perfect"
+    lens_phase: Literal["perfect", "parabolic"] = "perfect"
 
     def __post_init__(self) -> None:
         if (self.window_px is None) == (self.window_length is None):

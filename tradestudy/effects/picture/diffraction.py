@@ -9,11 +9,10 @@ from typing import Final, Literal
 from tradestudy.effects.base import OFF, Criterion, Model, Slot
 from tradestudy.effects.picture.criteria import main_lens_airy, microlens_airy
 from tradestudy.effects.picture.trial import MARGIN, PictureTrial, bounded
-from tradestudy.imaging.models import LensPhase
 
 # Numerical error of a transfer by Kirchhoff, which Fresnel's is held against.
 _TRANSFER_ERROR: Final = 1e-4
-_PATHS: Final[Mapping[LensPhase, str]] = {
+_PATHS: Final[Mapping[str, str]] = {
     "parabolic": "R⁴/(8 λ) (1/b³ + 1/a³), for a parabolic lens",
     "perfect": "R⁴/(8 λ) |1/b³ − (1/f − 1/a)³|, for a lens of exact paths",
 }

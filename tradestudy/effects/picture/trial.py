@@ -9,7 +9,6 @@ from typing import Final
 
 from tradestudy.accuracy import Quantity
 from tradestudy.effects.base import Bound, Criterion, Model, SlotName
-from tradestudy.imaging.models import LensPhase
 
 # Trials are made at some of the distances and with one slot changed at a time; what lies in between, and what two
 # slots do together beyond the sum of each, has to fit into this factor.
@@ -38,7 +37,7 @@ class PictureTrial:
     main_lens_airy_px, microlens_airy_px
         Largest radius of the first dark ring of either lens on the sensor [samples]; NaN without such a stage.
     lens_phases
-        By which the main lens and microlenses bend light, under some variant of the study.
+        ``parabolic`` or ``perfect``: how lenses bend light by Kirchhoff's model, under some variant of the study.
     aberration_waves
         Largest path [waves] by which the exact spherical waves of the main lens, and of a microlens, depart from the
         parabolic ones of Fresnel at the rim.
@@ -70,7 +69,7 @@ class PictureTrial:
     blur_px: Worst
     main_lens_airy_px: Worst
     microlens_airy_px: Worst
-    lens_phases: Sequence[LensPhase]
+    lens_phases: Sequence[str]
     aberration_waves: tuple[Worst, Worst]
     paraxial_change: tuple[float, float]
     obliquity: tuple[float, float]
