@@ -182,8 +182,9 @@ def test_the_chosen_way_is_the_one_that_depth_is_computed_by(study: Study, folde
 
 @pytest.mark.parametrize(("repeats", "budget"), [(2, 1.0), (3, 0.0), (3, float("inf"))])
 def test_what_cannot_be_measured_is_refused(study: Study, repeats: int, budget: float) -> None:
-    with pytest.raises(OutOfRangeError):
+    with pytest.raises(OutOfRangeError) as error:
         study_cost(study.definition, repeats=repeats, budget=budget)
+    assert ("such as 600" in str(error.value)) == (repeats == 3)
 
 
 def test_what_does_not_fit_is_left_out_and_named(study: Study) -> None:

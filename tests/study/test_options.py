@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from tradestudy.api import Study, load
+from tradestudy.errors import StudyError
 from tradestudy.study.options import options
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -58,3 +59,10 @@ def test_pictures_that_a_tolerance_loosens_need_no_option_of_their_own() -> None
     assert options(given.definition) == ("--tolerance", "10 %")
     finer = load(STUDIES / "light_spot.yaml", ["light_spot.tolerance=3 %"], tolerance="2 %")
     assert options(finer.definition) == ("--set", "light_spot.tolerance=3 %", "--tolerance", "2 %")
+
+
+def test_a_tolerance_that_is_none_is_reported_where_it_was_given() -> None:
+    with pytest.raises(StudyError) as error:
+        load(STUDIES / "close_range.yaml", tolerance="300 %")
+    (problem,) = error.value.problems
+    assert (problem.file, problem.path) == ("--tolerance", "accuracy.relative")
