@@ -181,12 +181,15 @@ def propagation_cost(
         if entries[-1].error <= 2.0 * reference_error:  # finer ones are as good as can be told
             break
     took, drawn = dict.fromkeys(_SAMPLERS, 0.0), 0.0
-    planned = sum(
-        2.0**power for power in _POWERS for most in _MOST_POWER.values() if 2**power <= min(2**most, most_draws)
-    )
+    planned = {
+        (power, model): 2**power
+        for power in _POWERS
+        for model in _SAMPLERS
+        if power <= _MOST_POWER[model] and 2**power <= most_draws
+    }
     for power in _POWERS:
         for model, sampler in _SAMPLERS.items():
-            if power > _MOST_POWER[model] or 2**power > most_draws:
+            if (power, model) not in planned:
                 continue
             setting = f"2{str(power).translate(SUPERSCRIPTS)} draws"
             # Four times the draws take four times as long; one run for the memory, and at least one for the time.
@@ -198,7 +201,7 @@ def propagation_cost(
             took[model] = timed.seconds
             entries.append(_entry(model, setting, 2.0**power, timed, reference))
             drawn += 2.0**power
-            progress(f"cost: {name}", _REFERENCE_SHARE + (1.0 - _REFERENCE_SHARE) * drawn / planned)
+            progress(f"cost: {name}", _REFERENCE_SHARE + (1.0 - _REFERENCE_SHARE) * drawn / sum(planned.values()))
         # Before the many draws, lest they leave no time for what a run takes.
         for model, setting, sampling in more if power == _RULES_AFTER else ():
             predicted = _UNTIL_CONVERGED * took[model]
