@@ -1,104 +1,116 @@
-"""The way of the data is the way of the folders: imports go downward only, and heavy libraries stay in their rooms."""
+"""The way of the data is the way of the packages: imports go downward only, and heavy libraries stay in their rooms."""
 
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
-import pytest
+ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "tradestudy"
 
-PACKAGE = Path(__file__).parent.parent / "tradestudy"
-
-# A module may import from its own layer's room and from every layer below it (smaller number).
-LAYERS = {
-    "errors": 1, "units": 1, "light_methods": 1, "wording": 1, "optics": 1,
-    "cameras": 2, "scene": 2, "accuracy": 2, "machine": 2,
-    "effects": 3, "uncertainty": 3, "imaging": 3, "verification": 3,
-    "results": 4, "storage": 4, "study": 5, "cost": 6,
-    "comparison": 5, "figures": 5, "report": 6,
-    "provenance": 1, "api": 7, "cli": 8, "__main__": 9,
-}  # fmt: skip
-SAME_LAYER = {
-    ("errors", "units"),
-    ("units", "errors"),
-    ("wording", "units"),
-    ("optics", "errors"),
-    ("optics", "units"),
-    ("storage", "results"),
-}
-READ_RESULTS_ONLY = {"figures", "report"}
-MAY_BE_READ = {"errors", "units", "light_methods", "wording", "results", "storage", "figures", "report"}
-
-# library → rooms that may import it; every other room must go through them.
+# Every package and module of the top level, in the order in which data flows: each may import those before it.
+ORDER = (
+    "errors", "units", "wording", "light_methods", "accuracy", "provenance", "machine",
+    "optics", "declarations", "uncertainty", "execution",
+    "cameras", "imaging", "calibration", "effects",
+    "study", "analysis", "verification", "results", "plan", "run",
+    "comparison", "figures", "report", "cost", "api", "cli", "__main__",
+)  # fmt: skip
+# Figures and reports are made from results, and from nothing that computes them.
+READ_RESULTS_ONLY = ("figures", "report")
+MAY_BE_READ = ("errors", "units", "light_methods", "wording", "results", "figures", "report")
+# library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
-    "pydantic": {"study/schema", "study/mistakes.py"},
-    "xarray": {"results", "storage", "study", "cost", "comparison", "figures", "report", "api", "cli"},
-    "matplotlib": {"figures"},
-    "typst": {"report"},
-    "jinja2": {"report"},
-    "ruamel": {"study"},
-    "pint": {"units"},
-    "typer": {"cli"},
-    "rich": {"cli"},
-    "emcee": {"uncertainty"},
+    "pydantic": ("declarations", "calibration.declaration", "study"),
+    "xarray": ("results", "run", "cost", "comparison", "figures", "report", "api"),
+    "matplotlib": ("figures",),
+    "typst": ("report",),
+    "jinja2": ("report",),
+    "ruamel": ("study", "verification.hard_case_engines"),
+    "pint": ("units",),
+    "typer": ("cli",),
+    "rich": ("cli",),
+    "emcee": ("calibration",),
+    "distributed": ("execution",),
 }
-# place → why it may break a rule above.
+# module, library → why it may break the rule above.
 EXCEPTIONS = {
-    ("api.py", "matplotlib"): "names the type of a figure for the reader of its signature; imported for typing only",
+    ("api", "matplotlib"): "names the type of a figure for the reader of its signature; imported for typing only",
 }
 
 
-def modules() -> list[Path]:
-    return sorted(path for path in PACKAGE.rglob("*.py"))
+@cache
+def modules() -> dict[str, Path]:
+    """Every module below the package, by its dotted name."""
+    found = {
+        path.relative_to(ROOT).with_suffix("").as_posix().replace("/", ".").removesuffix(".__init__"): path
+        for path in sorted(PACKAGE.rglob("*.py"))
+    }
+    return {name.removeprefix("tradestudy."): path for name, path in found.items() if name != "tradestudy"}
 
 
-def imports(path: Path) -> set[str]:
+@cache
+def imports(module: str) -> frozenset[str]:
+    """Dotted names that a module imports, of this package without its name before them."""
     names: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(ast.parse(modules()[module].read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: relative imports hide the direction"
-            base = node.module or ""
-            names |= {f"{base}.{alias.name}" for alias in node.names} if base == "tradestudy" else {base}
-    return names
+            assert node.level == 0, f"{module}: relative imports hide the direction"
+            members = {f"{node.module}.{alias.name}" for alias in node.names}
+            known = {name for name in members if name.removeprefix("tradestudy.") in modules()}
+            names |= known | ({str(node.module)} if len(known) < len(members) else set())
+    return frozenset(name.removeprefix("tradestudy.") for name in names if name != "tradestudy")
 
 
-def room(path: Path) -> str:
-    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+def own_imports() -> Iterator[tuple[str, str]]:
+    """Every import of one module of the package by another."""
+    return ((here, there) for here in modules() for there in imports(here) if there in modules())
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: path.relative_to(PACKAGE).as_posix())
-def test_imports_go_downward(path: Path) -> None:
-    here = room(path)
-    if here == "__init__":
-        return  # the package's face names the facade lazily
-    assert here in LAYERS, f"{here} has no layer: give it one"
-    for name in imports(path):
-        parts = name.split(".")
-        if parts[0] != "tradestudy" or len(parts) < 2 or parts[1] == here:
-            continue
-        there = parts[1]
-        assert LAYERS[there] < LAYERS[here] or (here, there) in SAME_LAYER, f"{path.name} imports {name}: upward"
-        if here in READ_RESULTS_ONLY:
-            assert there in MAY_BE_READ, f"{path.name} imports {name}: figures and reports read results only"
+def top(module: str) -> str:
+    return module.partition(".")[0]
 
 
-@pytest.mark.parametrize("path", modules(), ids=lambda path: path.relative_to(PACKAGE).as_posix())
-def test_heavy_libraries_stay_in_their_rooms(path: Path) -> None:
-    place = path.relative_to(PACKAGE).as_posix()
-    for name in imports(path):
-        library = name.split(".")[0]
-        allowed = HEAVY.get(library)
-        if allowed is None or (place, library) in EXCEPTIONS:
-            continue
-        assert any(place == room_ or place.startswith((f"{room_}/", f"{room_}.py")) for room_ in allowed), (
-            f"{place} imports {library}, which belongs to {sorted(allowed)}"
-        )
+def test_the_order_names_what_exists() -> None:
+    assert {top(name) for name in modules()} == set(ORDER)
 
 
-def test_every_exception_is_still_needed() -> None:
-    for place, library in EXCEPTIONS:
-        path = PACKAGE / place
-        assert path.is_file(), f"{place} is gone: drop its exception"
-        assert any(name.split(".")[0] == library for name in imports(path)), f"{place} no longer imports {library}"
+def test_imports_go_downward() -> None:
+    upward = [
+        f"{here} imports {there}" for here, there in own_imports() if ORDER.index(top(there)) > ORDER.index(top(here))
+    ]
+    assert not upward
+
+
+def test_figures_and_reports_read_results_only() -> None:
+    assert [
+        f"{here} imports {there}"
+        for here, there in own_imports()
+        if top(here) in READ_RESULTS_ONLY and top(there) not in MAY_BE_READ
+    ] == []
+
+
+def test_heavy_libraries_stay_in_their_rooms() -> None:
+    strays = [
+        f"{here} imports {name}"
+        for here in modules()
+        for name in imports(here)
+        if (rooms := HEAVY.get(top(name))) is not None
+        and not any(f"{here}.".startswith(f"{room}.") for room in rooms)
+        and (here, top(name)) not in EXCEPTIONS
+    ]
+    assert not strays
+
+
+def test_every_room_and_every_exception_is_still_needed() -> None:
+    for library, rooms in HEAVY.items():
+        for room in rooms:
+            assert room in modules(), f"{room} is gone: drop it from the rooms of {library}"
+            users = [here for here in modules() if f"{here}.".startswith(f"{room}.")]
+            assert any(top(name) == library for here in users for name in imports(here)), f"{room}: no {library}"
+    for here, library in EXCEPTIONS:
+        assert any(top(name) == library for name in imports(here)), f"{here} no longer imports {library}"

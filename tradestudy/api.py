@@ -22,10 +22,10 @@ from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
+from tradestudy.execution.progress import Progress
 from tradestudy.study.definition import StudyDefinition, Value
 from tradestudy.study.loading import load_definition
 from tradestudy.study.options import options
-from tradestudy.study.progress import Progress
 from tradestudy.wording import counted
 
 if TYPE_CHECKING:
@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tradestudy.comparison import Comparison
-    from tradestudy.study.execution import Checkpoints, Executor
-    from tradestudy.study.plan import Plan
+    from tradestudy.execution import Checkpoints, Executor
+    from tradestudy.plan.plan import Plan
     from tradestudy.study.schema.root import StudyFile
 
 
@@ -119,7 +119,7 @@ class Study:
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.document.entry("accuracy") is not None:
-            from tradestudy.study.choice import choose
+            from tradestudy.plan.choice import choose
 
             choose(self.definition)
         return self.check_summary()
@@ -136,7 +136,7 @@ class Study:
         UnaffordableError
             Where nothing is accurate enough, or not within the budget; with the nearest accuracy that can be had.
         """
-        from tradestudy.study.plan import plan_of
+        from tradestudy.plan.plan import plan_of
 
         return plan_of(self.definition)
 
@@ -179,13 +179,13 @@ class Study:
         progress
             Called with the step and the share of it done, 0 … 1.
         executor
-            Where independent points are computed: one of `tradestudy.study.execution`; None is serial. The results are
+            Where independent points are computed: one of `tradestudy.execution`; None is serial. The results are
             the same to the last bit.
         checkpoints
             Where finished points are kept for a run that is taken up; None keeps nothing.
         """
-        from tradestudy.study.execution import Serial, Steps
-        from tradestudy.study.runner import compute
+        from tradestudy.execution import Serial, Steps
+        from tradestudy.run.runner import compute
 
         started = datetime.now(UTC)
         begin = time.perf_counter()
@@ -285,7 +285,7 @@ class Result:
         pdf
             Whether to write the PDF too.
         """
-        from tradestudy import storage
+        from tradestudy.results import storage
 
         target = Path(directory)
         storage.remove_abandoned(target)
@@ -323,8 +323,8 @@ def run(
     Results of the same study by the same code are not computed again unless ``fresh``, nor are the finished points of a
     run that ended early; the report always is made.
     """
-    from tradestudy import storage
-    from tradestudy.study.execution import Checkpoints
+    from tradestudy.execution import Checkpoints
+    from tradestudy.results import storage
 
     result = None if fresh else _finished(study, directory)
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
@@ -368,7 +368,7 @@ def open_result(directory: str | Path) -> Result:
         Where there is nothing, or nothing that can be read; where the results are damaged, or a run was killed between
         its record and its results.
     """
-    from tradestudy import storage
+    from tradestudy.results import storage
 
     data, record = storage.read_finished(Path(directory))
     return Result(data=data, run_record=record)

@@ -23,7 +23,7 @@ from tradestudy.errors import RequirementsNotMetError, TradestudyError
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from tradestudy.study.execution import Executor
+    from tradestudy.execution import Executor
 
 INTERRUPTED = 130
 UNEXPECTED = 1
@@ -227,7 +227,7 @@ def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Exe
         return None
     if len(given) > 1:
         raise _InputError("these exclude each other", value=" and ".join(given), remedy="give one of them")
-    from tradestudy.study.execution import DaskCluster, Processes, Threads
+    from tradestudy.execution import DaskCluster, Processes, Threads
 
     if jobs is not None:
         return Processes(jobs)

@@ -15,16 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
+from tradestudy.calibration.corners.corner_file import read_corners
+from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.calibration.corners.relative_pose_posterior import sample_relative_pose
+from tradestudy.calibration.corners.stereo_rig import depth_of_draws, observe_pair
+from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
+from tradestudy.calibration.posterior.laplace import LaplaceFit
+from tradestudy.calibration.target.priors import normal_priors
+from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid, tilted_poses
+from tradestudy.calibration.target.trials import CalibrationTrial
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.uncertainty.calibration.corners import read_corners
-from tradestudy.uncertainty.calibration.laplace import LaplaceFit
-from tradestudy.uncertainty.calibration.priors import normal_priors
-from tradestudy.uncertainty.calibration.real_rig import fit_rig
-from tradestudy.uncertainty.calibration.relative_pose_posterior import sample_relative_pose
-from tradestudy.uncertainty.calibration.stereo_rig import depth_of_draws, observe_pair
-from tradestudy.uncertainty.calibration.synthetic_target import SyntheticTarget, flat_grid, tilted_poses
-from tradestudy.uncertainty.calibration.trials import CalibrationTrial
-from tradestudy.uncertainty.calibration.view_blocks import SHARED_NAMES
 from tradestudy.verification.coverage import coverage_verdict, rank_verdict, run_trials
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"

@@ -45,10 +45,10 @@ LIMIT_MS = 50.0
 def pieces(definition: StudyDefinition) -> dict[str, Callable[[], object]]:
     """What weighs and chooses the models of each piece of a study."""
     from tradestudy.accuracy import Accuracy
-    from tradestudy.study.choice import choose
-    from tradestudy.study.situations.depth_of_field import depth_of_field_situation
-    from tradestudy.study.situations.light_spot import light_spot_situation
-    from tradestudy.study.situations.point_spread import point_spread_situation
+    from tradestudy.plan.choice import choose
+    from tradestudy.plan.situations.depth_of_field import depth_of_field_situation
+    from tradestudy.plan.situations.light_spot import light_spot_situation
+    from tradestudy.plan.situations.point_spread import point_spread_situation
 
     file, accuracy = definition.file, Accuracy(relative=definition.file.accuracy.wanted().relative)
     found: dict[str, Callable[[], object]] = {}
@@ -70,7 +70,7 @@ def pieces(definition: StudyDefinition) -> dict[str, Callable[[], object]]:
 
 def forms(definition: StudyDefinition) -> int:
     """How many cameras a study makes of each of its cameras."""
-    from tradestudy.study.situations.depth import every_variant
+    from tradestudy.plan.situations.depth import every_variant
 
     return sum(1 for _ in every_variant(definition))
 
@@ -96,7 +96,7 @@ def of_study(name: str) -> dict[str, Any]:
 
     definition = api.load(STUDIES / f"{name}.yaml").definition
     begin = time.perf_counter()
-    from tradestudy.study.choice import choose
+    from tradestudy.plan.choice import choose
 
     choose(definition)
     first = 1e3 * (time.perf_counter() - begin)
@@ -114,7 +114,7 @@ def of_study(name: str) -> dict[str, Any]:
 
 def of_random_cameras(kind: str) -> list[tuple[float, float]]:
     """Processor time of each [ms], the median and the least of a few repeats."""
-    from tradestudy.study.choice import choose
+    from tradestudy.plan.choice import choose
 
     with tempfile.TemporaryDirectory() as folder:
         cameras = _random_cameras(base_study(kind, Path(folder)), kind)

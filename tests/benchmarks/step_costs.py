@@ -2,7 +2,7 @@
 
 ``python tests/benchmarks/step_costs.py [STUDY …]`` runs each study in a process of its own, one worker, and writes
 step_costs.md beside this file (only the given studies' rows are measured anew). Processor seconds are compared: what
-else runs on the machine does not count in them. They are what the constants of `tradestudy.study.predicted_time` come
+else runs on the machine does not count in them. They are what the constants of `tradestudy.plan.predicted_time` come
 from: processor seconds of a step over its counts of work.
 """
 

@@ -7,13 +7,13 @@ import mpmath
 import numpy as np
 import pytest
 
+from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
 from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
 from tradestudy.errors import OutOfRangeError
-from tradestudy.study.depth import depth_uncertainty
 
 F_M, A0, F_L, PITCH, PIXEL = 12.5e-3, 0.15, 0.432e-3, 126.5e-6, 5.5e-6
 DISTANCES = np.array([0.05, 0.1, 0.149, 0.151, 0.3, 2.0])

@@ -17,12 +17,12 @@ import numpy as np
 from tests.campaigns.depth_cases import KINDS, base_study, random_study
 from tests.campaigns.record import write
 from tradestudy.accuracy import Accuracy
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.effects.base import SlotName
 from tradestudy.errors import TradestudyError, UnaffordableError
+from tradestudy.plan.situations.depth import depth_situations
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.depth import depth_uncertainty
-from tradestudy.study.situations.depth import depth_situations
-from tradestudy.study.usable import all_met, evaluate_limits
 
 WANTED = 0.01
 # Kirchhoff takes its time: it is compared with Fresnel at a few distances.

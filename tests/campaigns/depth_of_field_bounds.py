@@ -25,10 +25,10 @@ from tradestudy.accuracy import Accuracy
 from tradestudy.cameras.conventional import ConventionalCamera
 from tradestudy.cameras.stereo import StereoRig
 from tradestudy.errors import TradestudyError
+from tradestudy.plan.situations.depth_of_field import depth_of_field_situation
+from tradestudy.run.groups.depth_of_field import depth_of_field_group
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.groups.depth_of_field import depth_of_field_group
 from tradestudy.study.loading import load_definition
-from tradestudy.study.situations.depth_of_field import depth_of_field_situation
 
 STUDIES = Path(__file__).parents[2] / "studies"
 KINDS = ("conventional", "stereo", "focused", "unfocused")

@@ -33,8 +33,8 @@ import pypdfium2
 import xarray as xr
 
 from tests.campaigns import record
-from tradestudy.study.execution import Checkpoints
-from tradestudy.study.execution.checkpoints import FOLDER as UNFINISHED
+from tradestudy.execution import Checkpoints
+from tradestudy.execution.checkpoints import FOLDER as UNFINISHED
 from tradestudy.verification.hard_cases.study_files import study
 
 PATIENCE = 240.0  # s, for one run on a busy machine

@@ -2,7 +2,7 @@
 
     python -m tests.campaigns.light_seconds
 
-Processor seconds on the light spot, the least of three: `tradestudy.study.situations.light_cost.SECONDS` and
+Processor seconds on the light spot, the least of three: `tradestudy.plan.situations.light_cost.SECONDS` and
 `tradestudy.effects.point_images.SECONDS_PER_IMAGE` times the speed of this machine.
 """
 
@@ -20,6 +20,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from tradestudy import load
+from tradestudy.analysis.point_spreads import SpreadMethod, every_case, point_spread_of
 from tradestudy.machine import machine_speed
 from tradestudy.optics.chain import (
     FRESNEL,
@@ -36,11 +37,10 @@ from tradestudy.optics.chain.arriving_light import arriving_light, field_spacing
 from tradestudy.optics.chain.point_image import compute_point, wave_point_image
 from tradestudy.optics.chain.scene import WaveMethod
 from tradestudy.optics.chain.source_tables import farthest_read, source_tables, table_count
-from tradestudy.study.point_spreads import SpreadMethod, every_case, point_spread_of
+from tradestudy.plan.situations.coherent_cost import pupil_nodes
+from tradestudy.plan.situations.light_cost import LightWork, PointWork
+from tradestudy.plan.situations.light_spot import light_scene
 from tradestudy.study.schema.light_spot import LightSpotPart
-from tradestudy.study.situations.coherent_cost import pupil_nodes
-from tradestudy.study.situations.light_cost import LightWork, PointWork
-from tradestudy.study.situations.light_spot import light_scene
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 COARSE, FINE, DOUBLE = 0.1, 0.01, 9e-4

@@ -16,9 +16,9 @@ import numpy as np
 from tests.campaigns import record
 from tradestudy import load
 from tradestudy.accuracy import Accuracy
+from tradestudy.analysis import spot_images
 from tradestudy.machine import machine_speed
-from tradestudy.study import spot_images
-from tradestudy.study.situations.light_spot import light_spot_situation, spot_models
+from tradestudy.plan.situations.light_spot import light_spot_situation, spot_models
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 ASKED = (0.1, 0.01, 0.001)

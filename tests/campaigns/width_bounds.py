@@ -15,11 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from tests.campaigns import record
+from tradestudy.analysis.point_spreads import LensAndPoint, point_spread_of
 from tradestudy.effects.point_images import diffraction_of_points
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.point_spread import encircled_energy_radius
-from tradestudy.study.point_spreads import LensAndPoint, point_spread_of
-from tradestudy.study.situations.point_spread import point_image
+from tradestudy.plan.situations.point_spread import point_image
 
 PHASES = ("parabolic", "stigmatic", "perfect")
 WINDOW = 12.0  # Airy radii; a wider image is refused and counted

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost import depth_reference, measuring
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth import INVERSE, LINEAR, QUADRATURE, propagation_cost
@@ -17,7 +18,6 @@ from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.depth import ONE_SIGMA
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources

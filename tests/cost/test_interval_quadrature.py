@@ -11,6 +11,7 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
+from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost import depth_reference
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth_reference import reference_of
@@ -18,7 +19,6 @@ from tradestudy.cost.interval_quadrature import half_width
 from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.depth import ONE_SIGMA
 from tradestudy.uncertainty.distributions import Distribution, Empirical, Normal, Uniform
 from tradestudy.uncertainty.evaluation import Model, Outcome
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources

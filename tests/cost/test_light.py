@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import tradestudy
+from tradestudy.analysis.spot_images import RAYS, SpotModels
 from tradestudy.cameras.focus import SharpRange
 from tradestudy.cost import measuring, spot
 from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
@@ -20,10 +21,9 @@ from tradestudy.cost.pace import Pace
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.optics.depth_of_field import DepthOfField
+from tradestudy.plan.situations.depth_of_field import depth_of_field_situation
+from tradestudy.plan.situations.light_spot import light_spot_situation, spot_models
 from tradestudy.study.schema.light_spot import LightSpotPart
-from tradestudy.study.situations.depth_of_field import depth_of_field_situation
-from tradestudy.study.situations.light_spot import light_spot_situation, spot_models
-from tradestudy.study.spot_images import RAYS, SpotModels
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

@@ -10,6 +10,7 @@ import pytest
 
 from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS, hand_lens
+from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cost import depth, measuring, picture
 from tradestudy.cost.entries import Entry, Measured
 from tradestudy.cost.measuring import Allowance
@@ -23,11 +24,10 @@ from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import disparity_error_px
 from tradestudy.imaging.texture import texture_spectrum
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.plan.situations.depth import depth_situations
+from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.depth import depth_uncertainty
 from tradestudy.study.loading import load_definition
-from tradestudy.study.situations.depth import depth_situations
-from tradestudy.study.situations.situation import Situation
 
 FOCUS = 55e-3
 

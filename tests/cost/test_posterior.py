@@ -8,9 +8,9 @@ from types import SimpleNamespace
 from typing import cast
 
 import tradestudy
+from tradestudy.calibration.uncertain_camera import UncertainCamera
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.posterior import posterior_cost
-from tradestudy.study.calibration.uncertain_camera import UncertainCamera
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

@@ -13,7 +13,7 @@ from tests.campaigns.depth_bounds import audit, omissions
 from tests.campaigns.depth_cases import base_study
 from tradestudy.effects.base import SlotName
 from tradestudy.imaging.transfer import airy_transfer, kirchhoff_transfers
-from tradestudy.study.situations.depth import depth_situations
+from tradestudy.plan.situations.depth import depth_situations
 
 
 def test_forced_omissions_stay_within_their_bounds() -> None:

@@ -9,16 +9,16 @@ import pytest
 
 import tradestudy
 from tradestudy.accuracy import Accuracy
+from tradestudy.analysis.spot_images import SpotModels, spot_picture
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens
 from tradestudy.effects.sampling import TOLERANCES, sampling, tolerance_of
 from tradestudy.effects.sharpness import diffraction_of_sharpness
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.optics.chain import microlens_nodes
+from tradestudy.plan.situations.light_spot import light_scene, light_spot_situation, spot_models
+from tradestudy.plan.situations.point_spread import point_spread_situation
 from tradestudy.study.schema.light_spot import LightSpotPart
-from tradestudy.study.situations.light_spot import light_scene, light_spot_situation, spot_models
-from tradestudy.study.situations.point_spread import point_spread_situation
-from tradestudy.study.spot_images import SpotModels, spot_picture
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 SMALL = [

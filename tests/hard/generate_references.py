@@ -14,7 +14,7 @@ from pathlib import Path
 import mpmath as mp
 
 from tests.hard.field_reference import ANGLES, RINGS, intensity
-from tradestudy.study.hard_case_families import all_families
+from tradestudy.verification.hard_case_families import all_families
 from tradestudy.verification.hard_cases import depth_of_field, equation_27, fields, phases, stereo, thin_lens
 from tradestudy.verification.hard_cases.case import Law, NumericCase
 

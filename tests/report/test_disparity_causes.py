@@ -11,14 +11,14 @@ import xarray as xr
 
 from tradestudy import load
 from tradestudy.imaging.error_causes import CHANGES
+from tradestudy.plan.plan import plan_of
 from tradestudy.report.contents import compose
 from tradestudy.report.document import Block, Bullets, Table, Text, flattened, spans
 from tradestudy.report.sections.disparity_causes import disparity_causes
 from tradestudy.results import GROUPS
-from tradestudy.study.groups.disparity_causes import disparity_causes_group
-from tradestudy.study.groups.registers import cameras_group
+from tradestudy.run.groups.disparity_causes import disparity_causes_group
+from tradestudy.run.groups.registers import cameras_group
 from tradestudy.study.loading import load_definition
-from tradestudy.study.plan import plan_of
 
 STUDY = Path(__file__).parents[2] / "studies" / "close_range.yaml"
 QUICK = ("scene.distances.points=39",)

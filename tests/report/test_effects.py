@@ -13,11 +13,11 @@ import tradestudy
 from tests.campaigns.depth_cases import base_study
 from tradestudy.effects.base import NOTHING_LEFT_OUT
 from tradestudy.effects.selection import Decision
+from tradestudy.plan.plan import Plan, plan_of
 from tradestudy.report.document import Paragraph, Table, Text, spans
 from tradestudy.report.sections.effects import effects
-from tradestudy.study.groups.effects import effects_group
-from tradestudy.study.plan import Plan, plan_of
-from tradestudy.study.runner import compute
+from tradestudy.run.groups.effects import effects_group
+from tradestudy.run.runner import compute
 from tradestudy.units import DURATION, pretty, significant
 
 STUDIES = Path(__file__).parents[2] / "studies"

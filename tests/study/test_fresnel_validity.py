@@ -10,10 +10,10 @@ import pytest
 from scipy.special import j0
 
 import tradestudy
+from tradestudy.analysis.fresnel_errors import limit_f_number
 from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.optics.psf_difference import fresnel_psf_difference
-from tradestudy.study.fresnel_errors import limit_f_number
 
 STUDY = Path(__file__).parents[2] / "studies" / "fresnel_validity.yaml"
 MAIN = {"focal_length": 12.5e-3, "object_distance": 0.150}

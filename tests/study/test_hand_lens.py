@@ -12,11 +12,10 @@ import pytest
 import xarray as xr
 
 from tests.study.conftest import STUDIES
-from tradestudy import storage
 from tradestudy.api import Result, load
 from tradestudy.errors import StudyError
-from tradestudy.results import GROUPS
-from tradestudy.study.groups.criteria import criteria_group
+from tradestudy.results import GROUPS, storage
+from tradestudy.run.groups.criteria import criteria_group
 
 DEPTH_CAMERAS = {
     "r5-one-type",
@@ -240,7 +239,7 @@ def test_a_contradicted_depth_of_field_is_reported() -> None:
             "r5-no-microlenses.stated={hyperfocal_distance: 4 m}",
         ],
     )
-    from tradestudy.study.contradictions import find_contradictions
+    from tradestudy.analysis.contradictions import find_contradictions
 
     found = {row.camera: row for row in find_contradictions(study.definition) if "depth of field" in row.what}
     assert set(found) == {"mahli-contact"}

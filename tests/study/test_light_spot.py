@@ -13,12 +13,12 @@ from scipy.optimize import brentq
 from scipy.special import j0, j1
 
 import tradestudy
+from tradestudy.analysis import spot_images
+from tradestudy.analysis.point_spreads import LensAndPoint, spread_measures
 from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.report.document import Bullets, Callout, spans
 from tradestudy.report.sections.light_spot import light_spot_answer
-from tradestudy.study import spot_images
-from tradestudy.study.point_spreads import LensAndPoint, spread_measures
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 # One microlens of the scene, and a spot of which it sees the whole.

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from tradestudy import load
+from tradestudy.analysis.properties import camera_properties
 from tradestudy.cameras.stereo import StereoRig
 from tradestudy.errors import StudyError
-from tradestudy.study.properties import camera_properties
 
 STUDIES = Path(__file__).parents[2] / "studies"
 CLOSE = STUDIES / "close_range.yaml"

@@ -10,8 +10,8 @@ import pytest
 from pydantic import TypeAdapter, ValidationError
 
 from tradestudy import units
-from tradestudy.study.schema import quantities
-from tradestudy.study.schema.quantities import quantity
+from tradestudy.declarations import quantities
+from tradestudy.declarations.quantities import quantity
 
 
 def message(kind: Any, value: object) -> str:

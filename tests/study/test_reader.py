@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from tradestudy import load
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.quantities import Fraction, PositiveLength
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.study.document import Annotation, Document
-from tradestudy.study.mistakes import MistakeAt
 from tradestudy.study.reader import read, validate, with_values
-from tradestudy.study.schema.quantities import Fraction, PositiveLength
 
 STUDIES = Path(__file__).parents[2] / "studies"
 WRONG = Path(__file__).parent / "wrong"

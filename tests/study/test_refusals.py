@@ -10,15 +10,15 @@ from pydantic import TypeAdapter, ValidationError
 
 from tests.cameras.builders import r5, stereo
 from tests.study.conftest import STUDIES
+from tradestudy.analysis.claims import claim_value
+from tradestudy.analysis.depth import evaluate_depth
+from tradestudy.analysis.usable import evaluate_limits
 from tradestudy.api import Study, load
 from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
 from tradestudy.cameras.stereo import StereoCalibration
 from tradestudy.errors import StudyError
-from tradestudy.study.claims import claim_value
 from tradestudy.study.definition import Value
-from tradestudy.study.depth import evaluate_depth
 from tradestudy.study.schema.cameras import PixelCount
-from tradestudy.study.usable import evaluate_limits
 
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tradestudy import load
-from tradestudy.study.contradictions import Contradiction, find_contradictions
-from tradestudy.study.groups.registers import assumptions_group
+from tradestudy.analysis.contradictions import Contradiction, find_contradictions
+from tradestudy.run.groups.registers import assumptions_group
 
 CLOSE = Path(__file__).parents[2] / "studies" / "close_range.yaml"
 Row = tuple[str, str, str]

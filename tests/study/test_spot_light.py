@@ -14,6 +14,7 @@ import pytest
 
 import tradestudy
 from tradestudy.accuracy import Accuracy
+from tradestudy.analysis.spot_images import SpotModels, light_path, spot_image, spot_picture
 from tradestudy.optics.chain import (
     FRESNEL,
     ChainAccuracy,
@@ -26,9 +27,8 @@ from tradestudy.optics.chain import (
     spectral_image,
 )
 from tradestudy.optics.propagation import CircularLens, PointSource
+from tradestudy.plan.situations.light_spot import light_spot_situation, picture_seconds
 from tradestudy.study.schema.light_spot import LightSpotPart
-from tradestudy.study.situations.light_spot import light_spot_situation, picture_seconds
-from tradestudy.study.spot_images import SpotModels, light_path, spot_image, spot_picture
 
 STUDY = """
 format: 1

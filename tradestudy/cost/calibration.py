@@ -9,17 +9,17 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.analysis.propagation import sampling_of
+from tradestudy.calibration.declaration import CalibrationStudyPart
+from tradestudy.calibration.uncertain_camera import UncertainCamera
+from tradestudy.calibration.uncertain_cameras import UncertainCameras
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth import propagation_cost
 from tradestudy.cost.draws_saved import SOBOL
 from tradestudy.cost.entries import Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance
+from tradestudy.execution.progress import Progress
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.calibration.cameras import UncertainCameras
-from tradestudy.study.calibration.propagation import sampling_of
-from tradestudy.study.calibration.uncertain_camera import UncertainCamera
-from tradestudy.study.progress import Progress
-from tradestudy.study.schema.calibration import CalibrationStudyPart
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.linear import linear
 

@@ -11,6 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.analysis.depth import ONE_SIGMA, depth_uncertainty
+from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.case import Case
 from tradestudy.cost.depth_reference import SUPERSCRIPTS, reference_of
@@ -20,13 +22,11 @@ from tradestudy.cost.interval_quadrature import half_width
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
 from tradestudy.effects.calibration import LINEAR as EFFECT_LINEAR
 from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.execution.progress import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import AnyDepthCamera
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.depth import ONE_SIGMA, depth_uncertainty
-from tradestudy.study.progress import Progress
-from tradestudy.study.usable import all_met, evaluate_limits
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.linear import linear

@@ -13,10 +13,10 @@ from tradestudy.cost.entries import Measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.effects.base import OFF
 from tradestudy.effects.selection import Selection
+from tradestudy.execution.progress import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.progress import Progress
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
 TITLES: Final[dict[DiffractionMeasure, str]] = {

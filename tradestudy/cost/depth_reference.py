@@ -19,11 +19,11 @@ from numpy.polynomial.hermite_e import hermegauss
 from numpy.polynomial.legendre import leggauss
 from scipy.special import erfc, ndtri
 
+from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost.case import Case
 from tradestudy.cost.measuring import REFERENCE_SEED, Allowance
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.depth import ONE_SIGMA
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import ranked
 from tradestudy.uncertainty.sources import Source

@@ -11,21 +11,21 @@ from typing import Final
 import numpy as np
 
 from tradestudy.accuracy import Accuracy
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cost.entries import NOWHERE_USABLE, Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, entry_of, measure
 from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.effects.base import OFF, SlotName
 from tradestudy.effects.selection import Selection
 from tradestudy.errors import TradestudyError, UnaffordableError
+from tradestudy.execution.progress import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.acting import AnyDepthCamera, acting
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.depth import depth_uncertainty
-from tradestudy.study.progress import Progress
-from tradestudy.study.situations.situation import Situation
-from tradestudy.study.usable import all_met, evaluate_limits
 
 TITLES: Final[Mapping[str, str]] = {
     OFF: "no diffraction",

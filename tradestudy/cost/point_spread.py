@@ -10,9 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.analysis.point_spreads import LensAndPoint
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
+from tradestudy.execution.progress import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import (
     Accuracy,
@@ -25,9 +27,7 @@ from tradestudy.optics.propagation import (
     nodes_for,
     sample_wave,
 )
-from tradestudy.study.groups.point_spread import METHODS
-from tradestudy.study.point_spreads import LensAndPoint
-from tradestudy.study.progress import Progress
+from tradestudy.run.groups.point_spread import METHODS
 from tradestudy.study.schema.wave_optics import ElementPart, PointSpreadPart
 from tradestudy.units import significant
 

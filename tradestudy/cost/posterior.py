@@ -11,19 +11,19 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.calibration.declaration import CalibrationStudyPart, TargetPart
+from tradestudy.calibration.posteriors import group_of_sample, target_problem
+from tradestudy.calibration.sources import declared_groups
+from tradestudy.calibration.target.target_inference import TargetProblem, fit_target, sample_target
+from tradestudy.calibration.uncertain_camera import UncertainCamera
 from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.cameras.stereo import StereoRig
 from tradestudy.cost.depth import fixed_sampling
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, entry_of, measure
+from tradestudy.execution.progress import Progress
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.calibration.posteriors import group_of_sample, target_problem
-from tradestudy.study.calibration.sources import declared_groups
-from tradestudy.study.calibration.uncertain_camera import UncertainCamera
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.progress import Progress
-from tradestudy.study.schema.calibration import CalibrationStudyPart, TargetPart
-from tradestudy.uncertainty.calibration.target_inference import TargetProblem, fit_target, sample_target
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.monte_carlo import propagate
 from tradestudy.uncertainty.sources import ErrorClass, Group

@@ -11,18 +11,18 @@ from typing import Final, get_args
 
 import numpy as np
 
+from tradestudy.analysis.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.measuring import Allowance, Timed, entry_of, measure
 from tradestudy.cost.pace import Pace
 from tradestudy.errors import NotConvergedError, UnaffordableError
+from tradestudy.execution.progress import Progress
 from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.optics.propagation import PointSource
-from tradestudy.study.progress import Progress
+from tradestudy.plan.situations.light_spot import picture_seconds
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
-from tradestudy.study.situations.light_spot import picture_seconds
-from tradestudy.study.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
 from tradestudy.units import significant
 
 _WAVES: Final[tuple[MethodName, ...]] = ("kirchhoff", "kirchhoff-fresnel", "fresnel")

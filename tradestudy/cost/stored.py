@@ -13,7 +13,7 @@ import xarray as xr
 
 from tradestudy.machine import identity
 from tradestudy.results import GROUPS
-from tradestudy.storage import replacing
+from tradestudy.results.storage import replacing
 
 COST: Final = "cost.nc"
 SUMMARY: Final = "cost.json"

@@ -37,15 +37,14 @@ from tradestudy.cost.point_spread import point_spread_cost
 from tradestudy.cost.posterior import posterior_cost
 from tradestudy.cost.spot import point_cost, spot_cost
 from tradestudy.errors import OutOfRangeError
+from tradestudy.execution import Steps
+from tradestudy.execution.progress import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.plan.plan import Plan, plan_of
+from tradestudy.plan.situations import depth_of_field, light_spot, point_spread
+from tradestudy.plan.situations.light_spot import spot_models
 from tradestudy.results import dataset
-from tradestudy.study.calibration.cameras import uncertain_cameras
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.execution import Steps
-from tradestudy.study.plan import Plan, plan_of
-from tradestudy.study.progress import Progress
-from tradestudy.study.situations import depth_of_field, light_spot, point_spread
-from tradestudy.study.situations.light_spot import spot_models
 
 _ENTRY_FIELDS: Final = {
     "model": "model",
@@ -140,7 +139,7 @@ def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Ite
         yield from _pictures(declared, plan, progress)
     if (calibration := file.calibration) is not None:
         begin = time.perf_counter()
-        uncertain = uncertain_cameras(definition, calibration, Steps(progress=progress))
+        uncertain = definition.uncertain_cameras(calibration, Steps(progress=progress))
         inferring = time.perf_counter() - begin
         shown = [name for name, camera in calibration.cameras.items() if camera.target is not None]
         titles = {name: camera.title for name, camera in file.cameras.items()}

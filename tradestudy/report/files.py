@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tradestudy.storage import replacing
+from tradestudy.results.storage import replacing
 
 
 def replace_file(path: Path, content: bytes) -> None:

@@ -1,1 +1,1 @@
-"""From a study file to results: schema, reader, quantities, runner."""
+"""From a study file to validated values, and to the same study under other values."""

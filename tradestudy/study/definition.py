@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,11 @@ from tradestudy.study.schema.cameras import ConventionalPart
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
+
+if TYPE_CHECKING:
+    from tradestudy.calibration.declaration import CalibrationStudyPart
+    from tradestudy.calibration.uncertain_cameras import UncertainCameras
+    from tradestudy.execution import Steps
 
 Value = str | float | bool | None | Sequence["Value"] | Mapping[str, "Value"]
 
@@ -182,6 +187,13 @@ class StudyDefinition:
         file, _, _ = self.document.locate(path)
         root, _, _ = self.document.locate(())
         return Path(file if Path(file).is_file() else root).parent
+
+    def uncertain_cameras(self, part: CalibrationStudyPart, steps: Steps) -> UncertainCameras:
+        """The cameras of a calibration part of this study with their errors; see `uncertain_cameras`."""
+        from tradestudy.calibration.uncertain_cameras import uncertain_cameras
+
+        folder, wavelength = self.folder_of(("calibration",)), self.case.wavelength
+        return uncertain_cameras(part, self.case.cameras, steps, folder=folder, wavelength=wavelength)
 
     def with_tolerance(self, relative: str) -> StudyDefinition:
         """The same study with one relative error wanted of every quantity, such as ``"1 %"``.

@@ -7,9 +7,8 @@ from functools import partial
 from pathlib import Path
 
 from tradestudy.errors import Problem, StudyError, TradestudyError
-from tradestudy.study.claims import expectation_bounds
-from tradestudy.study.decision import question_ends
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
 from tradestudy.study.sweep import sweep_axes
 

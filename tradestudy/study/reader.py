@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
+from tradestudy.declarations.mistakes import nearest_name
 from tradestudy.errors import Problem, StudyError
 from tradestudy.study import document as tree
 from tradestudy.study.document import (
@@ -23,7 +24,6 @@ from tradestudy.study.document import (
     is_null,
     merged,
 )
-from tradestudy.study.mistakes import nearest_name
 from tradestudy.study.schema.validation import validate
 from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
 from tradestudy.units import nearest

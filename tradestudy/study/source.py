@@ -11,6 +11,7 @@ from ruamel.yaml import events as yaml_events
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.reader import ReaderError
 
+from tradestudy.declarations.mistakes import nearest_name
 from tradestudy.errors import Problem
 from tradestudy.study.document import (
     BASES,
@@ -24,7 +25,6 @@ from tradestudy.study.document import (
     Scalar,
     ScalarEntry,
 )
-from tradestudy.study.mistakes import nearest_name
 from tradestudy.units import nearest
 
 # A study of 100 cameras with 100 000 written-out distances fits; a file made to exhaust the machine does not.

@@ -9,9 +9,9 @@ from pydantic import Field
 
 from tradestudy import accuracy, units
 from tradestudy.accuracy import QUANTITIES, Quantity
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import PositiveDuration, quantity
 from tradestudy.effects.base import SlotName
-from tradestudy.study.schema.base import Part
-from tradestudy.study.schema.quantities import PositiveDuration, quantity
 
 # Beyond the whole of a value, or below what any propagator states, an accuracy says nothing.
 RelativeError = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.0)]

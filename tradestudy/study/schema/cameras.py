@@ -7,9 +7,9 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tradestudy.study.mistakes import MistakeAt
-from tradestudy.study.schema.base import Part
-from tradestudy.study.schema.quantities import (
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
     Angle,
     Baseline,
     Count,

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from tradestudy.study.schema.base import Part
+from tradestudy.declarations.part import Part
 
 FamilyName = Literal[
     "thin-lens", "stereo", "phases", "fields", "equation-27", "depth-of-field", "propagation", "study-files"

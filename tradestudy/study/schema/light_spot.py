@@ -11,11 +11,9 @@ from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticKnownError
 
 from tradestudy import units
-from tradestudy.light_methods import legs_of
-from tradestudy.study.mistakes import MistakeAt
-from tradestudy.study.schema.accuracy import EffectsPart
-from tradestudy.study.schema.base import Part
-from tradestudy.study.schema.quantities import (
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
     FNumber,
     FocalLength,
     Length,
@@ -28,6 +26,8 @@ from tradestudy.study.schema.quantities import (
     PositiveWavelength,
     quantity,
 )
+from tradestudy.light_methods import legs_of
+from tradestudy.study.schema.accuracy import EffectsPart
 from tradestudy.study.schema.wave_optics import LensPhaseName
 from tradestudy.units import LENGTH, UnitError, pretty
 

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
 from tradestudy import units
-from tradestudy.study.mistakes import MistakeAt
-from tradestudy.study.schema.base import Part
-from tradestudy.study.schema.quantities import (
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
     DETAIL,
     DetailSize,
     FNumber,

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from tradestudy.study.mistakes import MistakeAt
-from tradestudy.study.schema.base import Part
-from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
-from tradestudy.study.schema.light_spot import MethodName
-from tradestudy.study.schema.quantities import (
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
     FNumber,
     ObjectDistance,
     PositiveFraction,
@@ -21,29 +19,10 @@ from tradestudy.study.schema.quantities import (
     QuantityText,
     Share,
 )
+from tradestudy.declarations.words import CameraName, Pair, Scalar, Span, Text, Way
+from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
+from tradestudy.study.schema.light_spot import MethodName
 from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, PositiveWaves, PsfMetric
-
-
-def increasing(span: tuple[float, ...]) -> tuple[float, ...]:
-    """Refuse a range that does not go from near to far."""
-    if not span[0] < span[-1]:
-        raise MistakeAt((), "a range goes from near to far")
-    return span
-
-
-def different(pair: tuple[str, ...]) -> tuple[str, ...]:
-    """Refuse to compare a camera with itself."""
-    if len(set(pair)) < len(pair):
-        raise MistakeAt((), "two different cameras are expected")
-    return pair
-
-
-Way = Literal["noise", "calibration", "both"]
-Span = Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=2), AfterValidator(increasing)]
-Text = Annotated[str, Field(min_length=1, max_length=2000)]
-CameraName = Annotated[str, Field(min_length=1, max_length=80)]
-Pair = Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2), AfterValidator(different)]
-Scalar = str | int | float | bool | None
 
 
 class UsablePart(Part):

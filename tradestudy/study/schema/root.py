@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from tradestudy.study.mistakes import MistakeAt, nearest_name
+from tradestudy.calibration.declaration import CalibrationStudyPart, calibration_mistakes
+from tradestudy.declarations.mistakes import MistakeAt, nearest_name
+from tradestudy.declarations.part import Part
 from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
-from tradestudy.study.schema.base import Part
-from tradestudy.study.schema.calibration import CalibrationStudyPart, calibration_mistakes
 from tradestudy.study.schema.cameras import CameraPart, ConventionalPart, measures_depth
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
 from tradestudy.study.schema.hard_cases import HardCasesPart
@@ -111,7 +111,7 @@ class StudyFile(Part):
         if self.criteria is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("criteria",), "needs depth_of_field, whose scene it is worked out for"))
         if self.calibration is not None:
-            mistakes += calibration_mistakes(self.calibration, self.cameras)
+            mistakes += calibration_mistakes(self.calibration, {name: part.kind for name, part in self.cameras.items()})
         if mistakes:
             raise MistakeAt.several(mistakes)
         return self

@@ -3,42 +3,20 @@
 from __future__ import annotations
 
 import itertools
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from tradestudy.study.mistakes import MistakeAt
-from tradestudy.study.schema.base import Part
-from tradestudy.study.schema.picture import PicturePart
-from tradestudy.study.schema.quantities import (
+from tradestudy.declarations.distances import MOST_DISTANCES, DistanceRangePart
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
     NonNegativeTemperatureDifference,
     ObjectDistance,
     PositiveWavelength,
     ThermalExpansion,
 )
-
-MOST_DISTANCES = 100_000
-
-
-class DistanceRangePart(Part):
-    """Distances on a scale."""
-
-    start: ObjectDistance = Field(alias="from")
-    stop: ObjectDistance = Field(alias="to")
-    points: Annotated[int, Field(ge=2, le=MOST_DISTANCES, strict=True)]
-    spacing: Literal["log", "linear"] = "log"
-
-    @model_validator(mode="after")
-    def _increasing(self) -> Self:
-        if not self.start < self.stop:
-            raise MistakeAt(("to",), "must lie beyond from")
-        return self
-
-    def values(self) -> tuple[float, ...]:
-        """The distances [m]; the ends exactly as written."""
-        space = np.geomspace if self.spacing == "log" else np.linspace
-        return tuple(float(value) for value in space(self.start, self.stop, self.points))
+from tradestudy.study.schema.picture import PicturePart
 
 
 class TemperaturePart(Part):

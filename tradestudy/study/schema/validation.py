@@ -10,11 +10,11 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
+from tradestudy.declarations.mistakes import MistakeAt, nearest_name
+from tradestudy.declarations.part import Part
 from tradestudy.errors import Problem, StudyError
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, child
-from tradestudy.study.mistakes import MistakeAt, nearest_name
 from tradestudy.study.schema.alignment import Alignment, align, key_meaning, key_names
-from tradestudy.study.schema.base import Part
 from tradestudy.study.source import MOST_MISTAKES
 from tradestudy.units import UnitError, nearest
 

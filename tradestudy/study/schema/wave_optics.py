@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from tradestudy import units
-from tradestudy.study.mistakes import MistakeAt
-from tradestudy.study.schema.base import Part
-from tradestudy.study.schema.quantities import (
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
     FNumber,
     FocalLength,
     NonNegativeAngle,

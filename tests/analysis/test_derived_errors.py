@@ -1,0 +1,184 @@
+"""Disparity errors derived from the picture, through a study: what follows them, what does not, what is refused."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.study.conftest import STUDIES
+from tradestudy.analysis.depth import ONE_SIGMA, WAYS, evaluate_depth
+from tradestudy.analysis.usable import evaluate_limits, usable_intervals
+from tradestudy.errors import StudyError
+from tradestudy.execution import Steps
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.transfer.kirchhoff import kirchhoff_correction
+from tradestudy.plan.plan import plan_of
+from tradestudy.run import runner
+from tradestudy.run.groups.depth import depth_as_declared
+from tradestudy.run.kirchhoff_pictures import compute_kirchhoff_pictures
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.loading import load_definition
+
+NOISE, BOTH = WAYS.index("noise"), WAYS.index("both")
+FOCUS = np.array([55.3e-3])
+PICTURE = (
+    "scene.picture={texture: {contrast: 1 %, correlation_length: 1 mm}, window: 9 px, light: {electrons: "
+    "100 electrons, at_f_number: 4}, read_noise: 20 electrons, full_well: 1e4 electrons, bits: 8}"
+)
+
+
+@pytest.fixture(scope="module")
+def study() -> StudyDefinition:
+    return load_definition(STUDIES / "close_range.yaml", ("scene.distances.points=39",))
+
+
+def uncertainty(definition: StudyDefinition, camera: str, distance: np.ndarray) -> np.ndarray:
+    return evaluate_depth(definition.case.cameras[camera], distance).uncertainty
+
+
+def test_stopping_down_at_fixed_light_raises_depth_uncertainty_in_focus(study: StudyDefinition) -> None:
+    f96, f22 = (uncertainty(study, name, FOCUS)[:, 0] for name in ("pair-f9.8", "pair-f22"))
+    assert f22[NOISE] > 3 * f96[NOISE]
+    assert f22[BOTH] > 1.4 * f96[BOTH]  # calibration is the larger part of the wider one
+    # Light alone costs less: the rest is diffraction.
+    lossless = []
+    for name in ("pair-f9.8", "pair-f22"):
+        camera = study.case.cameras[name]
+        law = camera.disparity_error_px
+        assert isinstance(law, PictureDisparityError)
+        bare = replace(law, models=replace(law.models, main_lens_diffraction="none"))
+        lossless.append(evaluate_depth(replace(camera, disparity_error_px=bare), FOCUS).uncertainty[NOISE, 0])
+    assert f22[NOISE] / f96[NOISE] > 1.4 * lossless[1] / lossless[0]
+
+
+def test_a_smaller_aperture_buys_range_with_uncertainty(study: StudyDefinition) -> None:
+    depth = {}
+    for name in ("pair-f5.6", "pair-f9.8", "pair-f22"):
+        (interval,) = usable_intervals(study.case.cameras[name], study.case.criteria, study.case.distance)
+        why = "the window is too small for the blur" if name != "pair-f22" else "the error is too large"
+        assert interval.near_limit.startswith(f"matching: {why}"), interval
+        assert interval.far_limit.startswith(f"matching: {why}")
+        depth[name] = interval.far - interval.near
+    assert depth["pair-f5.6"] < depth["pair-f9.8"] < depth["pair-f22"]
+
+
+def test_the_range_ends_where_the_matcher_leaves_the_bound(study: StudyDefinition) -> None:
+    camera = study.case.cameras["pair-f9.8"]
+    (interval,) = usable_intervals(camera, study.case.criteria, study.case.distance)
+    law = camera.disparity_error_px
+    for end, outside in ((interval.near, 1 - 1e-6), (interval.far, 1 + 1e-6)):
+        assert law.derived(camera, np.array([end])).applies.all()
+        broken = law.derived(camera, np.array([end * outside])).violated
+        assert [name for name, where in broken.items() if where[0]] == ["the window is too small for the blur"]
+
+
+def test_the_interval_is_that_of_random_draws(study: StudyDefinition) -> None:
+    camera, a = study.case.cameras["pair-f9.8"], np.array([50e-3, 55.3e-3, 61e-3])
+    evaluation = evaluate_depth(camera, a)
+    rng = np.random.default_rng(8)
+    noise = rng.standard_normal((40_000, 1)) * evaluation.disparity_error_px * 7.4e-6
+    low, high = np.quantile(camera.depth_with_errors(a, {"pixel_noise": noise}), ONE_SIGMA, axis=0)
+    np.testing.assert_allclose(evaluation.uncertainty[NOISE], (high - low) / 2, rtol=0.02)
+
+
+def test_a_declared_error_is_untouched_by_the_picture(study: StudyDefinition) -> None:
+    other = study.with_values({"scene.picture.texture.contrast": "1 %", "scene.picture.window": "30 px"})
+    a = study.case.distance
+    np.testing.assert_array_equal(uncertainty(study, "pair-declared", a), uncertainty(other, "pair-declared", a))
+    assert np.all(uncertainty(other, "pair-f22", FOCUS)[NOISE] > 3 * uncertainty(study, "pair-f22", FOCUS)[NOISE])
+    assert "matching" not in evaluate_limits(study.case.cameras["pair-declared"], study.case.criteria, a)
+
+
+def test_a_stereo_rig_at_five_metres_with_a_declared_error_knows_no_picture() -> None:
+    path, five = STUDIES / "plenoptic_vs_stereo.yaml", np.array([5.0])
+    plain = load_definition(path)
+    pictured = load_definition(
+        path,
+        (PICTURE,),
+    )
+    for name, camera in plain.case.cameras.items():
+        assert camera == pictured.case.cameras[name]
+    assert "stereo" in {camera.family for camera in plain.case.cameras.values()}
+    assert np.isfinite(evaluate_depth(plain.case.cameras["stereo-printed"], five).uncertainty).all()
+
+
+def test_results_carry_the_error_and_its_own(study: StudyDefinition) -> None:
+    depth = depth_as_declared(study)
+    names = list(study.case.cameras)
+    error = depth["disparity_error_px"].to_numpy()
+    own = depth["disparity_error_px_error"].to_numpy()
+    assert np.all(error[names.index("pair-declared")] == 0.1)
+    assert np.all(own[names.index("pair-declared")] == 0.0)
+    derived = error[names.index("pair-f9.8")]
+    assert derived.min() < 0.05 < 0.3 < derived.max()
+    assert np.all((own[names.index("pair-f9.8")] > 0.0) & (own[names.index("pair-f9.8")] < 0.1 * derived))
+
+
+def test_other_values_of_the_lens_move_the_error(study: StudyDefinition) -> None:
+    changed = study.with_values({"pair-f9.8.lenses.f_number": "22"})
+    assert changed.case.cameras["pair-f9.8"] == study.case.cameras["pair-f22"]
+
+
+@pytest.mark.parametrize(
+    ("change", "place", "words"),
+    [
+        ("scene.picture=null", "cameras.pair-f9.8.depth.disparity_error", "scene.picture (texture, window, light"),
+        ("scene.picture.window=9 kg", "scene.picture.window", "pixels such as 9 px, or a length"),
+        ("scene.picture.window=0 mm", "scene.picture.window", "above 0 px or 0 m"),
+        ("scene.picture.bits=33", "scene.picture.bits", "32"),
+        ("scene.picture.stop_separation=3 mm", "scene.picture.stop_separation", "give a field_angle"),
+        ("scene.picture.light=null", "scene.picture.light", ""),
+        ("pair-f22.depth.error_of=coordinate", "cameras.pair-f22.depth.error_of", "leave error_of out"),
+        ("pair-f22.depth.disparity_error=derivd", "cameras.pair-f22.depth.disparity_error", "nearest: 'derived'"),
+    ],
+)
+def test_mistakes_are_told_at_their_place(change: str, place: str, words: str) -> None:
+    with pytest.raises(StudyError) as caught:
+        load_definition(Path(STUDIES / "close_range.yaml"), (change,))
+    assert any(problem.path == place and words in problem.what for problem in caught.value.problems), caught.value
+
+
+def test_calibration_errors_are_not_propagated_with_a_noise_that_is_not_one() -> None:
+    with pytest.raises(StudyError) as caught:
+        load_definition(STUDIES / "calibration.yaml", (PICTURE, "stereo-printed.depth.disparity_error=derived"))
+    told = {problem.path: problem.what for problem in caught.value.problems}
+    assert "declare its disparity_error in pixels" in told["calibration.cameras.stereo-printed"]
+
+
+def test_what_kirchhoff_adds_is_computed_beforehand_with_progress(study: StudyDefinition) -> None:
+    """Then no distance of the study waits for it."""
+    slow = study.with_values({"scene.distances": {"from": "54 mm", "to": "57 mm", "points": 5, "spacing": "log"}})
+    acting = slow.with_models({"pair-f22": {"main_lens_diffraction": "kirchhoff"}})
+    told: list[tuple[str, float]] = []
+    compute_kirchhoff_pictures(acting, lambda step, share: told.append((step, share)))
+    shares = [share for _, share in told]
+    assert shares == sorted(set(shares))
+    assert len(shares) > 5
+    assert (shares[0], shares[-1]) == (0.0, 1.0)
+    assert {step for step, _ in told} == {"pictures"}
+    computed = kirchhoff_correction.cache_info().misses
+    by_kirchhoff, by_fresnel = (uncertainty(one, "pair-f22", slow.case.distance) for one in (acting, slow))
+    assert kirchhoff_correction.cache_info().misses == computed
+    assert np.any(by_kirchhoff != by_fresnel)
+    told.clear()
+    compute_kirchhoff_pictures(slow, lambda step, share: told.append((step, share)))
+    assert not told
+
+
+def test_a_run_does_so_before_depth(study: StudyDefinition, monkeypatch: pytest.MonkeyPatch) -> None:
+    class ReachedError(Exception):
+        pass
+
+    def depth(*_: object) -> None:
+        raise ReachedError
+
+    monkeypatch.setattr(runner, "depth_group", depth)
+    few = {"scene.distances": {"from": "55 mm", "to": "55.5 mm", "points": 2, "spacing": "log"}}
+    forced = study.with_values({**few, "effects": {"main_lens_diffraction": "kirchhoff"}})
+    told: list[tuple[str, float]] = []
+    with pytest.raises(ReachedError):
+        runner.compute(plan_of(forced), Steps(progress=lambda step, share: told.append((step, share))))
+    assert told[-1] == ("pictures", 1.0)

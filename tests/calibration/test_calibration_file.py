@@ -1,0 +1,102 @@
+"""Calibrations from files: bit for bit there and back, read by other programs' conventions, mistakes named."""
+
+import numpy as np
+import pytest
+import xarray
+
+from tradestudy.calibration.calibration_file import (
+    CalibrationCovariance,
+    CalibrationDraws,
+    CalibrationFileError,
+    read_calibration,
+    write_calibration,
+)
+
+NAMES = ("baseline", "relative_rotation_y", "left_principal_point_x_px")
+RNG = np.random.default_rng(0)
+DRAWS = CalibrationDraws(names=NAMES, draws=RNG.standard_normal((150, 3)) * [1e-3, 3e-3, 10.0] + [0.1, 0.0, 512.0])
+COVARIANCE = CalibrationCovariance(names=NAMES, mean=DRAWS.draws.mean(axis=0), covariance=np.cov(DRAWS.draws.T))
+
+
+@pytest.mark.parametrize("suffix", ["csv", "nc"])
+def test_draws_and_covariances_read_back_bit_for_bit(tmp_path, suffix):
+    path = tmp_path / f"calibration.{suffix}"
+    write_calibration(path, DRAWS)
+    found = read_calibration(path)
+    assert isinstance(found, CalibrationDraws)
+    assert found.names == NAMES
+    np.testing.assert_array_equal(found.draws, DRAWS.draws)
+    write_calibration(path, COVARIANCE)
+    found = read_calibration(path)
+    assert isinstance(found, CalibrationCovariance)
+    np.testing.assert_array_equal(found.mean, COVARIANCE.mean)
+    np.testing.assert_array_equal(found.covariance, COVARIANCE.covariance)
+
+
+def test_netcdf_written_by_xarray_is_read(tmp_path):
+    path = tmp_path / "calibration.nc"
+    data = xarray.Dataset(
+        {"draws": (("draw", "parameter"), DRAWS.draws)}, coords={"parameter": list(NAMES), "draw": np.arange(150)}
+    )
+    data.to_netcdf(path, engine="h5netcdf")
+    found = read_calibration(path)
+    assert isinstance(found, CalibrationDraws)
+    assert found.names == NAMES
+    np.testing.assert_array_equal(found.draws, DRAWS.draws)
+
+
+def test_netcdf_written_here_is_read_by_xarray(tmp_path):
+    path = tmp_path / "calibration.nc"
+    write_calibration(path, COVARIANCE)
+    with xarray.open_dataset(path, engine="h5netcdf") as data:
+        assert data["parameter"].values.tolist() == list(NAMES)
+        np.testing.assert_array_equal(data["covariance"].values, COVARIANCE.covariance)
+
+
+HEAD = "parameter,mean,a,b\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("", "is empty"),
+        ("a,b\n", "is empty"),
+        ("a,b\n1,2\n3\n", "csv:3 is ragged"),
+        ("a,b\n1,two\n" * 1, "no number"),
+        ("a,a\n" + "1,2\n" * 120, "more than once"),
+        ("a,b\n" + "1,2\n" * 99, "too few draws.*99"),
+        ("a,b\n" + "1,nan\n" * 120, "no finite number"),
+        (HEAD + "b,0,1,0\na,0,0,1\n", "rows and columns"),
+        (HEAD + "a,0,1,0.5\nb,0,0.4,1\n", "not symmetric"),
+        (HEAD + "a,0,1,1.5\nb,0,1.5,1\n", "not positive semidefinite: eigenvalue -5.00e-01"),
+        (HEAD + "a,0,-1,0\nb,0,0,1\n", "a a negative variance"),
+        (HEAD + "a,inf,1,0\nb,0,0,1\n", "no finite number"),
+    ],
+)
+def test_mistakes_are_named(tmp_path, text, word):
+    path = tmp_path / "calibration.csv"
+    path.write_text(text)
+    with pytest.raises(CalibrationFileError, match=word) as caught:
+        read_calibration(path)
+    assert caught.value.remedy
+
+
+def test_a_perfectly_known_parameter_is_allowed(tmp_path):
+    path = tmp_path / "calibration.csv"
+    path.write_text(HEAD + "a,1,0,0\nb,2,0,4\n")
+    found = read_calibration(path)
+    np.testing.assert_array_equal(found.covariance, [[0, 0], [0, 4]])
+
+
+def test_foreign_files_are_named(tmp_path):
+    path = tmp_path / "other.nc"
+    xarray.Dataset({"temperature": ("x", [1.0])}).to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(CalibrationFileError, match="holds no calibration: temperature"):
+        read_calibration(path)
+    data = xarray.Dataset({"covariance": (("parameter", "other"), np.eye(1))}, coords={"parameter": ["a"]})
+    data.to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(CalibrationFileError, match="without its mean"):
+        read_calibration(path)
+    for act in (lambda p: read_calibration(p), lambda p: write_calibration(p, DRAWS)):
+        with pytest.raises(CalibrationFileError, match=r"no known format: \.txt"):
+            act(tmp_path / "calibration.txt")

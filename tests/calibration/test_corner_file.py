@@ -1,0 +1,158 @@
+"""The measured corner file is read; every mistake that a user makes in one is named."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tradestudy.calibration.corners.bundle_adjustment import check_rig, fit_camera, fit_pair
+from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
+from tradestudy.calibration.corners.real_rig import fit_rig
+
+FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
+
+
+def rows():
+    with FILE.open(newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def write(path, table):
+    with path.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, fieldnames=list(table[0]))
+        writer.writeheader()
+        writer.writerows(table)
+    return path
+
+
+def changed(tmp_path, change):
+    return write(tmp_path / "corners.csv", [change(dict(row)) for row in rows()])
+
+
+def fit(path):
+    corners = read_corners(path)
+    left = fit_camera(corners.board, corners.left, corners.present)
+    right = fit_camera(corners.board, corners.right, corners.present)
+    return fit_pair(corners, left, right)
+
+
+def swap(row, first, second):
+    row[first], row[second] = row[second], row[first]
+    return row
+
+
+def test_the_measured_file_is_read():
+    corners = read_corners(FILE)
+    assert len(corners.views) == 29
+    assert corners.corner_count == 29 * 54
+    # 9 × 6 corners, 24.23 mm squares
+    np.testing.assert_allclose(corners.board[3].max(axis=0), [8 * 24.23e-3, 5 * 24.23e-3], rtol=1e-12)
+    np.testing.assert_array_equal(corners.left[0, 0], [239.9044, 121.8881])
+    np.testing.assert_array_equal(corners.right[0, 0], [151.0777, 108.5824])
+
+
+def test_metres_and_any_order_of_columns_read_alike(tmp_path):
+    def in_metres(row):
+        turned = dict(reversed(row.items()))
+        for axis in "xy":
+            turned[f"board_{axis}_m"] = float(turned.pop(f"board_{axis}_mm")) * 1e-3
+        return turned
+
+    corners, expected = read_corners(changed(tmp_path, in_metres)), read_corners(FILE)
+    np.testing.assert_allclose(corners.board, expected.board, rtol=1e-15)
+    np.testing.assert_array_equal(corners.right, expected.right)
+
+
+def test_views_with_missing_corners_fit(tmp_path):
+    table = [row for row in rows() if (int(row["view"]) + 3 * int(row["corner"])) % 7]
+    corners = read_corners(write(tmp_path / "corners.csv", table))
+    assert corners.corner_count == len(table)
+    thin = fit_camera(corners.board, corners.left, corners.present)
+    whole = read_corners(FILE)
+    full = fit_camera(whole.board, whole.left, whole.present)
+    deviation = np.sqrt(np.diag(thin.covariance))
+    assert np.all(np.abs(thin.intrinsics - full.intrinsics) < 1.5 * deviation)
+    assert thin.corner_rms_px == pytest.approx(full.corner_rms_px, rel=0.05)
+    # an absent corner must not count: one seventh fewer corners, larger deviations by (7/6)^½
+    ratio = deviation / np.sqrt(np.diag(full.covariance))
+    np.testing.assert_allclose(ratio, np.sqrt(7.0 / 6.0), rtol=0.06)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda row: swap(row, "left_x_px", "left_y_px"), "columns left_x_px and left_y_px are swapped"),
+        (lambda row: swap(row, "right_x_px", "right_y_px"), "columns right_x_px and right_y_px are swapped"),
+        (lambda row: row | {"left_x_px": 639 - float(row["left_x_px"])}, "the left image is mirrored"),
+        (lambda row: row | {"right_x_px": 639 - float(row["right_x_px"])}, "the right image is mirrored"),
+        (lambda row: row | {"board_y_mm": -float(row["board_y_mm"])}, "the board is mirrored"),
+        (lambda row: row | {"board_x_mm": 193.84 - float(row["board_x_mm"])}, "the board is mirrored"),
+        (lambda row: swap(row, "board_x_mm", "board_y_mm"), "the board is mirrored.*exchange its x and y"),
+        (
+            lambda row: row | ({"board_x_mm": -float(row["board_x_mm"])} if row["view"] == "4" else {}),
+            "mirrored in view 4",
+        ),
+        (lambda row: row | ({"left_x_px": ""} if row["corner"] == "7" else {}), "corners.csv:9: left_x_px"),
+        (lambda row: row | {"corner": "1"}, "view 1 names a corner more than once: corner 1"),
+        (lambda row: row | {"left_y_px": row["left_x_px"]}, r"\(left\) lie on a line"),
+    ],
+)
+def test_a_contradiction_is_named(tmp_path, change, word):
+    with pytest.raises(CornerFileError, match=word) as caught:
+        read_corners(changed(tmp_path, change))
+    assert caught.value.value
+    assert caught.value.limit
+    assert caught.value.remedy
+
+
+def test_too_few_corners_and_views_are_named(tmp_path):
+    few = [row for row in rows() if row["view"] != "3" or int(row["corner"]) % 11 == 0]
+    with pytest.raises(CornerFileError, match="view 3 has too few corners: 5 "):
+        read_corners(write(tmp_path / "corners.csv", few))
+    with pytest.raises(CornerFileError, match="too few views to calibrate from: 2"):
+        read_corners(write(tmp_path / "corners.csv", [row for row in rows() if int(row["view"]) < 3]))
+
+
+def test_missing_columns_and_empty_files_are_named(tmp_path):
+    table = [{k: v for k, v in row.items() if k != "right_y_px"} for row in rows()]
+    with pytest.raises(CornerFileError, match="lacks columns: right_y_px"):
+        read_corners(write(tmp_path / "corners.csv", table))
+    empty = tmp_path / "empty.csv"
+    empty.write_text(",".join(rows()[0]) + "\n")
+    with pytest.raises(CornerFileError, match="has no corners"):
+        read_corners(empty)
+
+
+def test_left_and_right_exchanged_are_named(tmp_path):
+    exchanged = fit(changed(tmp_path, lambda r: swap(swap(r, "left_x_px", "right_x_px"), "left_y_px", "right_y_px")))
+    with pytest.raises(CornerFileError, match="left and right columns are exchanged"):
+        check_rig(exchanged)
+
+
+@pytest.mark.parametrize("axis", ["x", "y"])
+def test_one_column_swapped_between_the_cameras_is_named(tmp_path, axis):
+    # near parallel cameras fit such a file to 0.25 px: only the comparison tells
+    path = changed(tmp_path, lambda row: swap(row, f"left_{axis}_px", f"right_{axis}_px"))
+    with pytest.raises(CornerFileError, match=r"one pair of columns is swapped.*0\.33.* px rms, and 0\.23"):
+        fit_rig(read_corners(path))
+
+
+def test_a_view_numbered_from_the_other_end_is_named(tmp_path):
+    reversed_view = {int(r["corner"]): r for r in rows() if r["view"] == "5"}
+
+    def turn(row):
+        if row["view"] == "5":
+            other = reversed_view[53 - int(row["corner"])]
+            row |= {"right_x_px": other["right_x_px"], "right_y_px": other["right_y_px"]}
+        return row
+
+    with pytest.raises(CornerFileError, match=r"view 5 contradicts the others: relative rotation off by 1[78]"):
+        fit(changed(tmp_path, turn))
+
+
+def test_a_unit_that_contradicts_the_baseline_is_named(tmp_path):
+    in_inches = fit(changed(tmp_path, lambda r: r | {f"board_{a}_mm": float(r[f"board_{a}_mm"]) / 25.4 for a in "xy"}))
+    with pytest.raises(CornerFileError, match=r"fitted 3\.7.* mm, declared 94 mm.*within 20 %.*0\.039"):
+        check_rig(in_inches, declared_baseline=0.094)
+    check_rig(in_inches)

@@ -1,0 +1,226 @@
+"""Claims and requirements of a study, answered by what was computed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.analysis.decision import is_usable
+from tradestudy.analysis.depth import depth_uncertainty, evaluate_depth
+from tradestudy.analysis.focus_claims import (
+    depth_of_field_ratio,
+    depth_of_field_ratio_words,
+    depth_of_field_value,
+    depth_of_field_words,
+)
+from tradestudy.analysis.usable import boundaries, evaluate_limits
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.study.definition import Case
+from tradestudy.study.schema.questions import (
+    ClaimPart,
+    DepthOfFieldClaim,
+    DepthOfFieldRatioClaim,
+    ExpectPart,
+    LimitDistanceClaim,
+    RelativeUncertaintyDistanceClaim,
+    RequirementPart,
+    ShareBetterClaim,
+    UncertaintyRatioClaim,
+)
+from tradestudy.units import FRACTION, LENGTH, Dimension, parse, pretty
+
+# Enough for a smooth curve over two decades; ends of ranges are always among them.
+_POINTS = 801
+_NEAREST, _FARTHEST = 1e-3, 1e5
+
+
+def claim_quantity(claim: ClaimPart) -> str:
+    """What is computed to answer a claim, in words."""
+    match claim:
+        case LimitDistanceClaim():
+            return f"{claim.end} end of the {claim.limit.replace('_', ' ')} limit of {claim.camera}"
+        case UncertaintyRatioClaim():
+            span = " to ".join(pretty(end, LENGTH) for end in claim.over)
+            return f"largest uncertainty of {claim.camera} over that of {claim.against}, {span} ({claim.way})"
+        case ShareBetterClaim():
+            span = " to ".join(pretty(end, LENGTH) for end in claim.over)
+            other = f"{claim.against} is not, or is less certain"
+            return f"share of {span} (log scale) where {claim.camera} is usable and {other}"
+        case RelativeUncertaintyDistanceClaim():
+            share = pretty(claim.threshold, FRACTION)
+            return f"distance where the uncertainty of {claim.camera} reaches {share} of it ({claim.way})"
+        case DepthOfFieldClaim():
+            return depth_of_field_words(claim)
+        case DepthOfFieldRatioClaim():
+            return depth_of_field_ratio_words(claim)
+        case _:
+            # Wave optics is loaded by the studies that ask for it alone.
+            from tradestudy.analysis.wave_claims import wave_claim_words
+
+            return wave_claim_words(claim)
+
+
+def claim_value(claim: ClaimPart, case: Case) -> float:
+    """The value of a claim's quantity in SI; NaN where there is none."""
+    match claim:
+        case LimitDistanceClaim():
+            return _limit_distance(claim, case)
+        case UncertaintyRatioClaim():
+            first, second = (
+                depth_uncertainty(case.cameras[name], _span(claim.over), claim.way)
+                for name in (claim.camera, claim.against)
+            )
+            with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+                ratio = first / second
+            # Where both are unbounded neither is larger; where one camera forms no image there is nothing to compare.
+            return (
+                float(np.max(ratio, initial=-math.inf, where=~np.isnan(ratio)))
+                if np.isfinite(ratio).any()
+                else math.nan
+            )
+        case ShareBetterClaim():
+            return _share_better(claim, case)
+        case RelativeUncertaintyDistanceClaim():
+            camera = case.cameras[claim.camera]
+            reached = boundaries(
+                lambda points: depth_uncertainty(camera, points, claim.way) > claim.threshold * points, case.distance
+            )
+            begins = [end.distance for end in reached if end.begins]
+            return begins[-1] if begins else math.nan
+        case DepthOfFieldClaim():
+            return depth_of_field_value(claim, case)
+        case DepthOfFieldRatioClaim():
+            return depth_of_field_ratio(claim, case)
+        case _:
+            from tradestudy.analysis.wave_claims import wave_claim_value
+
+            return wave_claim_value(claim, case.fresnel_validity, case.light_spot)
+
+
+def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
+    """Where one limit begins to hold, coming from near, or ceases to, going far.
+
+    A limit that holds at the study's first or last distance is followed beyond it, down to 1 mm and out to 100 km or
+    ten times the study's own reach; it is then 0 or infinite if it holds there still.
+    """
+    camera, near = case.cameras[claim.camera], claim.end == "near"
+    if claim.limit not in evaluate_limits(camera, case.criteria, case.distance[:1]):
+        return math.nan
+
+    def holds(points: FloatArray) -> BoolArray:
+        return evaluate_limits(camera, case.criteria, points)[claim.limit].met
+
+    first, last = float(case.distance[0]), float(case.distance[-1])
+    if near and holds(case.distance[:1])[0]:
+        ends = boundaries(holds, np.geomspace(min(_NEAREST, first / 10.0), first, _POINTS))
+        return next((end.distance for end in reversed(ends) if end.begins), 0.0)
+    if not near and holds(case.distance[-1:])[0]:
+        ends = boundaries(holds, np.geomspace(last, max(_FARTHEST, 10.0 * last), _POINTS))
+        return next((end.distance for end in ends if not end.begins), math.inf)
+    found = [end.distance for end in boundaries(holds, case.distance) if end.begins == near]
+    return math.nan if not found else found[0] if near else found[-1]
+
+
+def _share_better(claim: ShareBetterClaim, case: Case) -> float:
+    points = _span(claim.over)
+    first, second = (depth_uncertainty(case.cameras[name], points, claim.way) for name in (claim.camera, claim.against))
+    usable, other = (is_usable(case, name, points) for name in (claim.camera, claim.against))
+    better = usable & (~other | (first < second))
+    return float(np.mean(better[1:] & better[:-1]))
+
+
+def _span(over: tuple[float, ...]) -> FloatArray:
+    return np.geomspace(over[0], over[1], _POINTS)
+
+
+def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | None:
+    """Whether a value meets an expectation; None where there is no value."""
+    if math.isnan(value):
+        return None
+    if expect.about is not None:
+        expected = parse(expect.about, dimension)
+        return abs(value - expected) <= (expect.within or 0.0) * abs(expected)
+    if expect.above is not None:
+        return value > parse(expect.above, dimension)
+    return value < parse(expect.below, dimension)
+
+
+def expectation(expect: ExpectPart) -> str:
+    """An expectation in words."""
+    if expect.about is not None:
+        return f"{expect.about} ± {pretty(expect.within or 0.0, FRACTION)}"
+    return f"above {expect.above}" if expect.above is not None else f"below {expect.below}"
+
+
+def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
+    """The verdict of a claim from its answers under each reading, and the reason.
+
+    A claim whose answer depends on assumptions that its source does not state cannot be decided from the source.
+    """
+    decided = {name: answer for name, answer in met.items() if answer is not None}
+    silent = [name for name, answer in met.items() if answer is None]
+    yes = [name for name, answer in decided.items() if answer]
+    no = [name for name, answer in decided.items() if not answer]
+    without = f"; no value under {', '.join(silent)}" if silent else ""
+    if not decided:
+        return "cannot be decided from the paper", "no reading gives a value"
+    if not (yes and no):
+        verdict, every = ("met", "every") if yes else ("not met", "no")
+        tried = f"under {every} reading tried ({len(decided)})" if len(met) > 1 else "no other reading was tried"
+        return verdict, tried + without
+    if len(yes) <= len(no):
+        reason = f"met under {', '.join(yes)}; not under {_the_other(len(no))}"
+    else:
+        reason = f"not met under {', '.join(no)}; met under {_the_other(len(yes))}"
+    return "cannot be decided from the paper", reason + without
+
+
+def _the_other(count: int) -> str:
+    return "the other reading" if count == 1 else f"the other {count} readings"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RequirementAnswer:
+    """Whether a requirement is met, by which camera and by what margin.
+
+    The margin is the bound over the worst value, less one; and the distance of the two over the value's estimated
+    error, NaN where that has no estimate.
+    """
+
+    met: bool
+    camera: str
+    margin_percent: float
+    margin_sigma: float
+    reason: str
+
+
+def answer_requirement(requirement: RequirementPart, case: Case) -> RequirementAnswer:
+    """Hold depth uncertainty, noise and calibration together, against a bound over a range of distances."""
+    names = list(case.cameras) if requirement.camera == "any" else [requirement.camera]
+    answers = [_requirement_of(requirement, case, name) for name in names]
+    return max(answers, key=lambda answer: answer.margin_percent)
+
+
+def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
+    bound, camera = requirement.depth_uncertainty, case.cameras[name]
+    points = _span(bound.over)
+    scale = points if bound.is_relative else np.ones_like(points)
+    dimension = FRACTION if bound.is_relative else LENGTH
+    values = depth_uncertainty(camera, points) / scale
+    worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
+    value = float(values[worst])
+    error = float(evaluate_depth(camera, points[worst : worst + 1]).uncertainty_error[0] / scale[worst])
+    usable = is_usable(case, name, points)
+    reason = f"worst {pretty(value, dimension)} at {pretty(float(points[worst]), LENGTH)}"
+    if not usable.all():
+        reason = f"not usable at {pretty(float(points[np.argmin(usable)]), LENGTH)}; {reason}"
+    return RequirementAnswer(
+        met=bool(usable.all() and value < bound.limit),
+        camera=name,
+        # A camera that cannot be used misses by all of the bound.
+        margin_percent=(bound.limit / value - 1.0) * 100.0 if usable.all() else -100.0,
+        margin_sigma=(bound.limit - value) / error if error > 0.0 and math.isfinite(value) else math.nan,
+        reason=reason,
+    )

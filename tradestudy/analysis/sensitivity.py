@@ -1,0 +1,70 @@
+"""Which error drives the depth of a camera: tornado by source, and Sobol indices, against distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tradestudy.analysis.propagation import sampling_of
+from tradestudy.calibration.sources import SEPARATOR
+from tradestudy.calibration.uncertain_camera import UncertainCamera
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.sensitivity import SobolIndices, Tornado, parameter_tornado, sobol_indices, tornado
+
+# Bars and shares are read to two digits.
+_ACCURACY = 0.01
+_TORNADO_BUDGET = 2**14
+_SOBOL_DRAWS = 2**9
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraSensitivity:
+    """Tornado by group and, where it does not mislead, by parameter; Sobol indices of inverse depth.
+
+    ``parameters`` is None where a tornado by parameter is refused, and ``refused`` says why; ``indices`` is None where
+    the sources have no variance, and ``no_indices`` says so.
+    """
+
+    groups: Tornado
+    parameters: Tornado | None
+    refused: str
+    indices: SobolIndices | None
+    no_indices: str
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SensitivityPoint:
+    """One camera whose errors are taken apart: at distances [m] and places in the field."""
+
+    camera: UncertainCamera
+    distance: FloatArray
+    fields: tuple[float, ...]
+    seed: int
+
+
+def sensitivity_over_field(point: SensitivityPoint) -> list[CameraSensitivity]:
+    """`sensitivity_of` at every place in the field."""
+    return [sensitivity_of(point.camera, point.distance, field, seed=point.seed) for field in point.fields]
+
+
+def sensitivity_of(camera: UncertainCamera, distance: FloatArray, field: float, *, seed: int) -> CameraSensitivity:
+    """Work out what drives the depth of one camera at distances [m] and a place in the field."""
+    model, sources = camera.model(distance, field), camera.sources
+    sampling = sampling_of(_ACCURACY, _TORNADO_BUDGET, distance.size)
+    point = f"{camera.name}/{field:g}/sensitivity"
+    groups = tornado(model, sources, sampling, seed=seed, point=point, inverse_depth=True)
+    parameters, refused = None, ""
+    try:
+        parameters = parameter_tornado(
+            model, sources, sampling, seed=seed, point=f"{point}/parameter", inverse_depth=True
+        )
+    except OutOfRangeError as error:
+        refused = str(error).replace(camera.name + SEPARATOR, "")
+    indices, no_indices = None, ""
+    try:
+        indices = sobol_indices(model, sources, sampling, draws=_SOBOL_DRAWS, seed=seed, point=f"{point}/sobol")
+    except OutOfRangeError as error:
+        no_indices = str(error).replace(camera.name + SEPARATOR, "")
+    return CameraSensitivity(
+        groups=groups, parameters=parameters, refused=refused, indices=indices, no_indices=no_indices
+    )

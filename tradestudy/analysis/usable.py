@@ -1,0 +1,240 @@
+"""The usable range of a camera: where every limit of the study holds, and which one binds at each end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.depth import DepthErrors
+from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+LIMIT_NAMES: Final = (
+    "real_image",
+    "overlap",
+    "total_covering_plane",
+    "availability",
+    "focus",
+    "saturation",
+    "matching",
+    "last_disparity_step",
+    "failed_fraction",
+    "relative_uncertainty",
+    "closed_form",
+)
+_OF_ERRORS: Final = frozenset(
+    ("saturation", "matching", "closed_form", "failed_fraction", "relative_uncertainty")
+)  # the others are of the geometry, and known together
+# An uncertainty that may be off by more than this share of itself must not name a usable distance.
+_LARGEST_ERROR: Final = 0.1
+END_OF_STUDY: Final = "range of the study"
+
+# Each round divides the bracket of every boundary by this number at least, until the last digits are reached.
+SUBDIVISIONS: Final = 16
+
+
+@dataclass(frozen=True, kw_only=True)
+class Interval:
+    """One usable interval of distance [m] and the limit that ends it on either side."""
+
+    near: float
+    far: float
+    near_limit: str
+    far_limit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Boundary:
+    """A distance [m] where a condition begins to hold, or ceases to."""
+
+    distance: float
+    begins: bool
+
+
+def evaluate_limits(
+    camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str] = LIMIT_NAMES
+) -> Mapping[str, Limit]:
+    """All limits that the study declares and the camera knows, at distances [m]; none holds where it forms no image.
+
+    ``saturation`` and ``matching`` are among them for a camera whose disparity error is derived: where the brightest
+    pixels are full, or no matcher reaches that error, the camera measures nothing that is known. ``closed_form`` is
+    always among them: where the uncertainty is not known to a tenth of itself, it decides nothing.
+
+    Only those of the given ``names``, if not all are of interest.
+    """
+    distance = np.where(camera.images(distance), distance, np.nan)
+    law, errors = camera.disparity_error_px, DepthErrors.of(camera, distance)
+    limits: dict[str, Limit] = {}
+    if not _OF_ERRORS.issuperset(names):
+        limits |= camera.limits(distance, criteria)
+    if "saturation" in names and not isinstance(law, float | int):
+        limits["saturation"] = law.saturation(camera, distance)
+    if "matching" in names and not isinstance(law, float | int):
+        limits["matching"] = law.limit(camera, distance)
+    if "closed_form" in names:
+        error = errors.closed_form_error
+        limits["closed_form"] = Limit(value=error, bound=_LARGEST_ERROR, met=~(error > _LARGEST_ERROR))
+    if "failed_fraction" in names and criteria.failed_fraction is not None:
+        value = errors.failed_fraction
+        limits["failed_fraction"] = Limit(
+            value=value, bound=criteria.failed_fraction, met=value <= criteria.failed_fraction
+        )
+    if "relative_uncertainty" in names and criteria.relative_uncertainty is not None:
+        value = errors.uncertainty / distance
+        limits["relative_uncertainty"] = Limit(
+            value=value, bound=criteria.relative_uncertainty, met=value <= criteria.relative_uncertainty
+        )
+    return {name: limits[name] for name in LIMIT_NAMES if name in limits and name in names}
+
+
+def all_met(limits: Mapping[str, Limit], shape: tuple[int, ...]) -> BoolArray:
+    """Where every limit holds."""
+    met = np.ones(shape, dtype=bool)
+    for limit in limits.values():
+        met &= limit.met
+    return met
+
+
+def boundaries(
+    condition: Callable[[FloatArray], BoolArray] | Callable[[FloatArray], FloatArray],
+    distance: FloatArray,
+    held: BoolArray | None = None,
+    *,
+    to: float = 0.0,
+) -> tuple[Boundary, ...]:
+    """Every distance where a condition changes between neighbouring grid points, to the last digits of a float.
+
+    Parameters
+    ----------
+    condition
+        Vectorised over distance [m]: whether it holds; or by how much it is kept, negative where it is broken, which
+        finds the distances with fewer trials.
+    distance
+        Increasing grid [m]; a condition that changes twice between two points is not seen.
+    held
+        Where it holds on the grid, if that is known.
+    to
+        Share of a distance to which it is enough to find it, where its last digits are not of interest.
+    """
+    held = _holds(condition(distance)) if held is None else held
+    change = np.flatnonzero(held[1:] != held[:-1])
+    low, high, begins = distance[change], distance[change + 1], held[change + 1]
+    if change.size == 0:
+        return ()
+    ends = np.full((2, change.size), np.nan)  # by how much the condition is kept at low and high
+    shares, columns = _even(change.size), np.arange(change.size)
+    while np.any(high - low > np.maximum(2.0 * np.spacing(high), to * high)):
+        points = np.vstack([low, low + shares * (high - low), high])
+        found = condition(points[1:-1].ravel()).reshape(shares.shape)
+        first = np.argmax(np.vstack([_holds(found) == begins, begins | True]), axis=0)
+        before, low, high = high - low, points[first, columns], points[first + 1, columns]
+        if found.dtype != np.bool_:
+            kept = np.vstack([ends[0], found, ends[1]])
+            ends = np.stack([kept[first, columns], kept[first + 1, columns]])
+            shares = np.where(high - low < before / SUBDIVISIONS, _towards_zero(*ends), _even(change.size))
+    return tuple(
+        Boundary(distance=float(where), begins=bool(begin))
+        for where, begin in zip(np.where(begins, high, low), begins, strict=True)
+    )
+
+
+def _holds(found: BoolArray | FloatArray) -> BoolArray:
+    return np.asarray(found if found.dtype == np.bool_ else found >= 0.0)
+
+
+def _even(count: int) -> FloatArray:
+    """Shares of so many brackets at which each is divided evenly; shape (divisions, brackets)."""
+    return np.repeat(np.linspace(0.0, 1.0, SUBDIVISIONS + 1)[1:-1, np.newaxis], count, axis=1)
+
+
+def _towards_zero(at_low: FloatArray, at_high: FloatArray) -> FloatArray:
+    """As many shares of each bracket, ever denser towards where a straight line through both ends would vanish."""
+    with np.errstate(invalid="ignore"):  # an end of unknown or infinite value says nothing: the middle
+        zero = at_low / (at_low - at_high)
+    zero = np.where(np.isfinite(zero), zero, 0.5)
+    reach = 1.0 - 4.0 ** -np.arange(1.0, SUBDIVISIONS // 2)[:, np.newaxis]
+    return np.vstack([zero * reach, zero, (1.0 - (1.0 - zero) * reach)[::-1]])
+
+
+def usable_stretches(
+    camera: DepthCamera,
+    criteria: UsableCriteria,
+    distance: FloatArray,
+    limits: Mapping[str, Limit],
+    *,
+    to: float = 0.0,
+) -> tuple[tuple[Boundary, ...], tuple[Boundary, ...]]:
+    """Where usable intervals begin and where they end within a grid, whose limits are known; ``to`` as of `boundaries`.
+
+    Between two grid points only the limits are followed that are broken on one side, and those that this leaves broken
+    at an end that it finds.
+    """
+    held = all_met(limits, distance.shape)
+    change = np.flatnonzero(held[1:] != held[:-1])
+    outside = np.where(held[change], change + 1, change)
+    names = [name for name, limit in limits.items() if not np.all(limit.met[outside])]
+    ends: tuple[Boundary, ...] = ()
+    broken = names
+    while broken:
+        ends = boundaries(partial(_kept_by, camera, criteria, names=tuple(names)), distance, held, to=to)
+        at_ends = evaluate_limits(camera, criteria, np.array([end.distance for end in ends]))
+        broken = [name for name, limit in at_ends.items() if name not in names and not limit.met.all()]
+        names = [*names, *broken]
+    near, far = [end for end in ends if end.begins], [end for end in ends if not end.begins]
+    if held[0]:
+        near.insert(0, Boundary(distance=float(distance[0]), begins=True))
+    if held[-1]:
+        far.append(Boundary(distance=float(distance[-1]), begins=False))
+    return tuple(near), tuple(far)
+
+
+def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str]) -> FloatArray:
+    """By how much the nearest of some limits is kept; negative where one is broken, NaN where that is all there is."""
+    law = camera.disparity_error_px
+    kept = []
+    if "matching" in names and not isinstance(law, float | int):
+        kept.append(law.margin(camera, distance))
+    others = [name for name in names if name != "matching"]
+    if others:
+        for limit in evaluate_limits(camera, criteria, distance, others).values():
+            size = np.maximum(np.abs(limit.value - limit.bound), np.finfo(np.float64).tiny)
+            kept.append(np.where(limit.met, size, -size))
+    return np.asarray(np.min(kept, axis=0))
+
+
+def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> tuple[Interval, ...]:
+    """The usable intervals within a grid of distances [m], from near to far, each end with the limit that sets it.
+
+    Ends are found to the last digits between grid points; an end at the edge of the grid is named so.
+    """
+    limits = evaluate_limits(camera, criteria, distance)
+    near, far = usable_stretches(camera, criteria, distance, limits)
+    held = all_met(limits, distance.shape)
+    near_limits = [_binding(camera, criteria, end) for end in near[int(held[0]) :]]
+    far_limits = [_binding(camera, criteria, end) for end in far[: len(far) - int(held[-1])]]
+    return tuple(
+        Interval(near=start.distance, far=stop.distance, near_limit=near_limit, far_limit=far_limit)
+        for start, stop, near_limit, far_limit in zip(
+            near,
+            far,
+            [*([END_OF_STUDY] if held[0] else []), *near_limits],
+            [*far_limits, *([END_OF_STUDY] if held[-1] else [])],
+            strict=True,
+        )
+    )
+
+
+def _binding(camera: DepthCamera, criteria: UsableCriteria, end: Boundary) -> str:
+    """The limits that are broken just outside an end; of matching, the condition."""
+    outside = end.distance * (1.0 - 1e-9 if end.begins else 1.0 + 1e-9)
+    limits = evaluate_limits(camera, criteria, np.array([outside]))
+    broken = [name for name, limit in limits.items() if not limit.met[0]]
+    law = camera.disparity_error_px
+    if "matching" in broken and not isinstance(law, float | int):
+        conditions = " and ".join(law.broken_conditions(camera, outside))
+        broken[broken.index("matching")] = f"matching: {conditions}"
+    return ", ".join(broken)

@@ -1,0 +1,105 @@
+"""Claims about light: Fresnel against Kirchhoff, criteria, and images of the spot."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+import numpy as np
+
+from tradestudy.analysis.fresnel_errors import (
+    goodman_f_number,
+    limit_f_number,
+    paper_zeros,
+    path_error_f_number,
+    psf_differences,
+)
+from tradestudy.analysis.spot_images import image_difference, lit_pixels, spot_image
+from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.schema.questions import (
+    CriterionFNumberClaim,
+    FresnelFNumberClaim,
+    ImageDifferenceClaim,
+    LitPixelsClaim,
+    PsfErrorClaim,
+)
+from tradestudy.study.schema.wave_optics import FresnelValidityPart
+from tradestudy.units import FRACTION, LENGTH, pretty, significant
+
+WaveClaim = PsfErrorClaim | FresnelFNumberClaim | CriterionFNumberClaim | ImageDifferenceClaim | LitPixelsClaim
+PartT = TypeVar("PartT")
+_METRIC_WORDS = {"peak": "peak error", "l1": "L1 error", "largest": "largest error"}
+
+
+def wave_claim_value(claim: WaveClaim, fresnel: FresnelValidityPart | None, spot: LightSpotPart | None) -> float:
+    """The value of a claim about light; the schema promises that the part it speaks of is there."""
+    match claim:
+        case PsfErrorClaim():
+            return _psf_error(claim, _there(fresnel), claim.f_number)
+        case FresnelFNumberClaim():
+            asked = _there(fresnel)
+            return limit_f_number(lambda f: _psf_error(claim, asked, f), asked.f_numbers.values(), claim.error)
+        case CriterionFNumberClaim():
+            return _criterion(claim, _there(fresnel))
+        case ImageDifferenceClaim() | LitPixelsClaim():
+            image, reference = (spot_image(_there(spot), name).pixels for name in (claim.method, claim.reference))
+            if isinstance(claim, ImageDifferenceClaim):
+                return image_difference(image, reference)
+            return lit_pixels(image, claim.above) / lit_pixels(reference, claim.above)
+
+
+def wave_claim_words(claim: WaveClaim) -> str:
+    """What is computed to answer a claim about light, in words."""
+    match claim:
+        case PsfErrorClaim():
+            return f"{_measure(claim)} of Fresnel for the {claim.element} at f/{significant(claim.f_number)}"
+        case FresnelFNumberClaim():
+            limit = f"{_share(claim.error)} (0: at every f-number compared)"
+            return f"f-number from which the {_measure(claim)} for the {claim.element} stays below {limit}"
+        case CriterionFNumberClaim():
+            bound = f" of {significant(claim.path_error)} waves" if claim.path_error is not None else ""
+            return f"least f-number for the {claim.element} by {claim.criterion}{bound}"
+        case ImageDifferenceClaim():
+            return f"summed difference of the {claim.method} image from the {claim.reference} image"
+        case LitPixelsClaim():
+            images = f"{claim.method} image over {claim.reference} image"
+            return f"pixels above {_share(claim.above)} of the brightest, {images}"
+
+
+def _there(part: PartT | None) -> PartT:
+    assert part is not None  # the schema's promise
+    return part
+
+
+def _psf_error(claim: PsfErrorClaim | FresnelFNumberClaim, asked: FresnelValidityPart, f_number: float) -> float:
+    found = psf_differences(
+        asked.elements[claim.element],
+        f_number=f_number,
+        field_angle=0.0,
+        wavelength=claim.wavelength,
+        lens_phases=(claim.lens_phase,),
+        windows=(claim.window,),
+        tolerance=asked.tolerance,
+    )
+    return float(getattr(found[claim.lens_phase], claim.metric)[0])
+
+
+def _criterion(claim: CriterionFNumberClaim, asked: FresnelValidityPart) -> float:
+    element = asked.elements[claim.element]
+    match claim.criterion:
+        case "path-error":
+            return float(path_error_f_number(element, claim.wavelength, np.float64(claim.path_error or 0.0)))
+        case "goodman":
+            return float(goodman_f_number(element, claim.wavelength))
+        case "paper-eq27-first-zero":
+            return float(paper_zeros(element, (claim.wavelength,))[0][0, 0])
+        case "paper-eq27-second-zero":
+            return float(paper_zeros(element, (claim.wavelength,))[0][0, 1])
+
+
+def _measure(claim: PsfErrorClaim | FresnelFNumberClaim) -> str:
+    window = "" if claim.metric == "peak" else f" over {significant(claim.window)} Airy radii"
+    return f"{_METRIC_WORDS[claim.metric]}{window} ({claim.lens_phase}, {pretty(claim.wavelength, LENGTH)})"
+
+
+def _share(value: float) -> str:
+    return pretty(value, FRACTION)

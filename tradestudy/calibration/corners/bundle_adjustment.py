@@ -1,0 +1,313 @@
+"""Bundle adjustment of a camera or a pair: all parameters and all board poses at once, the poses then marginalised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.sparse import csr_array
+
+from tradestudy.calibration.corners.corner_file import (
+    CornerFileError,
+    StereoCorners,
+    require_positive_baseline,
+)
+from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
+from tradestudy.calibration.corners.view_blocks import (
+    SHARED_NAMES,
+    ViewBlocks,
+    camera_blocks,
+    pair_blocks,
+)
+from tradestudy.calibration.posterior.laplace import covariance_from_information
+from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
+from tradestudy.errors import NotConvergedError, OutOfRangeError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+RESIDUAL_LIMIT_PX = 2.0  # a corner detector is ten times better; more means wrong correspondences
+BASELINE_LIMIT = 0.2  # relative contradiction between declared and fitted baseline that is allowed
+_ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not turn between views
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFit:
+    """Least-squares fit of one camera.
+
+    Parameters
+    ----------
+    intrinsics : array (6,)
+        In the order of ``projection.INTRINSIC_NAMES`` [px, 1].
+    poses : array (V, 6)
+        Board to camera [rad, m].
+    covariance : array (6, 6)
+        Of the intrinsic parameters, poses marginalised, with the noise estimated from the residuals.
+    noise_px : float
+        Standard deviation of one coordinate, freed of the fitted parameters [px].
+    residuals_px : array (V, 2 N)
+        Observed minus fitted [px]; zero where a corner is absent.
+    corner_rms_px : float
+        Root mean square length of the residual vectors of the corners [px].
+    """
+
+    intrinsics: FloatArray
+    poses: FloatArray
+    covariance: FloatArray
+    noise_px: float
+    residuals_px: FloatArray
+    corner_rms_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class PairFit:
+    """Least-squares fit of both cameras, their relative pose and all board poses.
+
+    Parameters
+    ----------
+    shared : array (18,)
+        In the order of ``view_blocks.SHARED_NAMES`` [px, 1, rad, m].
+    poses : array (V, 6)
+        Board to left camera [rad, m].
+    covariance : array (18, 18)
+        Of the shared parameters, poses marginalised, independent corner noise supposed.
+    noise_px : float
+        Standard deviation of one coordinate, freed of the fitted parameters [px].
+    residuals_px : array (V, 4 N)
+        Observed minus fitted, left corners then right corners [px]; zero where a corner is absent.
+    corner_rms_px : float
+        Root mean square length of the residual vectors of the corners, both cameras [px].
+    """
+
+    shared: FloatArray
+    poses: FloatArray
+    covariance: FloatArray
+    noise_px: float
+    residuals_px: FloatArray
+    corner_rms_px: float
+
+    @property
+    def right_centre(self) -> FloatArray:
+        """Centre of the right camera in the left camera's frame, −Rᵀ t [m], shape (3,)."""
+        centre: FloatArray = -rotation_matrix(self.shared[12:15]).T @ self.shared[15:18]
+        return centre
+
+    @property
+    def baseline(self) -> float:
+        """Distance between the camera centres [m]."""
+        return float(np.linalg.norm(self.shared[15:18]))
+
+
+def fit_camera(board: FloatArray, image: FloatArray, present: BoolArray) -> CameraFit:
+    """Fit one camera to a flat board seen in several poses.
+
+    Parameters
+    ----------
+    board, image : array (V, N, 2)
+        Corners on the board [m] and in the image [px].
+    present : bool array (V, N)
+        Which corners exist.
+
+    Returns
+    -------
+    CameraFit
+        Maximum likelihood under equal, independent, normal noise of all coordinates.
+
+    Raises
+    ------
+    NotConvergedError
+        The views do not determine the parameters, or the fit does not settle.
+    CornerFileError
+        The corners are off by more than ``RESIDUAL_LIMIT_PX``.
+    """
+    start = first_intrinsics(board, image, present)
+    poses = first_poses(start, board, image, present)
+    intrinsics, poses, blocks = _minimise(
+        lambda shared, poses: camera_blocks(shared, poses, board, image, present), start, poses
+    )
+    corner_rms, noise = _residual_sizes(blocks, int(present.sum()))
+    return CameraFit(
+        intrinsics=intrinsics,
+        poses=poses,
+        covariance=noise**2 * covariance_from_information(marginal_information(blocks), INTRINSIC_NAMES),
+        noise_px=noise,
+        residuals_px=blocks.residuals,
+        corner_rms_px=corner_rms,
+    )
+
+
+def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairFit:
+    """Fit both cameras, their relative pose and all board poses, started from the single fits.
+
+    Parameters
+    ----------
+    corners : StereoCorners
+        What was seen.
+    left, right : CameraFit
+        Fits of the single cameras to the same corners.
+
+    Returns
+    -------
+    PairFit
+        Maximum likelihood under equal, independent, normal noise of all coordinates. That supposition is what
+        ``pair_residual`` examines.
+
+    Raises
+    ------
+    NotConvergedError
+        The fit does not settle.
+    CornerFileError
+        A view contradicts the others (corners in another order), or the corners are off by more than
+        ``RESIDUAL_LIMIT_PX``.
+    """
+    start = np.concatenate([left.intrinsics, right.intrinsics, _median_relative_pose(corners, left, right)])
+    shared, poses, blocks = _minimise(lambda shared, poses: pair_blocks(shared, poses, corners), start, left.poses)
+    corner_rms, noise = _residual_sizes(blocks, 2 * corners.corner_count)
+    return PairFit(
+        shared=shared,
+        poses=poses,
+        covariance=noise**2 * covariance_from_information(marginal_information(blocks), SHARED_NAMES),
+        noise_px=noise,
+        residuals_px=blocks.residuals,
+        corner_rms_px=corner_rms,
+    )
+
+
+def check_rig(fit: PairFit, *, declared_baseline: float | None = None) -> None:
+    """Refuse a fitted pair that contradicts what was declared about it.
+
+    Parameters
+    ----------
+    fit : PairFit
+        The fitted pair.
+    declared_baseline : float, optional
+        Distance between the cameras as measured with a ruler [m].
+
+    Raises
+    ------
+    CornerFileError
+        The right camera stands to the left (columns exchanged), or the fitted baseline differs from the declared one
+        by more than ``BASELINE_LIMIT`` (wrong unit of the board, wrong square size).
+    OutOfRangeError
+        The declared baseline is no length.
+    """
+    centre = fit.right_centre
+    if centre[0] <= 0.0:
+        raise CornerFileError(
+            "the left and right columns are exchanged",
+            value=f"the right camera stands {1e3 * centre[0]:+.1f} mm to the right of the left one",
+            limit="> 0 mm",
+            remedy="exchange the left_ and right_ columns",
+        )
+    if declared_baseline is None:
+        return
+    require_positive_baseline(declared_baseline)
+    ratio = fit.baseline / declared_baseline
+    if abs(ratio - 1.0) > BASELINE_LIMIT:
+        raise CornerFileError(
+            "the board's unit or square size contradicts the declared baseline",
+            value=f"fitted {1e3 * fit.baseline:.4g} mm, declared {1e3 * declared_baseline:.4g} mm",
+            limit=f"within {100 * BASELINE_LIMIT:.0f} %",
+            remedy=f"board coordinates seem {ratio:.3g} times too large: check their unit and the size of a square",
+        )
+
+
+def marginal_information(blocks: ViewBlocks) -> FloatArray:
+    """Information of the shared parameters for unit noise, poses marginalised: the Schur complement, shape (P, P).
+
+    S = Σ_v AᵀA − AᵀJ (JᵀJ)⁻¹ JᵀA, computed through an orthonormal basis of each J so that nothing cancels.
+
+    Parameters
+    ----------
+    blocks : ViewBlocks
+        Derivatives at the fit.
+    """
+    basis = np.linalg.qr(blocks.by_pose)[0]
+    free = blocks.by_shared - basis @ (np.swapaxes(basis, -1, -2) @ blocks.by_shared)
+    information: FloatArray = np.einsum("vmi,vmj->ij", free, free)
+    return information
+
+
+def _minimise(
+    evaluate: Callable[[FloatArray, FloatArray], ViewBlocks], shared: FloatArray, poses: FloatArray
+) -> tuple[FloatArray, FloatArray, ViewBlocks]:
+    """Least squares over shared parameters and poses with a sparse Jacobian."""
+    count, views = len(shared), len(poses)
+
+    def split(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
+        return vector[:count], vector[count:].reshape(views, 6)
+
+    def residuals(vector: FloatArray) -> FloatArray:
+        values = evaluate(*split(vector)).residuals.ravel()
+        return np.where(np.isfinite(values), values, 1e6)  # a board behind the camera: a step to be refused
+
+    def jacobian(vector: FloatArray) -> csr_array:
+        return _sparse_jacobian(evaluate(*split(vector)))
+
+    start = np.concatenate([shared, poses.ravel()])
+    fit = least_squares(
+        residuals, start, jac=jacobian, x_scale="jac", ftol=1e-15, xtol=1e-12, gtol=1e-12, max_nfev=200,
+        tr_solver="lsmr", tr_options={"atol": 1e-14, "btol": 1e-14, "maxiter": 20 * len(start)},
+    )  # fmt: skip
+    shared, poses = split(fit.x)
+    if not fit.success:
+        raise NotConvergedError(
+            "the bundle adjustment did not settle",
+            value=f"{fit.nfev} evaluations",
+            limit="200 evaluations",
+            remedy="check the order of the corners, or add views with the board tilted differently",
+        )
+    return shared, poses, evaluate(shared, poses)
+
+
+def _sparse_jacobian(blocks: ViewBlocks) -> csr_array:
+    """Derivatives of all residuals: dense in the shared columns, block diagonal in the poses."""
+    views, rows, count = blocks.by_shared.shape
+    shared_columns = np.broadcast_to(np.arange(count), (views, rows, count))
+    pose_columns = count + 6 * np.arange(views)[:, None, None] + np.arange(6)
+    columns = np.concatenate([shared_columns, np.broadcast_to(pose_columns, (views, rows, 6))], axis=-1)
+    values = -np.concatenate([blocks.by_shared, blocks.by_pose], axis=-1)
+    starts = np.arange(views * rows + 1) * (count + 6)
+    return csr_array((values.ravel(), columns.ravel(), starts), shape=(views * rows, count + 6 * views))
+
+
+def _residual_sizes(blocks: ViewBlocks, corner_count: int) -> tuple[float, float]:
+    """Root mean square length per corner and noise of one coordinate [px]; refused when corners are disordered."""
+    views, _, count = blocks.by_shared.shape
+    square_sum = float(np.sum(blocks.residuals**2))
+    freedom = 2 * corner_count - count - 6 * views
+    if freedom <= 0:
+        raise OutOfRangeError(
+            "too few corners for the parameters",
+            value=f"{2 * corner_count} coordinates for {count + 6 * views} parameters",
+            limit="more coordinates than parameters",
+            remedy="add corners or views",
+        )
+    corner_rms = float(np.sqrt(square_sum / corner_count))
+    if corner_rms > RESIDUAL_LIMIT_PX:
+        raise CornerFileError(
+            "the corners do not fit a camera",
+            value=f"{corner_rms:.3g} px rms",
+            limit=f"<= {RESIDUAL_LIMIT_PX:g} px",
+            remedy="check for swapped columns and for corners in another order than on the board",
+        )
+    return corner_rms, float(np.sqrt(square_sum / freedom))
+
+
+def _median_relative_pose(corners: StereoCorners, left: CameraFit, right: CameraFit) -> FloatArray:
+    """Relative pose of the most central view, all views compared with it."""
+    left_rotation, right_rotation = rotation_matrix(left.poses[:, :3]), rotation_matrix(right.poses[:, :3])
+    rotation = right_rotation @ np.swapaxes(left_rotation, -1, -2)
+    translation = right.poses[:, 3:] - np.einsum("vij,vj->vi", rotation, left.poses[:, 3:])
+    between = np.einsum("vij,wij->vw", rotation, rotation)  # trace of R_vᵀ R_w = 1 + 2 cos angle
+    angles = np.arccos(np.clip((between - 1.0) / 2.0, -1.0, 1.0))
+    centre = int(np.argmin(np.median(angles, axis=1)))
+    stray = np.flatnonzero(angles[centre] > _ROTATION_LIMIT)
+    if len(stray):
+        raise CornerFileError(
+            f"view {', '.join(str(corners.views[row]) for row in stray[:5])} contradicts the others",
+            value=f"relative rotation off by {np.degrees(angles[centre, stray].max()):.3g}°",
+            limit=f"<= {np.degrees(_ROTATION_LIMIT):.0f}°",
+            remedy="number the corners alike in both images, or remove the view",
+        )
+    return np.concatenate([rotation_vector(rotation[centre]), np.median(translation, axis=0)])

@@ -1,0 +1,138 @@
+"""First values of intrinsic parameters and board poses in closed form, from the homographies of a flat board."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tradestudy.calibration.projection import rotation_vector
+from tradestudy.errors import NotConvergedError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+
+def homography(board: FloatArray, image: FloatArray) -> FloatArray:
+    """Projective map from board to image by the normalised direct linear transform.
+
+    Parameters
+    ----------
+    board : array (N, 2)
+        Corners on the board, any unit; at least four, no three of them enough.
+    image : array (N, 2)
+        The same corners in the image.
+
+    Returns
+    -------
+    array (3, 3)
+        H with image ~ H (x, y, 1), determinant positive when the board is in front of the camera.
+
+    Notes
+    -----
+    R. Hartley, A. Zisserman, "Multiple View Geometry" (2004), algorithm 4.2.
+    """
+    to_board, to_image = _centring(board), _centring(image)
+    x, y = (board @ to_board[:2, :2].T + to_board[:2, 2]).T
+    u, v = (image @ to_image[:2, :2].T + to_image[:2, 2]).T
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    rows = np.concatenate(
+        [
+            np.column_stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u]),
+            np.column_stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v]),
+        ]
+    )
+    solution = np.linalg.svd(rows, full_matrices=False)[2][-1].reshape(3, 3)
+    unscaled = np.linalg.inv(to_image) @ solution @ to_board
+    scaled: FloatArray = unscaled / np.cbrt(np.linalg.det(unscaled))
+    return scaled
+
+
+def first_intrinsics(board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
+    """Intrinsic parameters without skew and distortion from the image of the absolute conic.
+
+    Parameters
+    ----------
+    board, image : array (V, N, 2)
+        Corners on the board [m] and in the image [px].
+    present : bool array (V, N)
+        Which corners exist.
+
+    Returns
+    -------
+    array (6,)
+        Focal lengths and principal point [px], zero distortion.
+
+    Raises
+    ------
+    NotConvergedError
+        The views do not determine the intrinsic parameters (boards all parallel, or corners in disorder).
+
+    Notes
+    -----
+    Z. Zhang, "A flexible new technique for camera calibration", IEEE PAMI 22 (2000) 1330, with zero skew.
+    """
+    normalise = _centring(image[present])
+    conditions = []
+    for row, there in enumerate(present):
+        columns = (normalise @ homography(board[row, there], image[row, there])).T
+        columns = columns / np.linalg.norm(columns[:2])
+        conditions += [
+            _conic_row(columns[0], columns[1]),
+            _conic_row(columns[0], columns[0]) - _conic_row(columns[1], columns[1]),
+        ]
+    b11, b22, b13, b23, b33 = np.linalg.svd(np.array(conditions))[2][-1]
+    with np.errstate(divide="ignore", invalid="ignore"):  # degenerate views are refused below
+        centre = -np.array([b13 / b11, b23 / b22])
+        scale = b33 - b13**2 / b11 - b23**2 / b22
+        focal = np.sqrt(scale / np.array([b11, b22]))
+    if not (np.all(np.isfinite(focal)) and np.all(np.isfinite(centre))):
+        raise NotConvergedError(
+            "the views do not determine the focal length",
+            value=f"{len(present)} views",
+            limit="views with the board tilted in different directions, corners in the order of the board",
+            remedy="add tilted views, and check the order of the corners",
+        )
+    zoom = normalise[0, 0]
+    centre = (centre - normalise[:2, 2]) / zoom
+    return np.array([*(focal / zoom), *centre, 0.0, 0.0])
+
+
+def first_poses(intrinsics: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray) -> FloatArray:
+    """Board poses from homographies, distortion ignored.
+
+    Parameters
+    ----------
+    intrinsics : array (6,)
+        Focal lengths and principal point [px].
+    board, image : array (V, N, 2)
+        Corners on the board [m] and in the image [px].
+    present : bool array (V, N)
+        Which corners exist.
+
+    Returns
+    -------
+    array (V, 6)
+        Rotation vectors [rad] and translations [m] from board to camera.
+    """
+    camera = np.array([[intrinsics[0], 0.0, intrinsics[2]], [0.0, intrinsics[1], intrinsics[3]], [0.0, 0.0, 1.0]])
+    poses = np.empty((len(board), 6))
+    for row, there in enumerate(present):
+        columns = np.linalg.solve(camera, homography(board[row, there], image[row, there]))
+        columns = columns / np.sqrt(np.linalg.norm(columns[:, 0]) * np.linalg.norm(columns[:, 1]))
+        if columns[2, 2] < 0.0:
+            columns = -columns
+        frame = np.column_stack([columns[:, 0], columns[:, 1], np.cross(columns[:, 0], columns[:, 1])])
+        left, _, right = np.linalg.svd(frame)
+        poses[row, :3] = rotation_vector(left @ right)
+        poses[row, 3:] = columns[:, 2]
+    return poses
+
+
+def _centring(points: FloatArray) -> FloatArray:
+    """Similarity that moves the centroid to the origin and the mean distance to sqrt 2."""
+    centre = points.mean(axis=0)
+    zoom = np.sqrt(2.0) / np.linalg.norm(points - centre, axis=1).mean()
+    return np.array([[zoom, 0.0, -zoom * centre[0]], [0.0, zoom, -zoom * centre[1]], [0.0, 0.0, 1.0]])
+
+
+def _conic_row(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Coefficients of (B11, B22, B13, B23, B33) in firstᵀ B second, with B12 = 0."""
+    a, b = first, second
+    return np.array([a[0] * b[0], a[1] * b[1], a[0] * b[2] + a[2] * b[0], a[1] * b[2] + a[2] * b[1], a[2] * b[2]])

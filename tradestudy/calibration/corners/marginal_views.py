@@ -1,0 +1,262 @@
+"""Views of a pair with a left–right term, board poses and terms integrated out view by view (Laplace).
+
+The board moves a little between the two exposures of a view (or anything else does that looks like it): the right
+camera sees each corner displaced by a small rigid motion, normal with one scale τ: translations N(0, τ²) per axis,
+rotations N(0, (τ/lever)²) with the board's radius of gyration as lever, so that both displace the corners alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.calibration.corners.corner_file import StereoCorners
+from tradestudy.calibration.corners.view_blocks import (
+    motion_columns,
+    pair_blocks,
+)
+from tradestudy.errors import NotConvergedError
+from tradestudy.optics.arrays import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewStates:
+    """What belongs to each view: the pose of its board, and its left–right motion.
+
+    Parameters
+    ----------
+    poses : array (V, 6)
+        Board to left camera [rad, m].
+    motions : array (V, 6)
+        Rotation × lever and translation between the exposures, in the right camera's frame [m].
+    """
+
+    poses: FloatArray
+    motions: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompressedViews:
+    """Views linearised in everything and reduced to what a likelihood needs, poses and motions integrated out.
+
+    Parameters
+    ----------
+    centre : array (18,)
+        Shared parameters at which the views were linearised.
+    motion_rows : array (V, 6, 19)
+        Rows in which the motion shows: derivatives by the shared parameters, then the residual.
+    motion_gains : array (V, 6)
+        Variance that a unit motion scale gives each of these rows [px²/m²].
+    rest : array (19, 19)
+        Triangular factor of all the other rows, columns likewise.
+    rest_count : int
+        How many other rows there are.
+    """
+
+    centre: FloatArray
+    motion_rows: FloatArray
+    motion_gains: FloatArray
+    rest: FloatArray
+    rest_count: int
+
+    def log_likelihood(self, shared: FloatArray, noise_px: FloatArray, motion_scale: FloatArray) -> FloatArray:
+        """Logarithm of the marginal likelihood, up to a constant.
+
+        Parameters
+        ----------
+        shared : array (..., 18)
+            Shared parameters.
+        noise_px : array (...)
+            Standard deviation of one coordinate [px].
+        motion_scale : array (...)
+            Standard deviation of the motion [m]; zero switches the term off.
+
+        Returns
+        -------
+        array (...)
+            Natural logarithm.
+        """
+        step = np.concatenate([self.centre - shared, np.ones_like(shared[..., :1])], axis=-1)
+        rows = self.motion_rows.reshape(-1, step.shape[-1])
+        variance = noise_px[..., None] ** 2 + motion_scale[..., None] ** 2 * self.motion_gains.ravel()
+        # residual(θ) = r₀ + A (centre − θ): the sign is in the step
+        seen = np.sum((step @ rows.T) ** 2 / variance + np.log(variance), axis=-1)
+        rest = np.sum((step @ self.rest.T) ** 2, axis=-1) / noise_px**2
+        total: FloatArray = -0.5 * (seen + rest) - self.rest_count * np.log(noise_px)
+        return total
+
+    def information(self, noise_px: float, motion_scale: float) -> tuple[FloatArray, FloatArray]:
+        """Information matrix of the shared parameters, and its product with their step to the optimum.
+
+        Parameters
+        ----------
+        noise_px, motion_scale : float
+            Standard deviations of a coordinate [px] and of the motion [m].
+
+        Returns
+        -------
+        information : array (18, 18)
+            Inverse covariance of the shared parameters, given both scales.
+        gradient : array (18,)
+            Solve ``information @ step = gradient`` for the step from ``centre`` to the optimum.
+        """
+        weight = 1.0 / (noise_px**2 + motion_scale**2 * self.motion_gains)
+        full = np.einsum("vk,vki,vkj->ij", weight, self.motion_rows, self.motion_rows)
+        full = full + self.rest.T @ self.rest / noise_px**2
+        return full[:-1, :-1], full[:-1, -1]
+
+
+def gyration_radius(corners: StereoCorners) -> float:
+    """Root mean square distance of the corners from the board's centre [m], mean over the views."""
+    weight = corners.present[..., None] / corners.present.sum(axis=1)[:, None, None]
+    centre = (corners.board * weight).sum(axis=1, keepdims=True)
+    return float(np.sqrt(((corners.board - centre) ** 2 * weight).sum() / len(corners.views)))
+
+
+def compress_views(shared: FloatArray, states: ViewStates, corners: StereoCorners, lever: float) -> CompressedViews:
+    """Linearise the views and reduce them by orthogonal transformations, view by view.
+
+    Parameters
+    ----------
+    shared : array (18,)
+        Where to linearise, in the order of ``view_blocks.SHARED_NAMES``.
+    states : ViewStates
+        Poses and motions at which to linearise (see ``settle_views``).
+    corners : StereoCorners
+        What was seen.
+    lever : float
+        Radius that turns rotations into displacements [m].
+
+    Returns
+    -------
+    CompressedViews
+        Exact for the linearised model: QR of [poses | motions | shared | residual] keeps all inner products, and
+        the rows of the poses drop out when these are integrated out under a flat prior.
+    """
+    residuals, by_shared, by_states = _state_blocks(shared, states, corners, lever)
+    # at zero motion of the linearised model
+    residuals = residuals + np.einsum("vmk,vk->vm", by_states[..., 6:], states.motions)
+    table = np.concatenate([by_states, by_shared, residuals[..., None]], axis=-1)
+    triangle = np.linalg.qr(table)[1]
+    motion, rows = triangle[:, 6:12, 6:12], triangle[:, 6:12, 12:]
+    left, gains, _ = np.linalg.svd(motion)
+    coordinates = 4 * corners.corner_count
+    return CompressedViews(
+        centre=shared,
+        motion_rows=np.swapaxes(left, -1, -2) @ rows,
+        motion_gains=gains**2,
+        rest=np.linalg.qr(triangle[:, 12:, 12:].reshape(-1, rows.shape[-1]))[1],
+        rest_count=coordinates - 12 * len(corners.views),
+    )
+
+
+def settle_views(
+    shared: FloatArray,
+    states: ViewStates,
+    corners: StereoCorners,
+    lever: float,
+    *,
+    noise_px: float,
+    motion_scale: float,
+    iterations: int = 20,
+) -> ViewStates:
+    """Most probable poses and motions of all views, shared parameters given (Gauss–Newton).
+
+    Parameters
+    ----------
+    shared : array (18,)
+        Shared parameters.
+    states : ViewStates
+        Where to start.
+    corners : StereoCorners
+        What was seen.
+    lever : float
+        Radius that turns rotations into displacements [m].
+    noise_px, motion_scale : float
+        Standard deviations of a coordinate [px] and of the motion [m], both > 0.
+    iterations : int
+        Steps allowed.
+
+    Returns
+    -------
+    ViewStates
+        Where no view moves by more than 1e-6 of its standard deviations.
+
+    Raises
+    ------
+    NotConvergedError
+        A view does not settle.
+    """
+    for _ in range(iterations):
+        residuals, _, by_states = _state_blocks(shared, states, corners, lever)
+        hessian, gradient = _state_equations(residuals, by_states, states, noise_px, motion_scale)
+        step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
+        states = ViewStates(poses=states.poses + step[:, :6], motions=states.motions + step[:, 6:])
+        if np.max(np.einsum("vi,vij,vj->v", step, hessian, step)) < 1e-12:
+            return states
+    raise NotConvergedError(
+        "the board pose of a view does not settle",
+        value=f"{iterations} steps",
+        limit="steps below 1e-6 standard deviations",
+        remedy="start nearer to the fit",
+    )
+
+
+def exact_log_likelihood(
+    shared: FloatArray,
+    states: ViewStates,
+    corners: StereoCorners,
+    lever: float,
+    *,
+    noise_px: float,
+    motion_scale: float,
+) -> float:
+    """Laplace marginal likelihood with poses and motions settled anew at these parameters, up to a constant.
+
+    The constant is that of ``CompressedViews.log_likelihood`` plus the volume of the poses, so only differences between
+    parameters can be compared.
+
+    Parameters
+    ----------
+    shared, states, corners, lever, noise_px, motion_scale
+        As for ``settle_views``.
+
+    Returns
+    -------
+    float
+        Natural logarithm: −χ²/2 − n ln σ − 6 V ln τ − ½ ln det H, with H the Gauss–Newton Hessian per view.
+    """
+    states = settle_views(shared, states, corners, lever, noise_px=noise_px, motion_scale=motion_scale)
+    residuals, _, by_states = _state_blocks(shared, states, corners, lever)
+    hessian, _ = _state_equations(residuals, by_states, states, noise_px, motion_scale)
+    square = np.sum(residuals**2) / noise_px**2 + np.sum(states.motions**2) / motion_scale**2
+    volume = np.linalg.slogdet(hessian)[1].sum()
+    scales = 4 * corners.corner_count * np.log(noise_px) + states.motions.size * np.log(motion_scale)
+    return float(-0.5 * (square + volume) - scales)
+
+
+def _state_blocks(
+    shared: FloatArray, states: ViewStates, corners: StereoCorners, lever: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Residuals with the motions applied, and derivatives by shared parameters and by (pose, motion)."""
+    blocks = pair_blocks(shared, states.poses, corners)
+    motion = motion_columns(shared, states.poses, corners, lever)
+    residuals = blocks.residuals - np.einsum("vmk,vk->vm", motion, states.motions)
+    return residuals, blocks.by_shared, np.concatenate([blocks.by_pose, motion], axis=-1)
+
+
+def _state_equations(
+    residuals: FloatArray,
+    by_states: FloatArray,
+    states: ViewStates,
+    noise_px: float,
+    motion_scale: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Normal equations of (pose, motion) per view, with the prior of the motion."""
+    transposed = np.swapaxes(by_states, -1, -2)
+    hessian = transposed @ by_states / noise_px**2
+    hessian[:, range(6, 12), range(6, 12)] += 1.0 / motion_scale**2
+    gradient = (transposed @ residuals[..., None])[..., 0] / noise_px**2
+    gradient[:, 6:] -= states.motions / motion_scale**2
+    return hessian, gradient

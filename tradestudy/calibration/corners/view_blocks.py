@@ -1,0 +1,175 @@
+"""Residuals of board corners view by view, with their derivatives by shared parameters and by the view's pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.calibration.corners.corner_file import StereoCorners
+from tradestudy.calibration.projection import (
+    INTRINSIC_NAMES,
+    cross_matrix,
+    move,
+    move_jacobian,
+    project,
+    project_with_jacobians,
+    rotation_matrix,
+)
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+RELATIVE_POSE_NAMES = (
+    "relative_rotation_x",
+    "relative_rotation_y",
+    "relative_rotation_z",
+    "relative_translation_x",
+    "relative_translation_y",
+    "relative_translation_z",
+)
+SHARED_NAMES = (
+    *(f"left_{name}" for name in INTRINSIC_NAMES),
+    *(f"right_{name}" for name in INTRINSIC_NAMES),
+    *RELATIVE_POSE_NAMES,
+)
+LEFT, RIGHT, RELATIVE = slice(0, 6), slice(6, 12), slice(12, 18)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ViewBlocks:
+    """Residuals (observed − predicted) and derivatives of the prediction, one block per view.
+
+    Parameters
+    ----------
+    residuals : array (V, M)
+        Observed minus predicted coordinates [px]; zero where a corner is absent.
+    by_shared : array (V, M, P)
+        Derivatives of the prediction by the shared parameters.
+    by_pose : array (V, M, 6)
+        Derivatives of the prediction by the pose of the view's board.
+    """
+
+    residuals: FloatArray
+    by_shared: FloatArray
+    by_pose: FloatArray
+
+
+def board_points(board: FloatArray) -> FloatArray:
+    """Corners of a flat board as points with z = 0, shape (..., N, 3)."""
+    return np.concatenate([board, np.zeros_like(board[..., :1])], axis=-1)
+
+
+def camera_blocks(
+    intrinsics: FloatArray, poses: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray
+) -> ViewBlocks:
+    """Blocks of one camera.
+
+    Parameters
+    ----------
+    intrinsics : array (6,)
+        Shared parameters, as for ``projection.project``.
+    poses : array (V, 6)
+        Board to camera [rad, m].
+    board, image : array (V, N, 2)
+        Corners on the board [m] and in the image [px].
+    present : bool array (V, N)
+        Which corners exist.
+
+    Returns
+    -------
+    ViewBlocks
+        With M = 2 N and P = 6.
+    """
+    points = board_points(board)
+    predicted, by_intrinsics, by_points = project_with_jacobians(intrinsics, move(poses, points))
+    by_pose = by_points @ move_jacobian(poses, points)
+    return ViewBlocks(
+        residuals=_flat(image - predicted, present),
+        by_shared=_flat_rows(by_intrinsics, present),
+        by_pose=_flat_rows(by_pose, present),
+    )
+
+
+def pair_residuals(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -> FloatArray:
+    """Residuals of both cameras, shape (V, 2·2N): left corners, then right corners [px]."""
+    seen_left = move(poses, board_points(corners.board))
+    seen_right = move(shared[RELATIVE], seen_left)
+    left = corners.left - project(shared[LEFT], seen_left)
+    right = corners.right - project(shared[RIGHT], seen_right)
+    return np.concatenate([_flat(left, corners.present), _flat(right, corners.present)], axis=-1)
+
+
+def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -> ViewBlocks:
+    """Blocks of both cameras joined by their relative pose.
+
+    Parameters
+    ----------
+    shared : array (18,)
+        Intrinsic parameters of left and right, relative pose (left frame to right frame), in the order of
+        ``SHARED_NAMES`` [px, 1, rad, m].
+    poses : array (V, 6)
+        Board to left camera [rad, m].
+    corners : StereoCorners
+        What was seen.
+
+    Returns
+    -------
+    ViewBlocks
+        With M = 4 N (left corners, then right corners) and P = 18.
+    """
+    points = board_points(corners.board)
+    seen_left = move(poses, points)
+    seen_right = move(shared[RELATIVE], seen_left)
+    left, left_by_intrinsics, left_by_points = project_with_jacobians(shared[LEFT], seen_left)
+    right, right_by_intrinsics, right_by_points = project_with_jacobians(shared[RIGHT], seen_right)
+    left_pose = move_jacobian(poses, points)
+    right_by_relative = right_by_points @ move_jacobian(shared[RELATIVE], seen_left)
+    right_by_pose = right_by_points @ rotation_matrix(shared[12:15]) @ left_pose
+    there = corners.present
+    by_shared_left = np.concatenate([left_by_intrinsics, np.zeros((*left_by_intrinsics.shape[:-1], 12))], axis=-1)
+    by_shared_right = np.concatenate(
+        [np.zeros_like(right_by_intrinsics), right_by_intrinsics, right_by_relative], axis=-1
+    )
+    return ViewBlocks(
+        residuals=np.concatenate([_flat(corners.left - left, there), _flat(corners.right - right, there)], axis=1),
+        by_shared=np.concatenate([_flat_rows(by_shared_left, there), _flat_rows(by_shared_right, there)], axis=1),
+        by_pose=np.concatenate(
+            [_flat_rows(left_by_points @ left_pose, there), _flat_rows(right_by_pose, there)], axis=1
+        ),
+    )
+
+
+def motion_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners, lever: float) -> FloatArray:
+    """Derivatives of the right corners by a small motion of the board between the two exposures.
+
+    Parameters
+    ----------
+    shared, poses, corners
+        As for ``pair_blocks``.
+    lever : float
+        Radius of gyration of the board [m]: rotations are measured by the displacement they give at this radius.
+
+    Returns
+    -------
+    array (V, 4 N, 6)
+        Derivatives by rotation × lever about the board's centre [m], then by translation [m]; zero in the left rows.
+    """
+    seen = move(shared[RELATIVE], move(poses, board_points(corners.board)))
+    weight = corners.present[..., None] / corners.present.sum(axis=1)[:, None, None]
+    centre = (seen * weight).sum(axis=1, keepdims=True)
+    twist = np.concatenate(
+        [-cross_matrix(seen - centre) / lever, np.broadcast_to(np.eye(3), (*seen.shape[:-1], 3, 3))], axis=-1
+    )
+    by_points = project_with_jacobians(shared[RIGHT], seen)[2]
+    right = _flat_rows(by_points @ twist, corners.present)
+    return np.concatenate([np.zeros_like(right), right], axis=1)
+
+
+def _flat(values: FloatArray, present: BoolArray) -> FloatArray:
+    """Coordinates of all corners in one row per view, zero where absent."""
+    return np.where(present[..., None], values, 0.0).reshape(*values.shape[:-2], -1)
+
+
+def _flat_rows(values: FloatArray, present: BoolArray) -> FloatArray:
+    """Derivatives of all corners in one block per view, zero where absent."""
+    blanked = np.where(present[..., None, None], values, 0.0)
+    return blanked.reshape(len(present), -1, values.shape[-1])

@@ -1,0 +1,222 @@
+"""Which errors a camera of the study has, how they are distributed, and which are drawn together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from tradestudy.calibration.calibration_file import CalibrationDraws, read_calibration
+from tradestudy.calibration.declaration import CameraCalibrationPart, SurroundingsPart
+from tradestudy.calibration.distributions import distribution_of, error_class_of
+from tradestudy.cameras.depth_camera import ErrorSource, declared_disparity_error
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.cameras.stereo import StereoRig
+from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty.distributions import Distribution, Normal, Uniform
+from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
+from tradestudy.uncertainty.sources import ErrorClass, Group, Source
+
+SEPARATOR = "/"
+
+
+def own_groups(camera: StereoRig | FocusedPlenoptic) -> tuple[Group, ...]:
+    """The errors that a camera declares of itself, under the names of its error model.
+
+    A stereo rig's common focal length moves both sides together; its difference of principal points moves them apart;
+    the disparity's noise is shared equally by the two pictures.
+    """
+    return tuple(_stereo_groups(camera) if isinstance(camera, StereoRig) else _plenoptic_groups(camera))
+
+
+def _stereo_groups(rig: StereoRig) -> Iterator[Group]:
+    errors = rig.calibration
+    for name in ("yaw", "pitch", "roll", "baseline"):
+        source: ErrorSource = getattr(errors, name)
+        if source.standard_deviation > 0.0:
+            yield Source(name=name, distribution=_centred(source), error_class=ErrorClass.RIG)
+    if errors.focal_length.standard_deviation > 0.0:
+        names = ("left_focal_length", "right_focal_length")
+        yield _tied("focal_length", names, _centred(errors.focal_length), 1.0)
+    if errors.principal_point.standard_deviation > 0.0:
+        names = ("left_principal_point_x", "right_principal_point_x")
+        yield _tied("principal_point", names, _centred(errors.principal_point, share=0.5), -1.0)
+    noise = declared_disparity_error(rig) * rig.sensor.pixel_pitch / math.sqrt(2.0)
+    for name in ("left_pixel_noise", "right_pixel_noise"):
+        yield _measured(name, noise)
+
+
+def _plenoptic_groups(camera: FocusedPlenoptic) -> Iterator[Group]:
+    errors = camera.calibration
+    deviations = np.array([errors.mla_distance.standard_deviation, errors.focal_length.standard_deviation])
+    if errors.correlation == 0.0:
+        for name, source in (("mla_distance", errors.mla_distance), ("focal_length", errors.focal_length)):
+            if source.standard_deviation > 0.0:
+                yield Source(name=name, distribution=_centred(source), error_class=ErrorClass.RIG)
+    elif np.any(deviations > 0.0):
+        yield JointNormal.from_correlation(
+            name="mla_distance_and_focal_length",
+            parameters=("mla_distance", "focal_length"),
+            mean=np.zeros(2),
+            standard_deviation=deviations,
+            correlation=np.array([[1.0, errors.correlation], [errors.correlation, 1.0]]),
+            error_class=ErrorClass.RIG,
+        )
+    if errors.microlens_gap.standard_deviation > 0.0:
+        gap = _centred(errors.microlens_gap)
+        yield Source(name="microlens_gap", distribution=gap, error_class=ErrorClass.RIG)
+    yield _measured("pixel_noise", declared_disparity_error(camera) * camera.sensor.pixel_pitch)
+
+
+def _centred(source: ErrorSource, share: float = 1.0) -> Distribution:
+    deviation = share * source.standard_deviation
+    if source.shape == "uniform":
+        return Uniform(low=-math.sqrt(3.0) * deviation, high=math.sqrt(3.0) * deviation)
+    return Normal(mean=0.0, standard_deviation=deviation)
+
+
+def _tied(name: str, parameters: tuple[str, str], marginal: Distribution, correlation: float) -> Group:
+    return GaussianCopula(
+        name=name,
+        parameters=parameters,
+        marginals=(marginal, marginal),
+        correlation=np.array([[1.0, correlation], [correlation, 1.0]]),
+        error_class=ErrorClass.RIG,
+    )
+
+
+def _measured(name: str, deviation: float) -> Source:
+    noise = Normal(mean=0.0, standard_deviation=deviation)
+    return Source(name=name, distribution=noise, error_class=ErrorClass.MEASUREMENT)
+
+
+def declared_groups(
+    camera: StereoRig | FocusedPlenoptic, part: CameraCalibrationPart, folder: Path
+) -> tuple[Group, ...]:
+    """All errors of a camera: its own, those of the study's calibration part, and joint ones.
+
+    Raises
+    ------
+    OutOfRangeError
+        An error is given twice, or tied in two joint distributions.
+    """
+    own = own_groups(camera)
+    given = part.errors.given()
+    taken = {name for group in own for name in group.parameters}
+    if repeated := sorted(taken & set(given)):
+        raise OutOfRangeError(
+            "errors that the camera's own calibration has already",
+            value=", ".join(repeated),
+            limit="each error once",
+            remedy="take them out of the calibration of the study, or of that of the camera",
+        )
+    tied = [name for joint in part.joint.values() for name in joint.parameters]
+    if repeated := sorted({name for name in tied if tied.count(name) > 1}):
+        raise OutOfRangeError(
+            "errors that stand in two joint distributions", value=", ".join(repeated), limit="each error once"
+        )
+    marginals = {name: distribution_of(value, folder) for name, value in given.items()}
+    classes = {name: error_class_of(value, ErrorClass.RIG) for name, value in given.items()}
+    alone = tuple(
+        Source(name=name, distribution=marginals[name], error_class=classes[name]) for name in given if name not in tied
+    )
+    together = tuple(
+        GaussianCopula(
+            name=name,
+            parameters=joint.parameters,
+            marginals=tuple(marginals[parameter] for parameter in joint.parameters),
+            correlation=np.array(joint.correlation),
+            error_class=_common_class(name, [classes[parameter] for parameter in joint.parameters]),
+        )
+        for name, joint in part.joint.items()
+    )
+    return (*own, *alone, *together)
+
+
+def _common_class(name: str, classes: list[ErrorClass]) -> ErrorClass:
+    if len(set(classes)) > 1:
+        raise OutOfRangeError(
+            f"the errors of {name} are drawn together but not equally often",
+            value=", ".join(error_class.value for error_class in classes),
+            limit="one class for all",
+            remedy="give all of them the same drawn",
+        )
+    return classes[0]
+
+
+def group_of_file(path: Path, known: Mapping[str, str]) -> Group:
+    """A joint calibration from a file, as errors about its own best values.
+
+    Raises
+    ------
+    CalibrationFileError
+        The file cannot be what it says it is.
+    OutOfRangeError
+        It names parameters that the camera's error model does not have.
+    """
+    found = read_calibration(path)
+    if unknown := [name for name in found.names if name not in known]:
+        raise OutOfRangeError(
+            f"{path.name} names parameters that the camera's error model does not have",
+            value=", ".join(unknown),
+            limit=", ".join(known),
+            remedy="rename the columns; values are in SI units",
+        )
+    if isinstance(found, CalibrationDraws):
+        return group_of_draws("calibration", found.names, found.draws)
+    return JointNormal(
+        name="calibration",
+        parameters=found.names,
+        mean=np.zeros(len(found.names)),
+        covariance=found.covariance,
+        error_class=ErrorClass.RIG,
+    )
+
+
+def group_of_draws(
+    name: str, parameters: tuple[str, ...], draws: np.ndarray[tuple[int, int], np.dtype[np.float64]]
+) -> JointDraws:
+    """Joint draws of a calibration as errors about their mean: what the calibration leaves open."""
+    return JointDraws(name=name, parameters=parameters, draws=draws - draws.mean(axis=0), error_class=ErrorClass.RIG)
+
+
+def replaced(groups: Iterable[Group], calibration: Group) -> tuple[Group, ...]:
+    """The groups with a joint calibration in the place of those whose parameters it determines.
+
+    Raises
+    ------
+    OutOfRangeError
+        It determines a part of a joint group: what is left would have lost its partner.
+    """
+    kept: list[Group] = []
+    covered = set(calibration.parameters)
+    for group in groups:
+        inside = covered & set(group.parameters)
+        if inside and inside != set(group.parameters):
+            raise OutOfRangeError(
+                f"a joint calibration determines a part of {group.name}",
+                value=", ".join(sorted(inside)),
+                limit=", ".join(group.parameters),
+                remedy="let it determine all of them, or declare them apart",
+            )
+        if not inside:
+            kept.append(group)
+    return (*kept, calibration)
+
+
+def session_groups(part: SurroundingsPart | None, folder: Path) -> tuple[Source, ...]:
+    """Changes of temperature and pressure, shared by all cameras."""
+    if part is None:
+        return ()
+    given = {name: getattr(part, name) for name in ("temperature_change", "pressure_change")}
+    return tuple(
+        Source(
+            name=name,
+            distribution=distribution_of(value, folder),
+            error_class=error_class_of(value, ErrorClass.SESSION),
+        )
+        for name, value in given.items()
+        if value is not None
+    )

@@ -1,0 +1,129 @@
+"""A synthetic calibration target: points, poses and noise, observed through any camera model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.calibration.projection import move
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+
+CameraModel = Callable[[FloatArray, FloatArray], FloatArray]
+"""Takes parameters (..., P) and points in the camera's frame (..., N, 3) [m], returns observations (..., N, C), with
+NaN for what is not seen; leading axes broadcast."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SyntheticTarget:
+    """A rigid set of points shown to a camera in several poses.
+
+    Parameters
+    ----------
+    points : array (N, 3)
+        Points in the target's frame [m].
+    poses : array (V, 6)
+        Nominal poses, target to camera: rotation vector [rad] and translation [m].
+    noise : array (C,)
+        Standard deviation of each component of an observation, in its unit.
+    rotation_deviation, translation_deviation : float
+        How well the poses are known: standard deviation per component [rad], [m]. inf: not at all, as with a board held
+        by hand.
+
+    Raises
+    ------
+    OutOfRangeError
+        A noise or a deviation is not positive.
+    """
+
+    points: FloatArray
+    poses: FloatArray
+    noise: FloatArray
+    rotation_deviation: float = np.inf
+    translation_deviation: float = np.inf
+
+    def __post_init__(self) -> None:
+        smallest = min(float(np.min(self.noise)), self.rotation_deviation, self.translation_deviation)
+        if not smallest > 0.0:
+            raise OutOfRangeError(
+                "a synthetic target needs positive noise and positive pose deviations",
+                value=f"{smallest:g}",
+                limit="> 0",
+                remedy="give a small deviation to a pose that is known well, inf to one that is not known",
+            )
+
+    @property
+    def pose_precision(self) -> FloatArray:
+        """Inverse variances of the components of a pose, zero where not known, shape (6,)."""
+        return np.repeat([self.rotation_deviation**-2.0, self.translation_deviation**-2.0], 3)
+
+
+def tilted_poses(
+    count: int, distances: tuple[float, float], half_field: float, tilt: float, rng: np.random.Generator
+) -> FloatArray:
+    """Poses of a target held into the field of view: distances spread evenly in 1/Z, sideways and tilted at random.
+
+    Parameters
+    ----------
+    count : int
+        Number of poses V.
+    distances : (float, float)
+        Nearest and farthest distance of the target's origin [m].
+    half_field : float
+        Largest slope of the origin's direction, in x and in y [1].
+    tilt : float
+        Standard deviation of each component of the rotation vector [rad].
+    rng : numpy.random.Generator
+        Randomness.
+
+    Returns
+    -------
+    array (V, 6)
+        Rotation vectors [rad] and translations [m].
+    """
+    depth = 1.0 / np.linspace(1.0 / distances[0], 1.0 / distances[1], count)
+    slopes = rng.uniform(-half_field, half_field, (count, 2))
+    return np.column_stack([tilt * rng.standard_normal((count, 3)), slopes * depth[:, None], depth])
+
+
+def flat_grid(columns: int, rows: int, spacing: float) -> FloatArray:
+    """Corners of a flat board about its centre, shape (columns · rows, 3) [m].
+
+    Parameters
+    ----------
+    columns, rows : int
+        Number of corners along x and y.
+    spacing : float
+        Size of a square [m].
+    """
+    x, y = np.meshgrid(np.arange(columns) - (columns - 1) / 2.0, np.arange(rows) - (rows - 1) / 2.0)
+    return spacing * np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
+
+
+def observe_target(
+    target: SyntheticTarget, model: CameraModel, parameters: FloatArray, rng: np.random.Generator
+) -> FloatArray:
+    """What a camera with these parameters measures of the target.
+
+    Parameters
+    ----------
+    target : SyntheticTarget
+        Points, poses, noise.
+    model : CameraModel
+        The camera.
+    parameters : array (P,)
+        Its true parameters.
+    rng : numpy.random.Generator
+        Randomness of the noise, and of the true poses where these are known within a deviation.
+
+    Returns
+    -------
+    array (V, N, C)
+        Observations with noise; NaN where the camera sees nothing.
+    """
+    deviation = np.repeat([target.rotation_deviation, target.translation_deviation], 3)
+    offset = np.where(np.isfinite(deviation), deviation, 0.0) * rng.standard_normal(target.poses.shape)
+    seen = model(parameters, move(target.poses + offset, target.points))
+    return seen + target.noise * rng.standard_normal(seen.shape)

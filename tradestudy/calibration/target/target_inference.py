@@ -1,0 +1,363 @@
+"""Parameters of any camera from observations of a target: Laplace fit, posterior draws, poses marginalised."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.calibration.posterior.laplace import (
+    CHECKED_POINTS,
+    LaplaceCheck,
+    LaplaceFit,
+    compare_log_posteriors,
+    covariance_from_information,
+)
+from tradestudy.calibration.posterior.sampling import PosteriorSample, sample_posterior
+from tradestudy.calibration.projection import move, move_jacobian
+from tradestudy.calibration.target.priors import Priors
+from tradestudy.calibration.target.synthetic_target import CameraModel, SyntheticTarget
+from tradestudy.errors import NotConvergedError
+from tradestudy.optics.arrays import FloatArray
+
+_RELATIVE_STEP = 1e-3  # of a prior's scale: central differences are then good to 1e-6 of their change over that scale
+_POINT_STEP = 1e-5  # of a point's distance
+_SETTLED = 1e-8  # squared step in standard deviations
+_CHUNK_NUMBERS = 250_000  # residuals at a time: what fits a processor's cache
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetFit:
+    """Most probable parameters and poses, with a normal approximation of the parameters' posterior.
+
+    Parameters
+    ----------
+    laplace : LaplaceFit
+        Parameters, poses marginalised.
+    poses : array (V, 6)
+        Most probable poses [rad, m].
+    evaluations : int
+        Parameter vectors at which the camera was computed.
+    seconds : float
+        Wall time.
+    """
+
+    laplace: LaplaceFit
+    poses: FloatArray
+    evaluations: int
+    seconds: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetPosterior:
+    """Posterior draws of a camera's parameters, with both verdicts.
+
+    Parameters
+    ----------
+    sample : PosteriorSample
+        Draws.
+    check : LaplaceCheck
+        Whether the marginalisation of the poses by Laplace holds.
+    """
+
+    sample: PosteriorSample
+    check: LaplaceCheck
+
+    @property
+    def converged(self) -> bool:
+        """Whether the chains converged and the marginalisation holds."""
+        return self.sample.diagnostics.converged and self.check.passed
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetProblem:
+    """Observations of a target by a camera, with the stated priors.
+
+    Parameters
+    ----------
+    observed : array (V, N, C)
+        Observations; NaN where nothing was seen.
+    target : SyntheticTarget
+        Points, nominal poses, noise.
+    model : CameraModel
+        The camera.
+    priors : Priors
+        What was known of its parameters before.
+    """
+
+    observed: FloatArray
+    target: SyntheticTarget
+    model: CameraModel
+    priors: Priors
+
+    def residuals(self, parameters: FloatArray, poses: FloatArray) -> FloatArray:
+        """Observed minus predicted in units of noise, shape (..., V, N·C); zero where nothing was seen.
+
+        Parameters
+        ----------
+        parameters : array (..., P)
+            Camera parameters.
+        poses : array (V, 6)
+            Target poses.
+        """
+        return self.residuals_at(parameters, move(poses, self.target.points))
+
+    def residuals_at(self, parameters: FloatArray, points: FloatArray) -> FloatArray:
+        """Observed minus predicted for points (V, N, 3) already in the camera's frame [m], shape (..., V, N·C).
+
+        Parameters
+        ----------
+        parameters : array (..., P)
+            Camera parameters.
+        points : array (V, N, 3)
+            Target points as posed.
+        """
+        seen = self.model(parameters[..., None, :], points)
+        values = np.where(np.isnan(self.observed), 0.0, (self.observed - seen) / self.target.noise)
+        return values.reshape(*values.shape[:-2], -1)
+
+
+def fit_target(problem: TargetProblem, *, iterations: int = 50) -> TargetFit:
+    """Maximise the posterior over parameters and poses, and approximate it by a normal distribution.
+
+    Gauss–Newton with the poses eliminated view by view; derivatives of the camera by central differences.
+
+    Parameters
+    ----------
+    problem : TargetProblem
+        What was observed, and the priors; the fit starts from their means and from the nominal poses.
+    iterations : int
+        Steps allowed.
+
+    Returns
+    -------
+    TargetFit
+        Peak and covariance.
+
+    Raises
+    ------
+    NotConvergedError
+        The fit does not settle, leaves the bounds of the priors, loses sight of an observed point, or the
+        observations leave parameters undetermined.
+    """
+    begin = time.perf_counter()
+    priors = problem.priors
+    parameters, poses = priors.mean, problem.target.poses
+    for count in range(1, iterations + 1):
+        parameters, poses, covariance, size = _gauss_newton_step(problem, parameters, poses)
+        if size < _SETTLED:
+            _require_inside(priors, parameters)
+            return TargetFit(
+                laplace=LaplaceFit(names=priors.names, mean=parameters, covariance=covariance),
+                poses=poses,
+                evaluations=count * (2 * len(parameters) + 7),
+                seconds=time.perf_counter() - begin,
+            )
+    raise NotConvergedError(
+        "the calibration does not settle",
+        value=f"{iterations} steps",
+        limit="steps below 1e-4 standard deviations",
+        remedy="give nominal poses and prior means nearer to the truth, or narrower priors",
+    )
+
+
+def sample_target(
+    problem: TargetProblem,
+    fit: TargetFit,
+    *,
+    rng: np.random.Generator,
+    ensembles: int = 4,
+    walkers: int | None = None,
+    maximum_steps: int = 20_000,
+) -> TargetPosterior:
+    """Sample the posterior with the camera model itself, poses marginalised by Laplace about the fit.
+
+    Parameters
+    ----------
+    problem : TargetProblem
+        What was observed, and the priors.
+    fit : TargetFit
+        Its peak, from ``fit_target``.
+    rng : numpy.random.Generator
+        Randomness of starts and chains.
+    ensembles, maximum_steps : int
+        As for ``posterior.sample_posterior``.
+    walkers : int, optional
+        Per ensemble; 2 P + 2 unless told.
+
+    Returns
+    -------
+    TargetPosterior
+        Ask ``converged`` before using it.
+    """
+    names = problem.priors.names
+    walkers = 2 * len(names) + 2 if walkers is None else walkers
+    basis, _ = _pose_basis(problem, fit.laplace.mean, fit.poses)
+    misfit = _pose_misfit(problem, fit.poses)
+
+    def log_probability(parameters: FloatArray) -> FloatArray:
+        return _frozen_log_posterior(problem, fit.poses, basis, misfit, parameters)
+
+    starts = _starts_inside(problem.priors, fit.laplace, rng, ensembles * walkers)
+    sample = sample_posterior(
+        log_probability,
+        starts.reshape(ensembles, walkers, -1),
+        names=names,
+        rng=rng,
+        proposal=fit.laplace,
+        maximum_steps=maximum_steps,
+    )
+    draws = sample.thinned(CHECKED_POINTS)
+    exact = np.array([exact_log_posterior(problem, fit.poses, draw) for draw in draws])
+    return TargetPosterior(sample=sample, check=compare_log_posteriors(draws, exact, log_probability(draws)))
+
+
+def exact_log_posterior(
+    problem: TargetProblem, poses: FloatArray, parameters: FloatArray, *, iterations: int = 20
+) -> float:
+    """Log posterior with the poses settled anew at these parameters (Laplace), up to a constant.
+
+    Parameters
+    ----------
+    problem : TargetProblem
+        What was observed, and the priors.
+    poses : array (V, 6)
+        Where the poses start from.
+    parameters : array (P,)
+        Camera parameters.
+    iterations : int
+        Gauss–Newton steps allowed.
+
+    Returns
+    -------
+    float
+        ln prior − χ²/2 − ½ ln det H, with H the Gauss–Newton Hessian of the poses.
+
+    Raises
+    ------
+    NotConvergedError
+        A pose does not settle.
+    """
+    for _ in range(iterations):
+        residuals = np.concatenate([problem.residuals(parameters, poses), _pose_misfit(problem, poses)], axis=-1)
+        basis, factor = _pose_basis(problem, parameters, poses)
+        inner = np.einsum("vmk,vm->vk", basis, residuals)
+        if np.max(np.sum(inner**2, axis=1)) < _SETTLED:
+            volume = np.log(np.abs(np.diagonal(factor, axis1=-2, axis2=-1))).sum()
+            return float(problem.priors.log_density(parameters) - 0.5 * np.sum(residuals**2) - volume)
+        poses = poses + np.linalg.solve(factor, inner[..., None])[..., 0]
+    raise NotConvergedError(
+        "the pose of a target does not settle",
+        value=f"{iterations} steps",
+        limit="steps below 1e-4 standard deviations",
+        remedy="start nearer to the fit",
+    )
+
+
+def _gauss_newton_step(
+    problem: TargetProblem, parameters: FloatArray, poses: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """New parameters and poses, covariance before the step, and the mean squared step in standard deviations."""
+    priors = problem.priors
+    residuals, by_parameters = _linearise(problem, parameters, poses)
+    basis, factor = _pose_basis(problem, parameters, poses)
+    stacked = np.concatenate([residuals, _pose_misfit(problem, poses)], axis=-1)
+    table = np.concatenate([by_parameters, np.zeros((len(poses), 6, len(parameters)))], axis=1)
+    free = table - basis @ (np.swapaxes(basis, -1, -2) @ table)
+    information = np.einsum("vmi,vmj->ij", free, free) + np.diag(priors.precision)
+    gradient = np.einsum("vmi,vm->i", free, stacked) - priors.precision * (parameters - priors.mean)
+    covariance = covariance_from_information(information, priors.names)
+    step = covariance @ gradient
+    inner = np.einsum("vmk,vm->vk", basis, stacked - table @ step)
+    pose_step = np.linalg.solve(factor, inner[..., None])[..., 0]
+    size = float(step @ information @ step + np.sum(inner**2)) / (step.size + inner.size)
+    return parameters + step, poses + pose_step, covariance, size
+
+
+def _require_inside(priors: Priors, parameters: FloatArray) -> None:
+    """Refuse a peak outside the bounds: the posterior then ends at a bound, and no normal describes it."""
+    if np.isfinite(priors.log_density(parameters)):
+        return
+    outside = np.flatnonzero((parameters < priors.lower) | (parameters > priors.upper))[0]
+    raise NotConvergedError(
+        f"the most probable {priors.names[outside]} lies outside its prior",
+        value=f"{parameters[outside]:g}",
+        limit=f"{priors.lower[outside]:g} to {priors.upper[outside]:g}",
+        remedy="widen the prior, or observe more: no normal approximation exists at a bound",
+    )
+
+
+def _frozen_log_posterior(
+    problem: TargetProblem, poses: FloatArray, basis: FloatArray, misfit: FloatArray, parameters: FloatArray
+) -> FloatArray:
+    """Log posterior, exact in the parameters; each pose at its best by one linear step from the fit."""
+    result = problem.priors.log_density(parameters)
+    rows = np.flatnonzero(np.isfinite(result))
+    size = max(1, _CHUNK_NUMBERS // problem.observed.size)
+    split = basis.shape[1] - 6
+    constant = np.einsum("vmk,vm->vk", basis[:, split:], misfit)
+    points = move(poses, problem.target.points)
+    for start in range(0, len(rows), size):
+        chosen = rows[start : start + size]
+        residuals = np.moveaxis(
+            problem.residuals_at(parameters[chosen], points), -2, 0
+        )  # views first: a batched product
+        inner = residuals @ basis[:, :split] + constant[:, None]
+        result[chosen] -= 0.5 * (np.sum(residuals**2, axis=(0, 2)) - np.sum(inner**2, axis=(0, 2)))
+    return np.where(np.isnan(result), -np.inf, result)  # an observed point that these parameters cannot see
+
+
+def _linearise(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Residuals (V, M) and the derivatives of the prediction by the parameters (V, M, P)."""
+    step = _RELATIVE_STEP * problem.priors.scale
+    shifted = parameters + np.concatenate([np.zeros((1, len(step))), np.diag(step), -np.diag(step)])
+    values = problem.residuals(shifted, poses)
+    if not np.all(np.isfinite(values)):
+        raise NotConvergedError(
+            "the fit loses sight of an observed point",
+            value=f"{int(np.sum(~np.isfinite(values[0])))} observations",
+            limit="none",
+            remedy="give nominal poses and prior means nearer to the truth",
+        )
+    forward, backward = values[1 : len(step) + 1], values[len(step) + 1 :]
+    derivative = (backward - forward) / (2.0 * step[:, None, None])
+    return values[0], np.moveaxis(derivative, 0, -1)
+
+
+def _pose_basis(problem: TargetProblem, parameters: FloatArray, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """QR factors of the derivatives by the poses, the rows of their priors below them."""
+    points = move(poses, problem.target.points)
+    step = _POINT_STEP * np.linalg.norm(points, axis=-1, keepdims=True)
+    shifts = step * np.concatenate([np.eye(3), -np.eye(3)])[:, None, None, :]
+    seen = problem.model(parameters, points + shifts)
+    by_points = np.moveaxis((seen[:3] - seen[3:]) / (2.0 * step), 0, -1) / problem.target.noise[:, None]
+    by_points = np.where(np.isnan(problem.observed)[..., None], 0.0, by_points)
+    by_poses = by_points @ move_jacobian(poses, problem.target.points)
+    by_poses = by_poses.reshape(len(poses), -1, 6)
+    prior = np.broadcast_to(np.diag(np.sqrt(problem.target.pose_precision)), (len(poses), 6, 6))
+    stacked = np.concatenate([by_poses, prior], axis=1)
+    basis, factor = np.linalg.qr(stacked)
+    return basis, factor
+
+
+def _pose_misfit(problem: TargetProblem, poses: FloatArray) -> FloatArray:
+    """Nominal minus present poses in units of their deviation, zero where not known, shape (V, 6)."""
+    misfit: FloatArray = np.sqrt(problem.target.pose_precision) * (problem.target.poses - poses)
+    return misfit
+
+
+def _starts_inside(priors: Priors, fit: LaplaceFit, rng: np.random.Generator, count: int) -> FloatArray:
+    """Draws of the Laplace fit that lie inside the bounds of the priors."""
+    starts = np.empty((0, len(priors.names)))
+    for _ in range(1000):
+        draws = fit.draw(rng, count)
+        starts = np.concatenate([starts, draws[np.isfinite(priors.log_density(draws))]])
+        if len(starts) >= count:
+            return starts[:count]
+    raise NotConvergedError(
+        "the posterior lies almost wholly outside the bounds of the priors",
+        value=f"{len(starts)} of {1000 * count} draws inside",
+        limit=f">= {count}",
+        remedy="widen the priors",
+    )

@@ -1,0 +1,124 @@
+"""The uncertain cameras of a study, their calibrations inferred where the study asks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from tradestudy.calibration.declaration import (
+    BodyPart,
+    CalibrationStudyPart,
+    SurroundingsPart,
+)
+from tradestudy.calibration.posteriors import (
+    CornersToInfer,
+    InferredCalibration,
+    RealRig,
+    TargetToInfer,
+    infer,
+)
+from tradestudy.calibration.sources import declared_groups, group_of_file, replaced, session_groups
+from tradestudy.calibration.uncertain_camera import UncertainCamera, reading_of
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_models import PLENOPTIC_ERRORS, STEREO_ERRORS, Environment
+from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
+from tradestudy.cameras.stereo import StereoRig
+from tradestudy.execution import Steps
+from tradestudy.uncertainty.sources import Group
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class UncertainCameras:
+    """The cameras to be propagated, and the calibrations that were inferred for some of them."""
+
+    cameras: Mapping[str, UncertainCamera]
+    calibrations: Mapping[str, InferredCalibration]
+    rigs: Mapping[str, RealRig]
+
+
+def uncertain_cameras(
+    part: CalibrationStudyPart,
+    cameras: Mapping[str, DepthCamera],
+    steps: Steps,
+    *,
+    folder: Path,
+    wavelength: float,
+) -> UncertainCameras:
+    """Assemble errors and models of every camera of the calibration part, inferring calibrations on the way.
+
+    Parameters
+    ----------
+    part
+        The calibration part of the study.
+    cameras
+        The cameras of the study, by name.
+    steps
+        Where calibrations are inferred.
+    folder
+        Where the files that the part names are.
+    wavelength
+        Of the scene [m].
+
+    Raises
+    ------
+    TradestudyError
+        Errors that contradict each other, a calibration that cannot be read or inferred.
+    """
+    uncertain: dict[str, UncertainCamera] = {}
+    designs: dict[str, StereoRig | FocusedPlenoptic] = {}
+    groups_of: dict[str, tuple[Group, ...]] = {}
+    asked: dict[str, TargetToInfer | CornersToInfer] = {}
+    for name, of_camera in part.cameras.items():
+        camera = cameras[name]
+        assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
+        designs[name] = camera
+        if of_camera.corners is not None:
+            assert isinstance(camera, StereoRig)  # the schema lets no other kind in
+            asked[name] = CornersToInfer.of(name, camera, of_camera.corners, folder, seed=part.seed)
+            continue
+        groups_of[name] = declared_groups(camera, of_camera, folder)
+        if of_camera.target is not None:
+            asked[name] = TargetToInfer(
+                name=name, camera=camera, groups=groups_of[name], part=of_camera.target, seed=part.seed
+            )
+    inferred = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), list(asked)), strict=True))
+    rigs = {name: found for name, found in inferred.items() if isinstance(found, RealRig)}
+    calibrations = {
+        name: found.calibration if isinstance(found, RealRig) else found for name, found in inferred.items()
+    }
+    for name, of_camera in part.cameras.items():
+        camera = designs[name]
+        if name in rigs:
+            rig = rigs[name]
+            uncertain[name] = UncertainCamera(
+                name=name, reading=rig.reading, groups=(rig.calibration.group, *rig.noise), surroundings=()
+            )
+            continue
+        groups = groups_of[name]
+        if name in calibrations:
+            groups = replaced(groups, calibrations[name].group)
+        if of_camera.file is not None:
+            known = STEREO_ERRORS if isinstance(camera, StereoRig) else PLENOPTIC_ERRORS
+            groups = replaced(groups, group_of_file(folder / of_camera.file, known))
+        body = of_camera.body
+        uncertain[name] = UncertainCamera(
+            name=name,
+            reading=reading_of(camera, _environment(body, part.surroundings, wavelength)),
+            groups=groups,
+            surroundings=session_groups(part.surroundings, folder) if body is not None else (),
+        )
+    return UncertainCameras(cameras=uncertain, calibrations=calibrations, rigs=rigs)
+
+
+def _environment(body: BodyPart | None, surroundings: SurroundingsPart | None, wavelength: float) -> Environment | None:
+    if body is None or surroundings is None:
+        return None
+    return Environment(
+        housing_expansion=body.housing_expansion,
+        focal_length_expansion=body.focal_length_expansion,
+        glass_index=body.glass_index,
+        wavelength=wavelength,
+        temperature=surroundings.calibrated_at_temperature,
+        pressure=surroundings.calibrated_at_pressure,
+    )

@@ -1,0 +1,34 @@
+"""Distances on a scale."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+import numpy as np
+from pydantic import Field, model_validator
+
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import ObjectDistance
+
+MOST_DISTANCES = 100_000
+
+
+class DistanceRangePart(Part):
+    """Distances on a scale."""
+
+    start: ObjectDistance = Field(alias="from")
+    stop: ObjectDistance = Field(alias="to")
+    points: Annotated[int, Field(ge=2, le=MOST_DISTANCES, strict=True)]
+    spacing: Literal["log", "linear"] = "log"
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if not self.start < self.stop:
+            raise MistakeAt(("to",), "must lie beyond from")
+        return self
+
+    def values(self) -> tuple[float, ...]:
+        """The distances [m]; the ends exactly as written."""
+        space = np.geomspace if self.spacing == "log" else np.linspace
+        return tuple(float(value) for value in space(self.start, self.stop, self.points))

@@ -1,0 +1,139 @@
+"""Finished points on disk, so that a run that ends early is taken up where it was."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import secrets
+import struct
+from collections.abc import Iterator, Sequence
+from io import FileIO
+from pathlib import Path
+from pickle import UnpicklingError
+from typing import Any, Final
+
+from tradestudy.execution.trusted_pickle import from_bytes, to_bytes
+
+FOLDER: Final = ".unfinished"
+_SUFFIX: Final = ".points"
+_MARK: Final = bytes.fromhex("8f7470 6f696e74 0a")  # begins a record: no text begins so
+_HEAD: Final = struct.Struct(f"<{len(_MARK)}s32sQ32s")  # mark, key, length of the content, checksum
+
+
+class Checkpoints:
+    """Values of finished points in a hidden folder inside the output folder.
+
+    Each run appends to a file of its own, one record as soon as a point is finished: key, length, SHA-256, value. A
+    record that is not whole, or whose checksum does not fit, is not there. Files of other runs are only read; those
+    that no living run holds are removed when a run has finished.
+
+    Parameters
+    ----------
+    directory
+        The output folder; nothing is made in it before a point is finished.
+    fresh
+        Whether to remove what earlier runs left instead of reading it.
+    """
+
+    def __init__(self, directory: Path, *, fresh: bool = False) -> None:
+        self._folder = directory / FOLDER
+        self._own: FileIO | None = None
+        self._read: list[FileIO] = []
+        self._index: dict[bytes, tuple[FileIO, int, int]] = {}
+        if fresh:
+            self.remove()
+        else:
+            self._index_all()
+
+    def __len__(self) -> int:
+        """Number of finished points that were there at the beginning."""
+        return len(self._index)
+
+    def finished(self, keys: Sequence[bytes]) -> dict[int, Any]:
+        """Values of those keys that are there, by their place among the keys."""
+        values = {}
+        for place, key in enumerate(keys):
+            if key in self._index:
+                file, start, length = self._index[key]
+                file.seek(start)
+                with contextlib.suppress(UnpicklingError):  # nothing that a run has written
+                    values[place] = from_bytes(file.read(length))
+        return values
+
+    def add(self, key: bytes, value: object) -> None:
+        """Put a value on disk at once."""
+        content = to_bytes(value)
+        if self._own is None:
+            self._own = self._begin()
+        head = _HEAD.pack(_MARK, key, len(content), _checksum(key, content))
+        rest = memoryview(head + content)
+        while rest:  # a disk that is nearly full takes a part, and refuses the next
+            rest = rest[self._own.write(rest) :]
+
+    def close(self) -> None:
+        """Close the files; what is finished stays."""
+        for file in (*self._read, *(() if self._own is None else (self._own,))):
+            file.close()
+        self._own, self._read, self._index = None, [], {}
+
+    def remove(self) -> None:
+        """Remove the folder, but for what other living runs write there."""
+        self.close()
+        for path in self._folder.glob(f"*{_SUFFIX}"):
+            with contextlib.suppress(OSError), path.open("rb", buffering=0) as file:
+                if _held(file):
+                    path.unlink()
+        with contextlib.suppress(OSError):  # not there, or another run's
+            self._folder.rmdir()
+
+    def _begin(self) -> FileIO:
+        """A file that no other run writes to, held against removal."""
+        while True:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            with contextlib.suppress(FileNotFoundError):  # a run that has just finished removed the folder
+                file = FileIO(self._folder / f"{secrets.token_hex(8)}{_SUFFIX}", "xb")
+                _held(file)
+                if os.fstat(file.fileno()).st_nlink:  # it was not removed before it was held
+                    return file
+                file.close()
+
+    def _index_all(self) -> None:
+        for path in sorted(self._folder.glob(f"*{_SUFFIX}")):
+            with contextlib.suppress(FileNotFoundError):
+                file = FileIO(path, "rb")
+                self._read.append(file)  # stays open: another run may remove its name
+                for key, start, length in _whole_records(file.readall()):
+                    self._index[key] = file, start, length
+
+
+def _whole_records(content: bytes) -> Iterator[tuple[bytes, int, int]]:
+    """Key, start and length of the content of every record that its checksum confirms."""
+    place = content.find(_MARK)
+    while 0 <= place <= len(content) - _HEAD.size:
+        _, key, length, checksum = _HEAD.unpack_from(content, place)
+        start = place + _HEAD.size
+        if start + length <= len(content) and _checksum(key, content[start : start + length]) == checksum:
+            yield key, start, length
+            place = content.find(_MARK, start + length)
+        else:  # damaged: the length cannot be trusted either
+            place = content.find(_MARK, place + 1)
+
+
+def _checksum(key: bytes, content: bytes) -> bytes:
+    digest = hashlib.sha256(key)
+    digest.update(content)
+    return digest.digest()
+
+
+def _held(file: FileIO) -> bool:
+    """Hold a file for as long as it is open; False where another run does."""
+    if os.name != "posix":
+        return True  # nobody can remove an open file there
+    import fcntl
+
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    return True

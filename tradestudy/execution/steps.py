@@ -1,0 +1,103 @@
+"""The one way in which long independent work of a study is done: taken up, spread over workers, kept as it finishes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from typing import Any
+
+from tradestudy.errors import TradestudyError
+from tradestudy.execution.checkpoints import Checkpoints
+from tradestudy.execution.environment import environment
+from tradestudy.execution.executor import Executor, LostPointError, Serial
+from tradestudy.execution.fingerprint import fingerprint
+from tradestudy.execution.outcome import Point, Raised, Value
+from tradestudy.execution.progress import Progress
+
+
+class DeadlyPointError(TradestudyError):
+    """Workers died over one point of the study again and again."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps:
+    """How the independent points of a study are computed.
+
+    Parameters
+    ----------
+    executor
+        Where.
+    checkpoints
+        Where finished points are kept and looked for; None keeps nothing.
+    progress
+        Called with the name of a step and the share of it done.
+    counts
+        Takes, for each step, how many points were computed and how many were taken up from an earlier run.
+    """
+
+    executor: Executor = field(default_factory=Serial)
+    checkpoints: Checkpoints | None = None
+    progress: Progress = lambda _step, _share: None
+    counts: dict[str, dict[str, int]] = field(default_factory=dict)
+
+    def map(
+        self,
+        step: str,
+        function: Callable[[Point], Value],
+        points: Sequence[Point],
+        labels: Sequence[str],
+    ) -> list[Value]:
+        """Values of a function at points, in their order.
+
+        Parameters
+        ----------
+        step
+            Name of the work, for progress and record.
+        function
+            A function of a module; its value at a point depends on nothing but the point.
+        points
+            Its arguments; what they say, and the code, is the key under which a value is kept.
+        labels
+            What a person calls each point.
+
+        Raises
+        ------
+        DeadlyPointError
+            Workers died over one point again and again; named by its label.
+        Exception
+            What the first of the points that fail raises; all before it are finished then.
+        """
+        values: dict[int, Any] = {}
+        keys: list[bytes] = []
+        if self.checkpoints is not None:
+            shared = fingerprint(environment(), function)
+            keys = [fingerprint(shared, point) for point in points]
+            values = self.checkpoints.finished(keys)
+        taken = len(values)
+        missing = [i for i in range(len(points)) if i not in values]
+        executor = self.executor if len(missing) > 1 else Serial()  # one point alone is nothing to spread
+        failed: dict[int, Exception] = {}
+        self.progress(step, taken / max(len(points), 1))
+        try:
+            with closing(executor.map_unordered(function, [points[i] for i in missing])) as found:
+                for number, outcome in found:
+                    place = missing[number]
+                    if isinstance(outcome, Raised):
+                        failed[place] = outcome.error
+                    else:
+                        values[place] = outcome
+                        if self.checkpoints is not None:
+                            self.checkpoints.add(keys[place], outcome)
+                        self.progress(step, len(values) / len(points))
+                    if failed and all(i in values for i in missing if i < min(failed)):
+                        raise failed[min(failed)]
+        except LostPointError as lost:
+            raise DeadlyPointError(
+                f"{lost.deaths} workers died one after another over one point of {step}",
+                value=labels[missing[lost.index]],
+                remedy="what is finished is kept; look for what ends them, such as too little memory",
+            ) from lost
+        finally:
+            self.counts[step] = {"computed": len(values) - taken, "taken up": taken}
+        return [values[i] for i in range(len(points))]

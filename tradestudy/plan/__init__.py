@@ -1,0 +1,1 @@
+"""Which effects a run will simulate, which it leaves out and why, and how long it will take."""

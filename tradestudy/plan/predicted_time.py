@@ -1,0 +1,307 @@
+"""How long a study will take, step by step, before any of it is computed: counts of work times seconds per unit."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from tradestudy.analysis.propagation import FIELDS, WAYS
+from tradestudy.analysis.spot_images import SpotModels, compared_models, without_comparison
+from tradestudy.calibration.declaration import CalibrationStudyPart
+from tradestudy.errors import OutOfRangeError
+from tradestudy.plan.situations.light_spot import NAME as LIGHT_SPOT
+from tradestudy.plan.situations.light_spot import named_spot_models, picture_seconds
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+from tradestudy.study.schema.questions import ImageDifferenceClaim, LitPixelsClaim
+from tradestudy.study.schema.wave_optics import FresnelValidityPart, PointSpreadPart
+from tradestudy.study.sweep import sweep_axes
+from tradestudy.wording import counted
+
+# Runs differ by as much in the seconds of one unit; a range that a sampler states holds them.
+_UNITS_VARY: Final = 1.5
+# Seconds per unit of work on the reference machine (speed 1): processor seconds, so that what else ran on it while it
+# was measured does not count. `python tests/benchmarks/step_costs.py` measures them through runs of the shipped
+# studies and holds every prediction against its run.
+SECONDS: Final[Mapping[str, float]] = {
+    "libraries": 1.9,
+    "study read again": 0.020,  # a reading, a design of a sweep, a trial of an inverse question
+    "camera": 0.010,
+    "camera at a distance": 4e-5,
+    "pair of cameras": 0.13,
+    "trial of an inverse question": 0.025,
+    "claim about depth": 0.02,
+    "camera's depth of field": 0.007,
+    "inference step of an ensemble": 2.2e-3,
+    "draw at a distance": 1.7e-6,
+    "pair at a field and way": 0.12,
+    "stability question, replicate": 0.05,
+    "Fresnel against Kirchhoff on axis": 0.095,
+    "root of a limit": 0.06,
+    "Fresnel against Kirchhoff off axis": 6.0,
+    "aperture of 256² targets": 0.035,
+    "source point through both lenses": 1.4,
+    "point spread": 0.28,
+    "hard case": 0.012,
+    "report": 2.0,
+    "figure": 0.42,
+}
+
+_FIRST_DRAWS: Final = 8 * 512  # of an adaptive propagation, over all scrambles
+_FIRST_STEPS: Final = 1000  # of an ensemble, before the first look
+_ENSEMBLES: Final = 4
+_TORNADO_DRAWS: Final = 2**14
+_SOURCES: Final = 4  # that are worth as much as one propagation each
+_ROOT_TRIALS: Final = (8, 40)  # of a root finder
+
+
+@dataclass(frozen=True, kw_only=True)
+class PredictedStep:
+    """One step of a run.
+
+    Parameters
+    ----------
+    name
+        As the run's progress calls it.
+    low, high
+        Seconds; equal for fixed work. Samplers that stop when they have converged take anything between.
+    work
+        What is counted, in words.
+    """
+
+    name: str
+    low: float
+    high: float
+    work: str
+
+
+def predicted_seconds(definition: StudyDefinition, speed: float) -> tuple[PredictedStep, ...]:
+    """Predict every step of a run, the writing of its report included, one worker computing.
+
+    Parameters
+    ----------
+    definition
+        The study.
+    speed
+        Of this machine over that of the reference machine (`tradestudy.machine.machine_speed`).
+
+    Raises
+    ------
+    OutOfRangeError
+        If the speed is not positive.
+    """
+    if not 0.0 < speed < math.inf:
+        raise OutOfRangeError("speed of the machine", value=f"{speed:g}", limit="> 0, finite")
+    return tuple(
+        PredictedStep(name=step.name, low=step.low / speed, high=step.high / speed, work=step.work)
+        for step in _steps(definition)
+    )
+
+
+def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
+    """In the order of a run, on the reference machine."""
+    file = definition.file
+    readings = len(file.readings)
+    yield _fixed(
+        "start",
+        f"libraries, the study and {counted(readings, 'reading')} of it",
+        {"libraries": 1, "study read again": readings},
+    )
+    if definition.case.cameras:
+        yield from _depth(definition)
+    if file.calibration is not None:
+        yield from _calibration(file.calibration)
+    if file.depth_of_field is not None:
+        cameras = len(definition.case.all_cameras)
+        yield _fixed("depth of field", counted(cameras, "camera"), {"camera's depth of field": cameras})
+    if file.fresnel_validity is not None:
+        yield from _fresnel_validity(file.fresnel_validity)
+    if file.light_spot is not None:
+        names = definition.models.get(LIGHT_SPOT)
+        yield from _light_spot(file.light_spot, named_spot_models(file.light_spot, names) if names else None)
+    if file.point_spread is not None:
+        points = _points(file.point_spread)
+        yield _fixed("point spread", f"{points} point-spread functions", {"point spread": points})
+    if file.hard_cases is not None:
+        yield _hard_cases(file.hard_cases.families)
+    if file.claims or file.requirements:
+        yield _claims(definition)
+    yield _report(definition)
+
+
+def _fixed(name: str, work: str, counts: Mapping[str, float]) -> PredictedStep:
+    seconds = _seconds(counts)
+    return PredictedStep(name=name, low=seconds, high=seconds, work=work)
+
+
+def _seconds(counts: Mapping[str, float]) -> float:
+    return math.fsum(SECONDS[unit] * count for unit, count in counts.items())
+
+
+def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
+    file = definition.file
+    cameras, distances = len(definition.case.cameras), definition.case.distance.size
+    designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
+    yield _fixed(
+        "depth",
+        f"{counted(designs, 'design')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
+        {
+            "study read again": designs if file.sweep else 0,
+            "camera": designs * cameras,
+            "camera at a distance": designs * cameras * distances,
+        },
+    )
+    readings = 1 + len(file.readings)
+    pairs = readings if file.decision is not None else 0
+    trials = sum(_ROOT_TRIALS) / 2 * len(file.solve)
+    yield _fixed(
+        "decision",
+        f"a pair of cameras under {counted(pairs, 'reading')}, {counted(len(file.solve), 'inverse question')}",
+        {"pair of cameras": pairs, "trial of an inverse question": trials, "camera": cameras if file.sweep else 0},
+    )
+
+
+def _calibration(part: CalibrationStudyPart) -> Iterator[PredictedStep]:
+    """Posteriors, comparisons, propagation and sensitivity; all but the first draws stop when they have converged."""
+    distances = len(part.distance_values())
+    inferred = [camera.target or camera.corners for camera in part.cameras.values()]
+    steps = [one.maximum_steps for one in inferred if one is not None]
+    if steps:
+        yield _range(
+            "calibration",
+            f"{counted(len(steps), 'posterior')}, {_FIRST_STEPS} to {max(steps)} steps of {_ENSEMBLES} ensembles each",
+            {"inference step of an ensemble": _ENSEMBLES * len(steps) * _FIRST_STEPS},
+            {"inference step of an ensemble": _ENSEMBLES * sum(steps)},
+        )
+    places = len(FIELDS) * len(WAYS) * len(part.cameras)
+    if part.compare or part.questions:
+        pairs = 2 * len(FIELDS) * len(part.compare)
+        replicates = 8 * len(part.questions)
+        yield _range(
+            "comparison",
+            f"{counted(len(part.compare), 'pair')} of cameras, {counted(len(part.questions), 'question')} of stability",
+            {
+                "pair at a field and way": pairs * distances / 17,
+                "stability question, replicate": replicates * _ROOT_TRIALS[0] / 8,
+            },
+            {
+                "pair at a field and way": 2 * pairs * distances / 17,
+                "stability question, replicate": replicates * _ROOT_TRIALS[1] / 8,
+            },
+        )
+    yield _range(
+        "propagation",
+        f"{counted(places, 'distribution')} at {counted(distances, 'distance')}, "
+        f"{_FIRST_DRAWS} to {part.budget} draws each",
+        {"draw at a distance": places * distances * _FIRST_DRAWS},
+        {"draw at a distance": places * distances * max(part.budget, _FIRST_DRAWS)},
+    )
+    sources = _SOURCES * len(FIELDS) * len(part.cameras)
+    yield _range(
+        "sensitivity",
+        f"{counted(len(part.cameras), 'camera')} at {counted(distances, 'distance')}",
+        {"draw at a distance": sources * distances * _FIRST_DRAWS},
+        {"draw at a distance": 3 * sources * distances * _TORNADO_DRAWS},
+    )
+
+
+def _range(name: str, work: str, least: Mapping[str, float], most: Mapping[str, float]) -> PredictedStep:
+    return PredictedStep(name=name, low=_seconds(least) / _UNITS_VARY, high=_seconds(most) * _UNITS_VARY, work=work)
+
+
+def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
+    elements, f_numbers = len(part.elements), len(part.f_numbers.values())
+    on_axis = elements * len(part.wavelengths) * (f_numbers + 2)
+    yield _fixed(
+        "Fresnel against Kirchhoff, on axis",
+        f"{counted(on_axis, 'pair')} of point-spread functions",
+        {"Fresnel against Kirchhoff on axis": on_axis},
+    )
+    limits = elements * len(part.lens_phases) * len(part.wavelengths) * (1 + 2 * len(part.windows))
+    yield _fixed("f-numbers at the limit", counted(limits, "root"), {"root of a limit": limits})
+    if part.off_axis is not None:
+        off_axis = elements * (f_numbers + 1)
+        yield _fixed(
+            "Fresnel against Kirchhoff, off axis",
+            f"{counted(off_axis, 'pair')} of point-spread functions",
+            {"Fresnel against Kirchhoff off axis": off_axis},
+        )
+
+
+def _light_spot(part: LightSpotPart, chosen: SpotModels | None) -> Iterator[PredictedStep]:
+    """Pictures by the methods that are compared, and by the chosen models where that is another."""
+    asked = [compared_models(part, method) for method in part.methods]
+    if chosen is not None and chosen not in asked:
+        asked.append(chosen)
+    seconds = math.fsum(picture_seconds(part, models) for models in asked)
+    yield PredictedStep(
+        name="image of the spot",
+        low=seconds,
+        high=seconds,
+        work=f"{counted(len(asked), 'picture')}: "
+        + ", ".join(f"{models.method} to {models.tolerance:g}" for models in asked),
+    )
+    if part.benchmarks:
+        yield _fixed(
+            "benchmarks of light",
+            "18 apertures, one source point",
+            {"aperture of 256² targets": 18, "source point through both lenses": 1},
+        )
+
+
+def _points(part: PointSpreadPart) -> int:
+    varied = (part.f_numbers, part.wavelengths, part.field_angles, part.defocus)
+    return 2 * len(part.elements) * sum(map(len, varied))
+
+
+def _hard_cases(names: tuple[str, ...]) -> PredictedStep:
+    from tradestudy.verification.hard_case_families import all_families
+
+    cases = sum(len(family.cases) for family in all_families() if family.name in names)
+    return _fixed("hard cases", f"{cases} cases", {"hard case": cases})
+
+
+def _claims(definition: StudyDefinition) -> PredictedStep:
+    """Claims about depth under each reading, and images of the spot that a reading asks for anew."""
+    file, readings = definition.file, {"": definition, **definition.readings}
+    known: set[tuple[LightSpotPart, float, MethodName]] = set()
+    if file.light_spot is not None:
+        known = {
+            (without_comparison(file.light_spot), file.light_spot.tolerance, method)
+            for method in file.light_spot.methods
+        }
+    answers, seconds = 0, 0.0
+    for claim in file.claims.values():
+        names = list(readings) if claim.under == "all" else [claim.reading or "", *claim.under]
+        answers += len(names)
+        if not isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
+            continue
+        for name, method in itertools.product(names, (claim.method, claim.reference)):
+            spot = readings[name].file.light_spot
+            if spot is None:
+                continue
+            if (without_comparison(spot), spot.tolerance, method) not in known:
+                known.add((without_comparison(spot), spot.tolerance, method))
+                seconds += picture_seconds(spot, compared_models(spot, method))
+    seconds += _seconds({"claim about depth": answers + len(file.requirements)})
+    return PredictedStep(name="claims", low=seconds, high=seconds, work=f"{answers} claims under their readings")
+
+
+def _report(definition: StudyDefinition) -> PredictedStep:
+    """Figures are most of a report."""
+    file = definition.file
+    figures = (
+        4 * bool(definition.case.cameras)
+        + 2 * bool(file.sweep)
+        + bool(file.decision)
+        + (0 if file.calibration is None else 5 + 2 * len(file.calibration.cameras))
+        + 3 * (file.depth_of_field is not None)
+        + 4 * (file.fresnel_validity is not None)
+        + 2 * (file.light_spot is not None)
+        + (file.point_spread is not None)
+        + (file.hard_cases is not None)
+    )
+    return _fixed("report", f"about {figures} figures, HTML and PDF", {"report": 1, "figure": figures})

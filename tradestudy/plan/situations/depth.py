@@ -1,0 +1,373 @@
+"""Cameras that measure depth: what of picture, calibration and temperature their depth uncertainty calls for."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
+from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_stretches
+from tradestudy.cameras.depth_camera import Limit, UsableCriteria, declared_disparity_error
+from tradestudy.effects.base import OFF, Criterion, Slot, SlotName
+from tradestudy.effects.calibration import calibration_slot
+from tradestudy.effects.picture.criteria import (
+    blur_over_pixel,
+    electrons,
+    extent_of_points,
+    light_left,
+    main_lens_airy,
+    microlens_airy,
+    pixel_over_pitch,
+    reach_over_airy,
+    spectrum_width,
+)
+from tradestudy.effects.picture.trial import MARGIN, Worst
+from tradestudy.effects.temperature import temperature_slot
+from tradestudy.effects.unused import declared_reason, unused_slots
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
+from tradestudy.optics.airy import FIRST_DARK_RING
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.plan.situations.pictures import PictureCase, picture_slots, worst_at, worst_of
+from tradestudy.plan.situations.situation import Situation
+from tradestudy.study.acting import AnyDepthCamera, acting, in_closed_form
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.expectations import question_ends
+from tradestudy.study.sweep import SweepAxis, sweep_axes
+
+# Bounds are looked for at this many of the study's distances; they change slowly in between, where the disparity error
+# is derived by less than the margin.
+_MOST_DISTANCES: Final = 401
+_MOST_DERIVED: Final = 101
+# Of every usable stretch: what a model changes swings with the blur, from focus to focus of several microlens types;
+# from one trial to the next it stays within the margin.
+_TRIAL_DISTANCES: Final = 15
+_ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance: trials go a tenth beyond
+# Designs of a sweep that are weighed: all, or so many at most, evenly among each axis with its ends. Nothing goes
+# steadily from end to end where a design between them is in focus and they are not.
+_MOST_DESIGNS: Final = 64
+_ENDS: Final = 2
+# Values of what an inverse question varies, its ends among them.
+_OF_QUESTIONS: Final = 5
+_OF_MICROLENSES: Final[tuple[SlotName, ...]] = ("microlens_diffraction", "crosstalk")
+# Slots of errors that are not of the picture.
+_LENGTHS: Final[tuple[SlotName, ...]] = ("calibration", "temperature")
+# Bisections: of the ends of the usable range, and of a pair's decision under one reading.
+_ASKED_FOR_ENDS: Final = 700
+_ASKED_FOR_DECISION: Final = 4000
+# On the reference machine: one distance of one camera, all errors, all limits.
+_SECONDS_PER_DISTANCE: Final = 4e-5
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Variant:
+    """A camera as one reading or one design of the study has it."""
+
+    camera: AnyDepthCamera
+    criteria: UsableCriteria
+    distance: FloatArray
+    asked: tuple[float, ...]
+    wavelength: float
+    forced: Mapping[SlotName, str]
+
+    @cached_property
+    def as_forced(self) -> AnyDepthCamera:
+        """The camera without the calibration errors or the expansion that the study insists on leaving out."""
+        return acting(self.camera, {slot: self.forced[slot] for slot in _LENGTHS if slot in self.forced})
+
+    @cached_property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the usable range, over the distances."""
+        return evaluate_limits(self.as_forced, self.criteria, self.distance)
+
+    @cached_property
+    def usable(self) -> BoolArray:
+        """At which of the distances the camera is usable."""
+        return all_met(self.limits, self.distance.shape)
+
+    @cached_property
+    def imaged(self) -> FloatArray:
+        """Distances where the camera forms a picture: curves are shown there, usable or not."""
+        return self.distance[self.camera.images(self.distance)]
+
+    @cached_property
+    def uncertainty(self) -> FloatArray:
+        """Depth uncertainty there, with everything that is not forced otherwise."""
+        return depth_uncertainty(self.camera, self.imaged)
+
+
+def depth_situations(definition: StudyDefinition, forced: Mapping[SlotName, str]) -> tuple[Situation, ...]:
+    """One situation for each camera that measures depth, its bounds the worst over all variants of the study.
+
+    Every slot is weighed beside the models that the study forces in the others.
+    """
+    variants = tuple(every_variant(definition))
+    found = []
+    for name in definition.case.cameras:
+        own: list[_Variant] = []
+        for variant in variants:
+            one = _variant(variant, name, forced)
+            if one is not None and not any(_same(one, other) for other in own):
+                own.append(one)
+        found.append(
+            Situation(
+                name=name,
+                title=definition.file.cameras[name].title,
+                quantities=("depth_uncertainty",),
+                slots=(
+                    *_picture(own, _times_asked(definition, name)),
+                    *_errors(own, definition.case.distance.size),
+                ),
+            )
+        )
+    return tuple(found)
+
+
+def every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
+    """The study, its readings, the designs of its sweep, and some between the ends of its inverse questions."""
+    yield definition
+    yield from definition.readings.values()
+    axes = sweep_axes(definition)
+    for values in _designs(axes) if axes else ():
+        yield definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
+    for question in definition.file.solve.values():
+        dimension, low, high = question_ends(question)
+        for value in np.linspace(low, high, _OF_QUESTIONS):
+            yield definition.with_values({question.vary: f"{float(value)!r} {dimension.unit}".strip()})
+
+
+def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[str, ...]]:
+    """Values of each axis, of every design that is weighed."""
+    sizes = [len(axis.values) for axis in axes]
+    while math.prod(sizes) > _MOST_DESIGNS and max(sizes) > _ENDS:
+        sizes[sizes.index(max(sizes))] -= 1
+    kept = [
+        [axis.values[k] for k in np.unique(np.round(np.linspace(0, len(axis.values) - 1, size)).astype(int))]
+        for axis, size in zip(axes, sizes, strict=True)
+    ]
+    return itertools.islice(itertools.product(*kept), _MOST_DESIGNS)
+
+
+def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, str]) -> _Variant | None:
+    camera = definition.case.cameras.get(name)
+    if camera is None:  # a reading may replace it by one that measures no depth
+        return None
+    assert isinstance(camera, AnyDepthCamera)  # a case holds no others
+    distance, file = definition.case.distance, definition.file
+    most = _MOST_DERIVED if isinstance(camera.disparity_error_px, PictureDisparityError) else _MOST_DISTANCES
+    step = max(1, -(-distance.size // most))
+    asked = [*(() if file.decision is None else file.decision.at), *(one.at for one in file.solve.values())]
+    asked += [end for one in file.requirements.values() for end in one.depth_uncertainty.over]
+    own = _applicable(camera, forced)
+    # Where to weigh is found in closed form, and with every error of lengths.
+    sought = in_closed_form({slot: name for slot, name in own.items() if slot not in _LENGTHS})
+    return _Variant(
+        camera=acting(camera, sought),
+        criteria=definition.case.criteria,
+        distance=np.unique(np.append(distance[::step], distance[-1:])),
+        asked=tuple(asked),
+        wavelength=definition.case.wavelength,
+        forced=own,
+    )
+
+
+def _applicable(camera: AnyDepthCamera, forced: Mapping[SlotName, str]) -> dict[SlotName, str]:
+    """The forced models that a camera has: not of microlenses without them, nor of a spectrum that is not declared.
+
+    Nor those that are for spots: the boundary wave, for transfer functions have Fresnel's law in closed form, and
+    coherent crosstalk.
+    """
+    law = camera.disparity_error_px
+    found = {slot: name for slot, name in forced.items() if name not in ("boundary_wave", "coherent")}
+    if isinstance(law, PictureDisparityError):
+        if law.models.microlens_diffraction == "none":
+            for slot in _OF_MICROLENSES:
+                found.pop(slot, None)
+        if not law.settings.spectrum:
+            found.pop("spectrum", None)
+    return found
+
+
+def _same(one: _Variant, other: _Variant) -> bool:
+    return (
+        one.camera == other.camera
+        and one.criteria == other.criteria
+        and np.array_equal(one.distance, other.distance)
+        and (one.wavelength, one.asked) == (other.wavelength, other.asked)
+    )
+
+
+def _times_asked(definition: StudyDefinition, name: str) -> int:
+    """At how many distances a run asks for the uncertainty of a camera, roughly: curves, ends, and the decision."""
+    designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
+    asked = designs * (8 * definition.case.distance.size + _ASKED_FOR_ENDS)
+    decision = definition.file.decision
+    if decision is not None and name in decision.between:
+        asked += _ASKED_FOR_DECISION * (1 + len(definition.readings))
+    return asked
+
+
+def _picture(variants: Sequence[_Variant], asked: int) -> tuple[Slot, ...]:
+    """Slots of the picture: weighed where the disparity error is derived from it, all off where it is declared."""
+    derived = [_picture_case(variant) for variant in variants]
+    found = [case for case in derived if case is not None and case.places.size]
+    if found:
+        return picture_slots(found, asked=asked)
+    first = variants[0]
+    if isinstance(first.camera.disparity_error_px, float | int):
+        reason = declared_reason(declared_disparity_error(first.camera))
+    else:
+        reason = "the camera forms no picture at any distance of the study"
+    return unused_slots(reason=reason, numbers=_strengths(variants))
+
+
+def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, Criterion]:
+    """How strong each effect is in the picture where it is strongest, whether it reaches depth or not.
+
+    Of usable distances; of all that are pictured, for a camera that is usable nowhere.
+    """
+    anywhere = any(variant.usable.any() for variant in variants)
+    pictures = [(one, one.distance[one.usable] if anywhere else one.imaged) for one in variants]
+    seen = [(one, places, picture_geometry(one.camera, places)) for one, places in pictures if places.size]
+
+    def strongest(size: Callable[[PictureGeometry, float], FloatArray]) -> Worst:
+        return worst_of(worst_at(places, size(geometry, one.wavelength)) for one, places, geometry in seen)
+
+    blur = strongest(lambda geometry, _wavelength: geometry.blur_px)
+    main_lens = strongest(lambda geometry, wavelength: _airy_px(geometry, geometry.main_lens, wavelength))
+    microlens = strongest(lambda geometry, wavelength: _airy_px(geometry, geometry.microlens, wavelength))
+    reach = strongest(lambda geometry, wavelength: _airy_over_reach(geometry, wavelength))
+    return {
+        "defocus_blur": blur_over_pixel(blur.value, blur.at),
+        "main_lens_diffraction": main_lens_airy(main_lens.value, main_lens.at),
+        "microlens_diffraction": microlens_airy(microlens.value, microlens.at),
+        "crosstalk": reach_over_airy(1.0 / reach.value, reach.at),
+        "pixel_integration": pixel_over_pitch(),
+        "source_extent": extent_of_points(),
+        "spectrum": spectrum_width(math.nan),
+        "vignetting": light_left(math.nan),
+        "sensor_noise": electrons(math.nan, math.nan),
+    }
+
+
+def _airy_px(geometry: PictureGeometry, stage: LensStage | None, wavelength: float) -> FloatArray:
+    """Airy radius of a lens on the sensor [samples]; NaN without it."""
+    if stage is None:
+        return np.full(geometry.distance.shape, math.nan)
+    return np.asarray(FIRST_DARK_RING * wavelength * stage.f_number * stage.relay / geometry.sample_pitch)
+
+
+def _airy_over_reach(geometry: PictureGeometry, wavelength: float) -> FloatArray:
+    """Airy radius of a microlens over half a micro-image."""
+    return np.asarray(_airy_px(geometry, geometry.microlens, wavelength) * math.sqrt(2.0) / geometry.widest_window_px)
+
+
+def _picture_case(variant: _Variant) -> PictureCase | None:
+    law = variant.camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return None
+    places = _trial_places(variant)
+    # Over the distances of the study as its limits had them, whose pictures are known.
+    counts = variant.usable if variant.usable.any() else variant.camera.images(variant.distance)
+    everywhere, tried = (DepthErrors.of(variant.as_forced, asked) for asked in (variant.distance, places))
+    errors = [(everywhere, counts), (tried, np.ones(places.shape, dtype=bool))]
+    # Where calibration loses the far end of depth, noise alone may not, and is shown by itself.
+    lost = np.concatenate([one.distance[at & np.isinf(one.uncertainty)] for one, at in errors])
+    if lost.size:
+        errors.append((DepthErrors.of(variant.as_forced, lost, "noise"), np.ones(lost.shape, dtype=bool)))
+    return PictureCase(
+        camera=variant.as_forced,
+        settings=law.settings,
+        places=places,
+        forced=variant.forced,
+        errors=tuple(errors),
+        shown=np.union1d(variant.imaged, _around_ends(variant)),
+    )
+
+
+def _around_ends(variant: _Variant) -> FloatArray:
+    """Distances [m] between which the ends of the usable range are sought first."""
+    first = np.flatnonzero(variant.usable[1:] != variant.usable[:-1])
+    sought = np.linspace(variant.distance[first], variant.distance[first + 1], SUBDIVISIONS + 1).ravel()
+    return sought[variant.camera.images(sought)]
+
+
+def _trial_places(variant: _Variant) -> FloatArray:
+    """Across every usable interval and a tenth beyond, as leaving blur out would extend it, and wherever is asked.
+
+    And where the picture is the sharpest, for there what pixels and diffraction do is seen the best.
+    """
+    camera, distance = variant.as_forced, variant.distance
+    found = [np.asarray(variant.asked), _in_focus(variant)]
+    ends = usable_stretches(camera, variant.criteria, distance, variant.limits, to=_ENDS_ARE_KNOWN_TO)
+    for near, far in zip(*ends, strict=True):
+        found.append(np.geomspace(0.9 * near.distance, 1.1 * far.distance, _TRIAL_DISTANCES))
+        found.append(np.array([near.distance, far.distance]))
+    if not variant.usable.any():
+        found.append(distance[np.unique(np.linspace(0, distance.size - 1, _TRIAL_DISTANCES).astype(int))])
+    places = np.unique(np.concatenate(found))
+    return places[camera.images(places)]
+
+
+def _in_focus(variant: _Variant) -> FloatArray:
+    """Usable distances of least blur [m]: several where microlenses have several focal lengths."""
+    distance = variant.distance[variant.usable]
+    if not distance.size:
+        return distance
+    blur = np.pad(picture_geometry(variant.camera, distance).blur_px, 1, constant_values=math.inf)
+    return distance[(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
+
+
+def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
+    """Slots of calibration and of temperature, each held against the camera with everything."""
+    names = {name for variant in variants for name in variant.camera.error_directions(np.ones(1))}
+    linear_error = max((_linear_error(variant) for variant in variants), default=0.0)
+    seconds = distances * _SECONDS_PER_DISTANCE
+    return (
+        calibration_slot(
+            share_of_uncertainty=max(_bound_of(variant, "calibration") for variant in variants),
+            linear_error=linear_error,
+            seconds=seconds,
+            are_declared=bool(names - {"pixel_noise", "temperature"}),
+        ),
+        temperature_slot(
+            share_of_uncertainty=max(_bound_of(variant, "temperature") for variant in variants),
+            expansion=max(variant.camera.expansion for variant in variants),
+            error=linear_error,
+            seconds=seconds,
+            is_declared="temperature" in names,
+        ),
+    )
+
+
+def _linear_error(variant: _Variant) -> float:
+    """Largest stated error of errors added up in disparity, as a share of the uncertainty, where it counts."""
+    return float(np.nanmax(variant.limits["closed_form"].value[variant.usable], initial=0.0))
+
+
+def _bound_of(variant: _Variant, slot: SlotName) -> float:
+    """Share of the uncertainty, with a margin where the noise beside it is derived and its own models may move it."""
+    derived = isinstance(variant.camera.disparity_error_px, PictureDisparityError)
+    return min(1.0, (MARGIN if derived else 1.0) * _share_of(variant, slot))
+
+
+def _share_of(variant: _Variant, slot: SlotName) -> float:
+    """1 − u(without)/u(with), the largest where a picture is formed; a lost far end counts as the whole."""
+    others: dict[SlotName, str] = {
+        other: variant.forced[other] for other in _LENGTHS if other in variant.forced and other != slot
+    }
+    camera = acting(variant.camera, others)
+    spared = acting(camera, {slot: OFF})
+    if spared == camera:  # it declares no such error
+        return 0.0
+    everything = depth_uncertainty(camera, variant.imaged) if others else variant.uncertainty
+    without = depth_uncertainty(spared, variant.imaged)
+    with np.errstate(invalid="ignore"):  # infinite over infinite: the far end is lost without it as well
+        share = 1.0 - np.where(np.isinf(without), 1.0, without / everything)
+    return float(np.nanmax(share, initial=0.0))

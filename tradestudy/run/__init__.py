@@ -1,0 +1,1 @@
+"""A study computed: one results group after another."""

@@ -1,0 +1,84 @@
+"""/decision: which camera for which distance, under every reading of the assumptions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair, solve
+from tradestudy.analysis.depth import WAYS
+from tradestudy.results import dataset
+from tradestudy.run.groups.depth import depth_as_declared
+from tradestudy.study.definition import StudyDefinition
+
+
+def decision_group(
+    definition: StudyDefinition, readings: Mapping[str, StudyDefinition], depth: xr.Dataset
+) -> xr.Dataset:
+    """/decision from /depth and from the study under each reading."""
+    file, case = definition.file, definition.case
+    values: dict[str, Any] = {}
+    coordinates: dict[str, Any] = {"distance": case.distance, "way": list(WAYS)}
+    attributes: dict[str, Any] = {}
+    nominal = depth if depth["depth_uncertainty"].ndim == 2 else depth_as_declared(definition)
+    rows = {name: i for i, name in enumerate(case.cameras)}
+    names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
+    attributes["candidates"] = ", ".join(names)
+    usable = {name: nominal["usable"].values[rows[name]] for name in names}
+    values["best_camera"] = np.stack(
+        [
+            np.array(
+                best_cameras(
+                    usable, {name: nominal["depth_uncertainty_way"].values[rows[name], :, w] for name in names}
+                )
+            )
+            for w in range(len(WAYS))
+        ],
+        axis=-1,
+    )
+    if file.decision is not None:
+        pair = (file.decision.between[0], file.decision.between[1])
+        places = np.array(file.decision.at)
+        verdicts = {name: decide_pair(reading.case, pair, places) for name, reading in readings.items()}
+        values |= _pair_arrays(verdicts)
+        values["reading_says"] = ["the study as declared", *(reading.says for reading in file.readings.values())]
+        coordinates |= {"reading": list(readings), "place": places}
+        attributes |= {"first": pair[0], "second": pair[1]}
+    if file.solve:
+        solved = [solve(definition, question) for question in file.solve.values()]
+        values |= {
+            "solved_value": [answer.value for answer in solved],
+            "solved_units": [answer.dimension.unit for answer in solved],
+            "solved_says": [question.says for question in file.solve.values()],
+            "solved_answer": [answer.answer for answer in solved],
+        }
+        coordinates["question"] = list(file.solve)
+    return dataset("decision", values, coordinates, attributes=attributes)
+
+
+def _pair_arrays(verdicts: Mapping[str, PairVerdict]) -> dict[str, Any]:
+    first = next(iter(verdicts.values()))
+    crossings = _padded([v.crossings for v in verdicts.values()], (math.nan, ""))
+    changes = _padded([v.changes for v in verdicts.values()], (math.nan, "", ""))
+    return {
+        "winner": np.array([v.winner for v in verdicts.values()]),
+        "more_certain": np.array([v.more_certain for v in verdicts.values()]),
+        "uncertainty_ratio": np.stack([v.ratio for v in verdicts.values()]),
+        "flips": np.array([v.winner for v in verdicts.values()]) != np.array(first.winner),
+        "certainty_flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
+        "change_distance": np.array([[[c[0] for c in way] for way in reading] for reading in changes]),
+        "change_nearer": np.array([[[c[1] for c in way] for way in reading] for reading in changes]),
+        "change_farther": np.array([[[c[2] for c in way] for way in reading] for reading in changes]),
+        "crossover_distance": np.array([[[c[0] for c in way] for way in reading] for reading in crossings]),
+        "crossover_nearer": np.array([[[c[1] for c in way] for way in reading] for reading in crossings]),
+    }
+
+
+def _padded(rows: list[Mapping[str, tuple[Any, ...]]], absent: tuple[Any, ...]) -> list[list[list[Any]]]:
+    """Rows of events by way, all of one length and of one event at least."""
+    most = max((len(events) for row in rows for events in row.values()), default=0)
+    return [[[*row[way], *[absent] * (max(most, 1) - len(row[way]))] for way in WAYS] for row in rows]

@@ -1,0 +1,221 @@
+"""/fresnel_validity: the measured error of Fresnel's point-spread function, and the criteria that would predict it."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.analysis.fresnel_errors import (
+    METRICS,
+    goodman_f_number,
+    limit_f_number,
+    paper_zeros,
+    path_error_f_number,
+    psf_differences,
+    southwell_f_number,
+)
+from tradestudy.execution.progress import Progress
+from tradestudy.execution.timing import Seconds, timed
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.paper_equation_27 import paper_eq27_sweep
+from tradestudy.optics.propagation import LensPhase
+from tradestudy.optics.psf_difference import PsfDifference
+from tradestudy.results import dataset
+from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart
+
+_SWEEP_POINTS: Final = 1025  # so that the smaller zero is followed up to twice its least value and more
+_STEP: Final = "Fresnel against Kirchhoff, on axis"
+_OFF_AXIS_STEP: Final = "Fresnel against Kirchhoff, off axis"
+
+
+def fresnel_validity_group(asked: FresnelValidityPart, progress: Progress, seconds: Seconds) -> xr.Dataset:
+    """/fresnel_validity over elements, lens phases, wavelengths, f-numbers, metrics and windows."""
+    elements = list(asked.elements.values())
+    f_numbers = asked.f_numbers.values()
+    with timed(seconds, _STEP):
+        errors, numerical = _swept(
+            asked, elements, f_numbers, progress, step=_STEP, field_angle=0.0, wavelengths=asked.wavelengths
+        )
+        published = {e: e.published_error.f_number if e.published_error else e.f_number for e in elements}
+        used = {e: e.f_number for e in elements}
+        points = {
+            **_at_points(asked, "published_point_error", published, field_angle=0.0, wavelengths=asked.wavelengths),
+            **_at_points(asked, "camera_point_error", used, field_angle=0.0, wavelengths=asked.wavelengths),
+        }
+        limits = _limits(asked, elements, f_numbers, progress)
+    attributes: dict[str, Any] = {"error_limit": asked.error_limit}
+    off_axis: dict[str, FloatArray] = {}
+    if asked.off_axis is not None:
+        attributes |= {"field_angle": asked.off_axis.field_angle, "field_wavelength": asked.off_axis.wavelength}
+        aside, waves = asked.off_axis.field_angle, (asked.off_axis.wavelength,)
+        with timed(seconds, _OFF_AXIS_STEP):
+            swept = _swept(
+                asked, elements, f_numbers, progress, step=_OFF_AXIS_STEP, field_angle=aside, wavelengths=waves
+            )
+            there = _at_points(asked, "off_axis_camera_error", used, field_angle=aside, wavelengths=waves)
+        off_axis = {name: one[:, :, 0] for name, one in there.items()}
+        off_axis |= {"off_axis_error": swept[0][:, :, 0], "off_axis_error_numerical": swept[1][:, :, 0]}
+    values = {
+        **_declared(elements),
+        "psf_error": errors,
+        "psf_error_numerical": numerical,
+        **points,
+        "limit_f_number": limits,
+        **off_axis,
+        **_criteria(asked, elements),
+    }
+    result = dataset(
+        "fresnel_validity",
+        values,
+        {
+            "element": list(asked.elements),
+            "lens_phase": list(asked.lens_phases),
+            "wavelength": list(asked.wavelengths),
+            "f_number": list(f_numbers),
+            "metric": list(METRICS),
+            "window": list(asked.windows),
+            "zero": ["first", "second"],
+            "quarter_wave": list(np.arange(_SWEEP_POINTS) / _SWEEP_POINTS),
+            "path_error": list(asked.path_errors),
+        },
+        attributes=attributes,
+    )
+    for name, units, long_name in (
+        ("wavelength", "m", "wavelength"),
+        ("f_number", "1", "focal length over pupil diameter"),
+        ("window", "1", "radius of the window, in Airy radii"),
+        ("quarter_wave", "1", "growth of a + b, in quarter waves beyond the last jump"),
+        ("path_error", "wave", "dropped path allowed"),
+    ):
+        result[name].attrs = {"units": units, "long_name": long_name}
+    return result
+
+
+def _declared(elements: list[ElementPart]) -> Mapping[str, Any]:
+    published = [element.published_error for element in elements]
+    return {
+        "title": [element.title for element in elements],
+        "focal_length": [element.focal_length for element in elements],
+        "object_distance": [element.object_distance for element in elements],
+        "image_distance": [element.image_distance for element in elements],
+        "camera_f_number": [element.f_number for element in elements],
+        "published_f_number": [math.nan if one is None else one.f_number for one in published],
+        "published_error": [math.nan if one is None else one.error for one in published],
+        "published_minimum": [element.published_minimum or math.nan for element in elements],
+    }
+
+
+def _differences(
+    asked: FresnelValidityPart, element: ElementPart, f_number: float, field_angle: float, wavelength: float
+) -> Mapping[LensPhase, PsfDifference]:
+    return psf_differences(
+        element,
+        f_number=f_number,
+        field_angle=field_angle,
+        wavelength=wavelength,
+        lens_phases=asked.lens_phases,
+        windows=asked.windows,
+        tolerance=asked.tolerance,
+    )
+
+
+def _stacked(asked: FresnelValidityPart, found: Mapping[LensPhase, PsfDifference], suffix: str) -> FloatArray:
+    """Shape (lens phase, metric, window)."""
+    return np.array([[getattr(found[phase], metric + suffix) for metric in METRICS] for phase in asked.lens_phases])
+
+
+def _swept(
+    asked: FresnelValidityPart,
+    elements: list[ElementPart],
+    f_numbers: tuple[float, ...],
+    progress: Progress,
+    *,
+    step: str,
+    field_angle: float,
+    wavelengths: tuple[float, ...],
+) -> tuple[FloatArray, FloatArray]:
+    """Errors and their numerical errors, shape (element, lens phase, wavelength, f-number, metric, window)."""
+    shape = (len(elements), len(wavelengths), len(f_numbers))
+    errors, numerical = (
+        np.full((*shape, len(asked.lens_phases), len(METRICS), len(asked.windows)), np.nan) for _ in range(2)
+    )
+    places = list(itertools.product(*map(range, shape)))
+    for number, place in enumerate(places):
+        progress(step, number / len(places))
+        element, wavelength, f_number = place
+        found = _differences(asked, elements[element], f_numbers[f_number], field_angle, wavelengths[wavelength])
+        errors[place], numerical[place] = _stacked(asked, found, ""), _stacked(asked, found, "_error")
+    progress(step, 1.0)
+    return np.moveaxis(errors, 3, 1), np.moveaxis(numerical, 3, 1)
+
+
+def _at_points(
+    asked: FresnelValidityPart,
+    name: str,
+    places: Mapping[ElementPart, float],
+    *,
+    field_angle: float,
+    wavelengths: tuple[float, ...],
+) -> Mapping[str, FloatArray]:
+    """At one f-number of each element, shape (element, lens phase, wavelength, metric, window)."""
+    found = [
+        [_differences(asked, element, place, field_angle, wavelength) for wavelength in wavelengths]
+        for element, place in places.items()
+    ]
+    return {
+        name + label: np.array([np.stack([_stacked(asked, one, suffix) for one in row], axis=1) for row in found])
+        for label, suffix in (("", ""), ("_numerical", "_error"))
+    }
+
+
+def _limits(
+    asked: FresnelValidityPart, elements: list[ElementPart], f_numbers: tuple[float, ...], progress: Progress
+) -> FloatArray:
+    step = "f-numbers at the limit"
+    shape = (len(elements), len(asked.lens_phases), len(asked.wavelengths), len(METRICS), len(asked.windows))
+    limits = np.full(shape, np.nan)
+    places = list(itertools.product(*map(range, shape)))
+    for number, place in enumerate(places):
+        progress(step, number / len(places))
+        if METRICS[place[3]] == "peak" and place[4] > 0:
+            limits[place] = limits[(*place[:-1], 0)]
+            continue
+
+        def error_at(f_number: float, place: tuple[int, ...] = place) -> float:
+            element, phase, wavelength, metric, window = place
+            found = _differences(asked, elements[element], f_number, 0.0, asked.wavelengths[wavelength])
+            return float(getattr(found[asked.lens_phases[phase]], METRICS[metric])[window])
+
+        limits[place] = limit_f_number(error_at, f_numbers, asked.error_limit)
+    progress(step, 1.0)
+    return limits
+
+
+def _criteria(asked: FresnelValidityPart, elements: list[ElementPart]) -> Mapping[str, Any]:
+    wavelengths = np.asarray(asked.wavelengths)
+    zeros = [paper_zeros(element, asked.wavelengths) for element in elements]
+    return {
+        "paper_eq27_f_number": [zero for zero, _ in zeros],
+        "paper_eq27_condition": [condition for _, condition in zeros],
+        "paper_eq27_sweep": [[_sweep(element, w) for w in asked.wavelengths] for element in elements],
+        "path_error_f_number": [
+            path_error_f_number(element, wavelengths[:, None], np.asarray(asked.path_errors)) for element in elements
+        ],
+        "goodman_f_number": [goodman_f_number(element, wavelengths) for element in elements],
+        "southwell_f_number": [southwell_f_number(element, wavelengths, asked.error_limit) for element in elements],
+    }
+
+
+def _sweep(element: ElementPart, wavelength: float) -> FloatArray:
+    found = paper_eq27_sweep(
+        focal_length=element.focal_length,
+        object_distance=element.object_distance,
+        wavelength=wavelength,
+        points=_SWEEP_POINTS,
+    )
+    return np.stack([found.first_zero_f_number, found.second_zero_f_number])

@@ -1,0 +1,35 @@
+"""/hard_cases: the catalogue of hard cases, computed anew."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from tradestudy.execution.progress import Progress
+from tradestudy.results import dataset
+from tradestudy.study.schema.hard_cases import HardCasesPart
+from tradestudy.verification.hard_case_families import all_families
+from tradestudy.verification.hard_cases.case import OutcomeCase, judge
+from tradestudy.verification.hard_cases.references import references
+
+
+def hard_cases_group(asked: HardCasesPart, progress: Progress) -> xr.Dataset:
+    """/hard_cases over every case of the families asked for."""
+    families = [family for family in all_families() if family.name in asked.families]
+    cases = [(family, case) for family in families for case in family.cases]
+    verdicts = []
+    for done, (family, case) in enumerate(cases):
+        progress("hard cases", done / len(cases))
+        verdicts.append(judge(family, case, references().get(family.name, {})))
+    progress("hard cases", 1.0)
+    fields = ("family", "law", "naive_answer", "our_answer", "naive_error", "our_error", "bound", "condition_number")
+    return dataset(
+        "hard_cases",
+        {name: [getattr(verdict, name) for verdict in verdicts] for name in (*fields, "met")}
+        | {
+            "family_title": [family.title for family, _ in cases],
+            "expected": [verdict.reference for verdict in verdicts],
+            "outcome": [isinstance(case, OutcomeCase) for _, case in cases],
+        },
+        # Names are unique within a family only.
+        {"case": [f"{family.name}: {case.name}" for family, case in cases]},
+    )

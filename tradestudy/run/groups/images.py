@@ -1,0 +1,139 @@
+"""/images: the light spot by the models that were chosen, and by every method side by side."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.analysis.light_benchmarks import light_benchmarks
+from tradestudy.analysis.spot_images import compared_models, image_difference, light_path, lit_pixels, spot_picture
+from tradestudy.effects.selection import Selection
+from tradestudy.execution.progress import Progress
+from tradestudy.execution.timing import Seconds, timed
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.plan.situations.light_spot import spot_models
+from tradestudy.results import dataset
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+
+LIT_ABOVE = 0.01
+
+
+def _told(progress: Progress, number: int, count: int, share: float) -> None:
+    progress("image of the spot", (number + share) / count)
+
+
+def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, selection: Selection) -> xr.Dataset:
+    """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``.
+
+    Parameters
+    ----------
+    part
+        The spot, and the methods to compare at the tolerance of their own.
+    progress, seconds
+        Hear of what is done and what it took.
+    selection
+        The models that make the picture of the study, in ``chosen_image``; without methods it is the only one.
+    """
+    chosen = spot_models(selection)
+    compared = [compared_models(part, method) for method in part.methods]
+    asked = compared if chosen in compared else [*compared, chosen]
+    pictures = {}
+    for number, models in enumerate(asked):
+        progress("image of the spot", number / len(asked))
+        name = f"image: {models.method}" if models in compared else "image: chosen"
+        with timed(seconds, name):
+            pictures[models] = spot_picture(part, models, partial(_told, progress, number, len(asked)))
+    shown = compared or asked
+    found = [pictures[models] for models in shown]
+    progress("image of the spot", 1.0)
+    benchmarks: dict[str, float] = {}
+    if part.benchmarks:
+        progress("benchmarks of light", 0.0)
+        benchmarks = light_benchmarks(part, seconds)
+    methods = [models.method for models in shown]
+    images = np.stack([one.pixels for one in found])
+    pitch, count = part.detector.pixel_pitch, part.detector.pixels
+    centres = pitch * (np.arange(count) - (count - 1) / 2)
+    lenses = light_path(part).microlenses
+    values = {
+        "image": images,
+        "numerical_error": [one.numerical_error for one in found],
+        "power": images.sum(axis=(1, 2)),
+        "lit_pixels": [lit_pixels(image, LIT_ABOVE) for image in images],
+        **_against_geometric(methods, images),
+        "difference": [[image_difference(image, other) for other in images] for image in images],
+        "difference_l2": [
+            [float(np.linalg.norm(image - other) / np.linalg.norm(other)) for other in images] for image in images
+        ],
+        **({"benchmark_error": list(benchmarks.values())} if benchmarks else {}),
+        **_published(part, methods),
+    }
+    values |= {
+        "chosen": [float(method == chosen.method) for method in methods],
+        "chosen_image": pictures[chosen].pixels,
+        "chosen_error": pictures[chosen].numerical_error,
+        "spectral_share": [share for _, share in part.lines],
+        "microlens_x": lenses.centres[:, 0],
+        "microlens_y": lenses.centres[:, 1],
+        "microlens_focal_length": lenses.focal_lengths,
+    }
+    result = dataset(
+        "images",
+        values,
+        {
+            "propagator": methods,
+            "against": methods,
+            "row": centres,
+            "column": centres,
+            "wavelength": [wavelength for wavelength, _ in part.lines],
+            **({"benchmark": list(benchmarks)} if benchmarks else {}),
+        },
+        attributes={
+            "mean_wavelength": part.mean_wavelength,
+            "source": _source(part),
+            "microlens_layout": lenses.layout,
+            "microlens_pitch": lenses.pitch,
+            "microlens_aperture": lenses.aperture,
+            "microlens_aperture_width": lenses.aperture_width,
+            "main_lens_phase": part.main_lens.lens_phase,
+            "microlens_phase": part.microlenses.lens_phase,
+            "chosen_method": chosen.method,
+            "chosen_tolerance": chosen.tolerance,
+            "chosen_crosstalk": float(not chosen.separate),
+            "chosen_pixel_integration": float(chosen.integrated),
+            "chosen_source_extent": float(not chosen.point),
+            "chosen_spectrum": float(not chosen.monochromatic),
+        },
+    )
+    for name in ("row", "column"):
+        result[name].attrs = {"units": "m", "long_name": f"centre of the pixel's {name} on the detector"}
+    result["wavelength"].attrs = {"units": "m", "long_name": "wavelength of a part of the light", "symbol": "λ"}
+    return result
+
+
+def _source(part: LightSpotPart) -> str:
+    if part.spot.is_point:
+        return "point"
+    return "coherent disc" if part.spot.coherent else "incoherent disc"
+
+
+def _against_geometric(methods: list[MethodName], images: FloatArray) -> Mapping[str, Any]:
+    if "geometric" not in methods:
+        return {}
+    dark = images[methods.index("geometric")] == 0.0
+    return {"outside_geometric": images[:, dark].sum(axis=1) / images.sum(axis=(1, 2))}
+
+
+def _published(part: LightSpotPart, methods: list[MethodName]) -> Mapping[str, Any]:
+    stated = {one.method: one for one in part.published}
+    shown = [stated.get(method) for method in methods]
+    return {
+        "published_seconds": [math.nan if one is None or one.takes is None else one.takes for one in shown],
+        "published_words": ["" if one is None else one.says for one in shown],
+        "published_source": ["" if one is None else one.source for one in shown],
+    }

@@ -1,0 +1,75 @@
+"""What the fits to the corners of a real rig found, in words and numbers for /calibration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from tradestudy.calibration.corners.stereo_rig import depth_of_draws
+from tradestudy.calibration.posteriors import RealRig
+from tradestudy.calibration.projection import INTRINSIC_NAMES
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
+
+
+def rig_rows(rigs: Mapping[str, RealRig]) -> dict[str, list[str]]:
+    """Rows of camera, quantity and value."""
+    rows = [(name, *row) for name, rig in rigs.items() for row in _rows(rig)]
+    cameras, quantities, values = (list(column) for column in zip(*rows, strict=True))
+    return {"rig_camera": cameras, "rig_quantity": quantities, "rig_value": values}
+
+
+def _rows(rig: RealRig) -> Iterator[tuple[str, str]]:
+    fit = rig.fit
+    yield "views and corners", f"{len(fit.corners.views)} views, {fit.corners.corner_count} corners"
+    for side, camera in (("left", fit.left), ("right", fit.right)):
+        yield f"residual of the {side} camera alone", _px(camera.corner_rms_px)
+        for k, name in enumerate(INTRINSIC_NAMES):
+            deviation = float(np.sqrt(camera.covariance[k, k]))
+            unit = " px" if name.endswith("_px") else ""
+            words = name.removesuffix("_px").replace("_", " ")
+            yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
+    yield "residual of the pair with one relative pose", _px(fit.pair.corner_rms_px)
+    yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}"
+    yield "left–right motion of the board that explains it", pretty(fit.explained.motion_scale, LENGTH)
+    yield (
+        "residual left by it, left and right",
+        (f"{_px(fit.explained.left_rms_px)}, {_px(fit.explained.right_rms_px)}"),
+    )
+    yield "noise of one corner coordinate", _px(fit.explained.noise_px)
+    yield "gain in log likelihood by it", significant(fit.explained.log_likelihood_gain)
+    shared, covariance = fit.explained.shared, fit.explained.covariance
+    baseline = float(np.linalg.norm(shared[15:18]))
+    direction = shared[15:18] / baseline
+    deviation = float(np.sqrt(direction @ covariance[15:18, 15:18] @ direction))
+    yield "baseline", f"{pretty(baseline, LENGTH, digits=5)} ± {pretty(deviation, LENGTH)}"
+    for name, k in (("pitch", 12), ("yaw", 13), ("roll", 14)):
+        spread = float(np.sqrt(covariance[k, k]))
+        yield f"relative {name}", f"{pretty(float(shared[k]), ANGLE)} ± {pretty(spread, ANGLE)}"
+    with_term = _depth_deviation(shared, covariance)
+    without = _depth_deviation(fit.pair.shared, fit.pair.covariance)
+    yield "depth error at 1 m by the calibration, first order", pretty(with_term, LENGTH)
+    yield (
+        "the same as claimed without the term",
+        f"{pretty(without, LENGTH)} ({with_term / without:.1f} times too small)",
+    )
+
+
+def _depth_deviation(shared: FloatArray, covariance: FloatArray) -> float:
+    """Standard deviation of depth at 1 m on the left axis, to first order: √(gᵀ V g) by central differences."""
+    steps = np.diag(1e-3 * np.sqrt(np.diag(covariance)))
+    place = np.array([1.0])
+    above, below = (depth_of_draws(shared, shared + sign * steps, place)[:, 0] for sign in (1.0, -1.0))
+    gradient = (above - below) / (2.0 * np.diag(steps))
+    return float(np.sqrt(gradient @ covariance @ gradient))
+
+
+def _px(value: float) -> str:
+    return pretty(value, PIXELS)
+
+
+def _digits(value: float, deviation: float) -> str:
+    """A value with its standard deviation, both to two digits of the latter."""
+    decimals = max(0, 1 - int(np.floor(np.log10(deviation))))
+    return f"{value:.{decimals}f} ± {deviation:.{decimals}f}"

@@ -1,0 +1,108 @@
+"""The registers of a study: cameras, assumptions, contradictions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import xarray as xr
+
+from tradestudy.analysis.contradictions import find_contradictions
+from tradestudy.analysis.properties import camera_properties
+from tradestudy.results import dataset
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Document, Place
+
+SET_FOR_THIS_RUN = "set for this run"
+
+
+def cameras_group(definition: StudyDefinition) -> xr.Dataset:
+    """/cameras: titles, kinds, notes, and what follows from the inputs."""
+    parts, cameras = definition.file.cameras, definition.case.all_cameras
+    properties = [(name, *item) for name, camera in cameras.items() for item in camera_properties(camera)]
+    return dataset(
+        "cameras",
+        {
+            "title": [part.title for part in parts.values()],
+            "kind": [part.kind for part in parts.values()],
+            "family": [camera.family for camera in cameras.values()],
+            "note": [part.note or "" for part in parts.values()],
+            "property_camera": [item[0] for item in properties],
+            "property_name": [item[1] for item in properties],
+            "property_value": [item[2] for item in properties],
+        },
+        {"camera": list(cameras)},
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Assumption:
+    """A row of the register; `tail` is the path below its cameras."""
+
+    tail: tuple[str | int, ...]
+    cameras: tuple[str, ...]
+    value: str
+    basis: str | None
+    note: str
+
+
+def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
+    """/assumptions: every value with its basis, once for all cameras that inherit it from one place.
+
+    What was set for this run stands there as such, with what it stands in place of.
+    """
+    rows = [*_set_for_this_run(definition.document), *_declared(definition.document)]
+    return dataset(
+        "assumptions",
+        {
+            "value": [row.value for row in rows],
+            "basis": [row.basis for row in rows],
+            "note": [row.note for row in rows],
+            "cameras": [", ".join(row.cameras) for row in rows],
+        },
+        {"path": [".".join(str(key) for key in row.tail) for row in rows]},
+    )
+
+
+def _set_for_this_run(document: Document) -> Iterator[_Assumption]:
+    for override in document.overrides:
+        camera, tail = _camera_and_tail(override.path)
+        yield _Assumption(
+            tail=tail,
+            cameras=(camera,) if camera else (),
+            value=override.text or "none",
+            basis=SET_FOR_THIS_RUN,
+            note=f"in place of {override.before}" if override.before else "the study declares none",
+        )
+
+
+def _declared(document: Document) -> Iterator[_Assumption]:
+    given = {override.path for override in document.overrides}
+    written: dict[tuple[Place, tuple[str | int, ...]], list[tuple[str | int, ...]]] = {}
+    for path in document.annotations:
+        if path not in given:
+            written.setdefault((document.locate(path), _camera_and_tail(path)[1]), []).append(path)
+    for (_, tail), paths in written.items():
+        annotation = document.annotations[paths[0]]
+        yield _Assumption(
+            tail=tail,
+            cameras=tuple(camera for path in paths if (camera := _camera_and_tail(path)[0])),
+            value=document.text_of(paths[0]),
+            basis=annotation.basis,
+            note=annotation.note,
+        )
+
+
+def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int, ...]]:
+    """The camera that a value belongs to, "" for none, and the path without it; for its calibration errors likewise."""
+    for head in (("cameras",), ("calibration", "cameras")):
+        if path[: len(head)] == head:
+            return str(path[len(head)]), path[len(head) + 1 :]
+    return "", path
+
+
+def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
+    """/contradictions: inputs that cannot all be right."""
+    found = find_contradictions(definition)
+    fields = ("camera", "what", "stated", "implied", "used")
+    return dataset("contradictions", {name: [getattr(row, name) for row in found] for name in fields}, {})

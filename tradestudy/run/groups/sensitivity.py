@@ -1,0 +1,90 @@
+"""/sensitivity: which source drives the depth of a camera, against distance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.analysis.propagation import FIELDS
+from tradestudy.analysis.sensitivity import SensitivityPoint, sensitivity_over_field
+from tradestudy.calibration.declaration import CalibrationStudyPart
+from tradestudy.calibration.uncertain_camera import UncertainCamera, short_name
+from tradestudy.execution import Steps
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+
+
+def sensitivity_group(cameras: list[UncertainCamera], part: CalibrationStudyPart, steps: Steps) -> xr.Dataset:
+    """/sensitivity over (camera, field, distance, source)."""
+    distance = np.array(part.distance_values())
+    asked = [
+        SensitivityPoint(camera=camera, distance=distance, fields=(0.0, part.edge), seed=part.seed)
+        for camera in cameras
+    ]
+    found = steps.map("sensitivity", sensitivity_over_field, asked, [camera.name for camera in cameras])
+    groups = [{short_name(group.name): group for group in camera.sources.active_groups} for camera in cameras]
+    sources = list(dict.fromkeys(name for camera in groups for name in camera))
+    parameters = list(
+        dict.fromkeys(
+            short_name(name)
+            for camera in found
+            for field in camera
+            if field.parameters is not None
+            for name in field.parameters.names
+        )
+    )
+    shape = (len(cameras), len(FIELDS), distance.size)
+    by_source = {name: np.full((*shape, len(sources)), np.nan) for name in _SOURCE_VARIABLES}
+    by_parameter = {name: np.full((*shape, len(parameters)), np.nan) for name in _PARAMETER_VARIABLES}
+    refused = np.full(shape, "", dtype=object)
+    for i, camera_found in enumerate(found):
+        for j, one in enumerate(camera_found):
+            _lay(by_source["source_uncertainty"][i, j], sources, one.groups.names, one.groups.half_width)
+            errors = np.stack([bar.half_width_error for bar in one.groups.bars])
+            _lay(by_source["source_uncertainty_error"][i, j], sources, one.groups.names, errors)
+            if one.parameters is not None:
+                widths = one.parameters.half_width
+                _lay(by_parameter["parameter_uncertainty"][i, j], parameters, one.parameters.names, widths)
+                errors = np.stack([bar.half_width_error for bar in one.parameters.bars])
+                _lay(by_parameter["parameter_uncertainty_error"][i, j], parameters, one.parameters.names, errors)
+            if one.indices is None:
+                refused[i, j] = one.no_indices
+                continue
+            refused[i, j] = one.indices.refused
+            for name in ("first", "first_error", "total", "total_error"):
+                variable = f"{name.removesuffix('_error')}_index{'_error' if name.endswith('_error') else ''}"
+                _lay(by_source[variable][i, j], sources, one.indices.names, getattr(one.indices, name))
+    values: dict[str, Any] = {
+        **by_source,
+        "source_class": [[c[s].error_class.value if s in c else "" for s in sources] for c in groups],
+        "source_parameters": [
+            [", ".join(map(short_name, c[s].parameters)) if s in c else "" for s in sources] for c in groups
+        ],
+        "parameter_refused": [camera_found[0].refused for camera_found in found],
+        "index_refused": refused,
+    }
+    coordinates: dict[str, Any] = {
+        "camera": [camera.name for camera in cameras],
+        "field": list(FIELDS),
+        "distance": distance,
+        "source": sources,
+    }
+    if parameters:
+        values |= by_parameter
+        coordinates["parameter"] = parameters
+    return dataset("sensitivity", values, coordinates)
+
+
+_SOURCE_VARIABLES = (
+    "source_uncertainty", "source_uncertainty_error", "first_index", "first_index_error", "total_index",
+    "total_index_error",
+)  # fmt: skip
+_PARAMETER_VARIABLES = ("parameter_uncertainty", "parameter_uncertainty_error")
+
+
+def _lay(into: FloatArray, columns: list[str], names: tuple[str, ...], values: FloatArray) -> None:
+    """Lay rows by name (names, distances) into columns (distances, columns)."""
+    for name, row in zip(names, values, strict=True):
+        into[:, columns.index(short_name(name))] = row

@@ -1,0 +1,108 @@
+"""From the plan of a study to the results tree."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from tradestudy.execution import Steps
+from tradestudy.execution.timing import Seconds
+from tradestudy.plan.plan import Plan
+from tradestudy.plan.situations import depth_of_field, light_spot, point_spread
+from tradestudy.results import FORMAT_VERSION
+from tradestudy.run.groups.claims import claims_group, requirements_group
+from tradestudy.run.groups.criteria import criteria_group
+from tradestudy.run.groups.decision import decision_group
+from tradestudy.run.groups.depth import depth_at_places_group, depth_group
+from tradestudy.run.groups.depth_of_field import depth_of_field_group
+from tradestudy.run.groups.disparity_causes import disparity_causes_group
+from tradestudy.run.groups.effects import effects_group
+from tradestudy.run.groups.fresnel_validity import fresnel_validity_group
+from tradestudy.run.groups.hard_cases import hard_cases_group
+from tradestudy.run.groups.images import images_group
+from tradestudy.run.groups.point_spread import point_spread_group
+from tradestudy.run.groups.registers import assumptions_group, cameras_group, contradictions_group
+from tradestudy.run.groups.uncertain import uncertain_groups
+from tradestudy.run.kirchhoff_pictures import compute_kirchhoff_pictures
+
+NOMINAL = "as declared"
+
+
+def compute(
+    plan: Plan,
+    steps: Steps | None = None,
+    seconds: Seconds | None = None,
+) -> xr.DataTree:
+    """Compute everything that a study asks for.
+
+    Parameters
+    ----------
+    plan
+        The study, and the models that act in it.
+    steps
+        How independent points are computed: where, what is kept of them, and who hears of progress.
+    seconds
+        Takes what the parts that are timed took.
+
+    Returns
+    -------
+    xarray.DataTree
+        As declared in `tradestudy.results`.
+    """
+    definition = plan.definition
+    file = definition.file
+    steps = Steps() if steps is None else steps
+    progress = steps.progress
+    seconds = {} if seconds is None else seconds
+    readings = {NOMINAL: definition, **definition.readings}
+    groups: dict[str, xr.Dataset] = {
+        "/": xr.Dataset(
+            attrs={
+                "format_version": FORMAT_VERSION,
+                "study": file.study,
+                "title": file.title,
+                "question": file.question,
+                **({} if file.scene is None else {"wavelength": file.scene.wavelength}),
+            }
+        ),
+        "/cameras": cameras_group(definition),
+        "/assumptions": assumptions_group(definition),
+        "/contradictions": contradictions_group(definition),
+    }
+    if plan.situations:
+        groups["/effects"] = effects_group(plan)
+    if definition.case.cameras:
+        compute_kirchhoff_pictures(definition, progress)
+        groups["/depth"] = depth_group(definition, steps)
+        if file.decision is not None:
+            groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
+        if (causes := disparity_causes_group(definition)) is not None:
+            groups["/disparity_causes"] = causes
+        progress("decision", 0.0)
+        groups["/decision"] = decision_group(definition, readings, groups["/depth"])
+        progress("decision", 1.0)
+    if file.calibration is not None:
+        groups |= uncertain_groups(definition, file.calibration, groups["/decision"], steps)
+    if file.depth_of_field is not None:
+        progress("depth of field", 0.0)
+        selection = plan.selections[depth_of_field.NAME]
+        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, selection)
+        if file.criteria is not None:
+            groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field, selection)
+        progress("depth of field", 1.0)
+    if file.fresnel_validity is not None:
+        groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
+    if file.light_spot is not None:
+        groups["/images"] = images_group(file.light_spot, progress, seconds, plan.selections[light_spot.NAME])
+    if file.point_spread is not None:
+        groups["/point_spread"] = point_spread_group(
+            file.point_spread, progress, seconds, plan.selections[point_spread.NAME]
+        )
+    if file.hard_cases is not None:
+        groups["/hard_cases"] = hard_cases_group(file.hard_cases, progress)
+    progress("claims", 0.0)
+    if file.claims:
+        groups["/claims"] = claims_group(definition, readings, progress)
+    if file.requirements:
+        groups["/requirements"] = requirements_group(definition)
+    progress("claims", 1.0)
+    return xr.DataTree.from_dict(groups)

@@ -1,0 +1,71 @@
+"""What claims and inverse questions are held against, read in the dimension of what they ask about."""
+
+from __future__ import annotations
+
+import math
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.study.schema.questions import (
+    ClaimPart,
+    CriterionFNumberClaim,
+    DepthOfFieldClaim,
+    DepthOfFieldRatioClaim,
+    FresnelFNumberClaim,
+    ImageDifferenceClaim,
+    LimitDistanceClaim,
+    LitPixelsClaim,
+    PsfErrorClaim,
+    RelativeUncertaintyDistanceClaim,
+    ShareBetterClaim,
+    SolvePart,
+    UncertaintyRatioClaim,
+)
+from tradestudy.study.sweep import common_dimension
+from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, parse
+
+
+def claim_dimension(claim: ClaimPart) -> Dimension:
+    """What the value of a claim measures."""
+    match claim:
+        case LimitDistanceClaim() | RelativeUncertaintyDistanceClaim() | DepthOfFieldClaim():
+            return LENGTH
+        case UncertaintyRatioClaim() | DepthOfFieldRatioClaim():
+            return NUMBER
+        case ShareBetterClaim() | PsfErrorClaim() | ImageDifferenceClaim():
+            return FRACTION
+        case FresnelFNumberClaim() | CriterionFNumberClaim() | LitPixelsClaim():
+            return NUMBER
+
+
+def expectation_bounds(claim: ClaimPart) -> float:
+    """The expected value or bound of a claim in the SI unit of its quantity.
+
+    Raises
+    ------
+    UnitError
+        Where it does not read as that quantity.
+    """
+    expect = claim.expect
+    text = next(text for text in (expect.about, expect.above, expect.below) if text is not None)
+    return parse(text, claim_dimension(claim))
+
+
+def question_ends(question: SolvePart) -> tuple[Dimension, float, float]:
+    """What an inverse question varies between, in SI.
+
+    Raises
+    ------
+    OutOfRangeError
+        Where the ends do not share a unit, or are not 0 < low < high.
+    """
+    dimension = common_dimension(question.low, question.high)
+    if dimension is None:
+        raise OutOfRangeError(
+            "the ends of an inverse question have no common unit", value=f"{question.low} … {question.high}"
+        )
+    low, high = parse(question.low, dimension), parse(question.high, dimension)
+    if not 0.0 < low < high < math.inf:
+        raise OutOfRangeError(
+            "the ends of an inverse question", value=f"{question.low} … {question.high}", limit="0 < low < high"
+        )
+    return dimension, low, high

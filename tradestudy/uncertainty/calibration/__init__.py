@@ -1,1 +1,0 @@
-"""Calibration as inference: from corners seen by cameras to joint draws of the parameters."""
