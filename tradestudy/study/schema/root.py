@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from tradestudy.calibration.declaration import CalibrationStudyPart, calibration_mistakes
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
+from tradestudy.declarations.words import Text
 from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
 from tradestudy.study.schema.cameras import CameraPart, ConventionalPart, measures_depth
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
@@ -23,7 +24,6 @@ from tradestudy.study.schema.questions import (
     SolvePart,
     SweepRangePart,
     SweepValues,
-    Text,
     UsablePart,
 )
 from tradestudy.study.schema.scene import ScenePart
