@@ -48,10 +48,8 @@ CLOCKS = frozenset({"tier_seconds", "posterior_seconds", "laplace_seconds"})
 # They say which program computed the results and which file it read.
 IGNORED_ATTRIBUTES = frozenset({"code_hash", "study_hash"})
 
-SHARES_OF_LIGHT = ("strehl_ratio", "transfer_half_nyquist", "outside_geometric", "neighbour_share")
-
-# Differences of nearly equal numbers, in which rounding moves more than the last digits → the magnitude of which 1e-9 is
-# allowed instead: a number, a variable of the group, or what follows from the group.
+# Differences of nearly equal numbers, in which rounding moves more than the last digits → the magnitude of which 1e-9
+# is allowed instead: a number, a variable of the group, or what follows from the group.
 SCALES: Mapping[str, Scale] = {
     # A result less that of a second method, or of a finer computation; shares of it, and margins divided by it.
     "/depth/depth_uncertainty_error": "depth_uncertainty",
@@ -60,11 +58,9 @@ SCALES: Mapping[str, Scale] = {
     "/disparity_causes/disparity_error_px_error": "disparity_error_px",
     "/disparity_causes/disparity_error_px_changed_error": "disparity_error_px_changed",
     "/requirements/margin_sigma": lambda group: group["margin_sigma"] ** 2,
-    "/point_spread/full_width_error": "full_width",
-    "/point_spread/half_energy_radius_error": "half_energy_radius",
-    "/point_spread/energy_radius_80_error": "energy_radius_80",
-    "/point_spread/rms_width_error": "rms_width",
-    **dict.fromkeys((f"/point_spread/{name}_error" for name in SHARES_OF_LIGHT), 1.0),
+    **{f"/point_spread/{name}_error": name for name in ("full_width", "half_energy_radius", "energy_radius_80")},
+    **{f"/point_spread/{name}_error": name for name in ("rms_width", "strehl_ratio", "transfer_half_nyquist")},
+    **{f"/point_spread/{name}_error": name for name in ("outside_geometric", "neighbour_share")},
     # A ratio less one: margins, errors relative to a reference, changes by an effect. Behind the bound of calibration
     # errors stands such a change, too.
     "/requirements/margin_percent": 100.0,
@@ -108,12 +104,13 @@ def read(path: Path) -> dict[str, Group]:
 def compare_folders(before: Path, after: Path, studies: Sequence[str]) -> list[Line]:
     """Compare all runs of a folder, or those of some studies, with those of another folder."""
     lines = []
-    for study in studies or sorted(path.parent.name for path in before.glob(f"*/{RESULTS}")):
-        paths = [folder / study / RESULTS for folder in (before, after)]
-        if missing := [str(path) for path in paths if not path.is_file()]:
-            lines.append(Line(study=study, group="/", failures=[f"{path}: no results here" for path in missing]))
+    finished = {path.parent.name for folder in (before, after) for path in folder.glob(f"*/{RESULTS}")}
+    for study in studies or sorted(finished):
+        old, new = (folder / study / RESULTS for folder in (before, after))
+        if not new.is_file():
+            lines.append(Line(study=study, group="/", failures=[f"{new}: no results here"]))
         else:
-            lines += compare_results(study, *map(read, paths))
+            lines += compare_results(study, read(old) if old.is_file() else {}, read(new))
     return lines
 
 
@@ -126,9 +123,10 @@ def compare_results(
         if path in before and path in after:
             groups = (_relabelled(path, side[path], relabelled) for side in (before, after))
             lines.append(_compare_groups(Line(study=study, group=path), *groups))
+        elif path in before:
+            lines.append(Line(study=study, group=path, failures=["vanished"]))
         else:
-            told = {"failures": ["vanished"]} if path in before else {"new": ["the group"]}
-            lines.append(Line(study=study, group=path, **told))
+            lines.append(Line(study=study, group=path, new=["the group"]))
     return lines
 
 
@@ -144,7 +142,7 @@ def _relabelled(path: str, group: Group, relabelled: Relabelled) -> Group:
 
 
 def _compare_groups(line: Line, before: Group, after: Group) -> Line:
-    line.failures += _attributes("group", before.attrs, after.attrs)
+    _compare_attributes(line, "group", before.attrs, after.attrs)
     before, after = _with_common_labels(line, before, after)
     line.new += [str(name) for name in after.variables if name not in before.variables]
     for name in map(str, before.variables):
@@ -152,17 +150,17 @@ def _compare_groups(line: Line, before: Group, after: Group) -> Line:
             line.failures.append(f"{name}: vanished")
             continue
         a, b = before[name], after[name]
-        line.failures += _attributes(name, a.attrs, b.attrs)
+        _compare_attributes(line, name, a.attrs, b.attrs)
         if name not in CLOCKS:
             _compare_variables(line, a, b, _scale(before, line.group, name))
     return line
 
 
-def _attributes(name: str, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> Iterator[str]:
-    for key in dict.fromkeys((*before, *after)):
-        pair = before.get(key), after.get(key)
-        if key not in IGNORED_ATTRIBUTES and not np.array_equal(*pair):
-            yield f"{name}: attribute {key}: {pair[0]!r} → {pair[1]!r}"
+def _compare_attributes(line: Line, name: str, before: Mapping[Any, Any], after: Mapping[Any, Any]) -> None:
+    line.new += [f"{name}: attribute {key}" for key in after if key not in before]
+    for key, value in before.items():
+        if key not in IGNORED_ATTRIBUTES and not (key in after and np.array_equal(value, after[key])):
+            line.failures.append(f"{name}: attribute {key}: {value!r} → {after.get(key)!r}")
 
 
 def _with_common_labels(line: Line, before: Group, after: Group) -> tuple[Group, Group]:
