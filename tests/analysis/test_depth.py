@@ -11,8 +11,8 @@ from scipy.special import ndtr, ndtri
 from tests.cameras.builders import r5, stereo
 from tradestudy.analysis.depth import ONE_SIGMA, QUANTILES, WAYS, DepthErrors, evaluate_depth
 from tradestudy.cameras.depth_camera import ErrorSource
-from tradestudy.cameras.focused_plenoptic import PlenopticCalibration
-from tradestudy.cameras.stereo import StereoCalibration
+from tradestudy.cameras.plenoptic import PlenopticCalibration
+from tradestudy.cameras.stereo.errors import StereoCalibration
 
 YAW = math.radians(0.2)
 DRAWS = 400_000

@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from tests.study.calibration.conftest import STUDIES
 
+from tests.calibration.conftest import STUDIES
 from tradestudy.analysis.propagation import propagate_way
 from tradestudy.calibration.corners.corner_file import CornerFileError
 from tradestudy.calibration.posteriors import CORNER_NOISE_NAMES, infer_from_target
 from tradestudy.calibration.sources import declared_groups
-from tradestudy.cameras.error_models import stereo_observation
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.run.groups.real_rig import rig_rows
@@ -100,8 +99,8 @@ def test_corners_beside_the_sensor_are_not_seen(written):
         assembled(written(wide))
     definition = load_definition(written(SMALL))
     rig = definition.case.cameras["rig"]
-    left, _, right, _ = stereo_observation(rig, {}, 0.3, 0.0, 1.0)
-    assert abs(left) > rig.sensor.width / 2 > abs(stereo_observation(rig, {}, 0.05, 0.0, 1.0)[0])
+    left, _, right, _ = rig.observe({}, 0.3, 0.0, 1.0)
+    assert abs(left) > rig.sensor.width / 2 > abs(rig.observe({}, 0.05, 0.0, 1.0)[0])
     assert right < left
 
 

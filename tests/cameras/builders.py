@@ -6,9 +6,11 @@ import math
 from typing import Any
 
 from tradestudy.cameras.depth_camera import ErrorSource
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic, PlenopticCalibration
+from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
-from tradestudy.cameras.stereo import StereoCalibration, StereoRig
+from tradestudy.cameras.plenoptic import PlenopticCalibration
+from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.cameras.stereo.errors import StereoCalibration
 
 PITCH = 126.5e-6
 F_MAIN = 12.5e-3

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from tradestudy.cameras.conventional import ConventionalCamera, FocusStackPlan
+from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStackPlan
 from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import OutOfRangeError

@@ -1,4 +1,4 @@
-"""Error models against the cameras' own law, rotation matrices, 40-digit arithmetic, and published sensitivities."""
+"""Exact models against declared errors, rotation matrices, 40-digit arithmetic, and published sensitivities."""
 
 import math
 
@@ -8,17 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from tests.cameras.builders import PITCH, r5, stereo
-from tradestudy.cameras.error_models import (
-    PLENOPTIC_ERRORS,
-    STEREO_ERRORS,
-    Environment,
-    plenoptic_observation,
-    plenoptic_reading,
-    stereo_observation,
-    stereo_reading,
-)
-from tradestudy.cameras.error_models.focused_plenoptic import plenoptic_inverse_depth
-from tradestudy.cameras.error_models.stereo import stereo_inverse_depth
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.focused_plenoptic.errors import PLENOPTIC_ERRORS
+from tradestudy.cameras.stereo.errors import STEREO_ERRORS
+from tradestudy.cameras.stereo.pair import pair_inverse_depth
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.air import air_refractive_index, focal_length_change_with_medium
 from tradestudy.optics.radial_distortion import distort, undistort
@@ -38,13 +31,12 @@ def drawn(table, rng, count=7, without=("pixel_noise", "left_pixel_noise", "righ
 
 @pytest.mark.parametrize("triangulation", ["disparity", "midpoint"])
 @pytest.mark.parametrize("convergence", [0.0, 0.1])
-def test_on_the_axis_the_stereo_model_is_the_cameras_own(triangulation, convergence):
+def test_on_the_axis_declared_errors_act_on_both_sides_of_a_rig(triangulation, convergence):
     rig = stereo(triangulation=triangulation, convergence_angle=convergence)
     rng = np.random.default_rng(0)
     shared = {name: SCALES[STEREO_ERRORS[name]] * rng.standard_normal((20, 1)) for name in ("yaw", "pitch", "roll")}
     focal, centre, base, noise = (scale * rng.standard_normal((20, 1)) for scale in (5e-6, 3e-6, 2e-5, 1e-6))
-    found = stereo_reading(
-        rig,
+    found = rig.read(
         DISTANCES,
         0.0,
         shared
@@ -67,7 +59,7 @@ def test_on_the_axis_the_plenoptic_model_is_the_cameras_own(estimator):
     rng = np.random.default_rng(1)
     scales = {"mla_distance": 5e-6, "focal_length": 5e-6, "microlens_gap": 1e-6, "pixel_noise": 0.55e-6}
     errors = {name: scale * rng.standard_normal((50, 1)) for name, scale in scales.items()}
-    found = plenoptic_reading(camera, DISTANCES, 0.0, errors).inverse_depth
+    found = camera.read(DISTANCES, 0.0, errors).inverse_depth
     depth = camera.depth_with_errors(DISTANCES, errors)
     finite = np.isfinite(depth)
     assert 0.5 < finite.mean() < 1.0
@@ -79,7 +71,7 @@ def test_a_disparity_that_crossed_zero_goes_where_it_was_heading():
     near, far = r5(), r5(mla_distance=11.9e-3)  # Keplerian and Galilean
     for camera, expected in ((near, -1.0), (far, 1.0)):
         crossing = {"pixel_noise": np.array([[-np.sign(expected) * -3e-3]])}
-        found = plenoptic_reading(camera, np.array([1.0]), 0.0, crossing).inverse_depth
+        found = camera.read(np.array([1.0]), 0.0, crossing).inverse_depth
         assert found[0, 0] * camera.main_lens.focal_length == pytest.approx(expected)
 
 
@@ -89,8 +81,8 @@ def test_a_rig_that_knows_its_errors_reads_the_truth(triangulation):
     rig = stereo(triangulation=triangulation, convergence_angle=0.05)
     errors = drawn(STEREO_ERRORS, np.random.default_rng(2))
     z = np.array([0.7, 2.0])
-    image = stereo_observation(rig, errors, 0.12 * z, -0.1 * z, z)
-    inverse, valid = stereo_inverse_depth(rig, errors, image)
+    image = rig.observe(errors, 0.12 * z, -0.1 * z, z)
+    inverse, valid = pair_inverse_depth(rig.pair, errors, image)
     np.testing.assert_allclose(inverse, np.broadcast_to(1.0 / z, inverse.shape), rtol=1e-11)
     assert valid.all()
 
@@ -100,8 +92,8 @@ def test_a_plenoptic_camera_that_knows_its_errors_reads_the_truth():
     errors = drawn(PLENOPTIC_ERRORS, np.random.default_rng(3), without=("pixel_noise", "array_rotation"))
     errors["microlens_pitch"] *= 0.01
     z = np.array([0.2, 0.5, 2.0])
-    seen = plenoptic_observation(camera, errors, 0.2 * z, -0.15 * z, z)
-    inverse, valid = plenoptic_inverse_depth(camera, errors, seen, z)
+    seen = camera.observe(errors, 0.2 * z, -0.15 * z, z)
+    inverse, valid = camera.believe(errors, seen, z)
     np.testing.assert_allclose(inverse, np.broadcast_to(1.0 / z, inverse.shape), rtol=1e-9)
     assert valid.all()
 
@@ -117,7 +109,7 @@ def test_the_stereo_picture_is_that_of_rotation_matrices():
     a, b, c = turn.T @ (point - np.array([0.05, 0.0, 0.0]))
     u, v = a / c, b / c
     expected = (rig.lens.focal_length + 1e-4) * np.array([u, v]) * (1 + k1 * (u * u + v * v))
-    found = stereo_observation(rig, errors, *point)
+    found = rig.observe(errors, *point)
     np.testing.assert_allclose([found[2], found[3]], expected, rtol=1e-12)
     np.testing.assert_allclose(found[:2], rig.lens.focal_length * (point[:2] + np.array([0.05, 0.0])) / point[2])
 
@@ -133,7 +125,7 @@ def test_stereo_sensitivities_off_the_axis_are_those_of_the_text_book():
     field = 0.7
 
     def reading(distance, where, errors):
-        return stereo_reading(rig, distance, where, errors)
+        return rig.read(distance, where, errors)
 
     z = np.array([2.0, 5.0])
     x = field * 5.12e-3 / 30.5e-3 - 0.05 / z
@@ -148,7 +140,7 @@ def test_plenoptic_sensitivities_are_published_ones():
     """6.24 and 6.40 mm per µm of z and f_M at 1 m, of opposite sign; 20 µm of field curvature: 10.6 mm at 0.3 m."""
 
     def reading(distance, where, errors):
-        return plenoptic_reading(r5(), distance, where, errors)
+        return r5().read(distance, where, errors)
 
     one = np.array([1.0])
     z = sensitivity(reading, one, 0.0, "mla_distance", 1e-8)[0]
@@ -173,7 +165,7 @@ def test_plenoptic_reading_in_forty_digits():
     errors = {name: float(SCALES[unit] * rng.standard_normal()) for name, unit in PLENOPTIC_ERRORS.items()}
     errors |= {"microlens_pitch": 3e-9, "pixel_noise": 2e-7}
     a, field = 0.6, 0.5
-    found = plenoptic_reading(camera, np.array([a]), field, {k: np.array([[v]]) for k, v in errors.items()})
+    found = camera.read(np.array([a]), field, {k: np.array([[v]]) for k, v in errors.items()})
     with mpmath.workdps(40):
         m = mpmath.mpf
         z, gap, f, p = m(camera.mla_distance), m(camera.microlenses.gap), m(camera.main_lens.focal_length), m(PITCH)
@@ -201,7 +193,7 @@ def test_temperature_and_pressure_move_a_camera_as_published():
     expected = -12.5e-3 * 2.73e-4 * 1.52 / 0.52
     assert 12.5e-3 * (AIR.focal_length_factor(vacuum)[0, 0] - 1) == pytest.approx(expected, rel=1e-3)
     one = np.array([1.0])
-    read = 1.0 / plenoptic_reading(r5(), one, 0.0, vacuum, AIR).inverse_depth[0, 0]
+    read = 1.0 / r5().read(one, 0.0, vacuum, AIR).inverse_depth[0, 0]
     shortened = 12.5e-3 + expected
     image = shortened / (1.0 - shortened)  # of a point at 1 m: b = f'a/(a − f'), read with the f of the calibration
     assert read == pytest.approx(12.5e-3 + 12.5e-3**2 / (image - 12.5e-3), rel=1e-4)
@@ -211,11 +203,11 @@ def test_temperature_and_pressure_move_a_camera_as_published():
     assert only_z == pytest.approx(1.8e-3, rel=0.01)
     warm = {"temperature_change": np.array([[1.0]])}
     rig = stereo()
-    grown = 1.0 / stereo_reading(rig, one, 0.0, warm, AIR).inverse_depth[0, 0]
+    grown = 1.0 / rig.read(one, 0.0, warm, AIR).inverse_depth[0, 0]
     # Baseline and principal distance both grow by αΔT, so disparity by twice that, and depth is read nearer.
     assert grown - 1.0 == pytest.approx(-2 * 23e-6, rel=1e-3)
-    assert stereo_reading(rig, one, 0.0, vacuum, AIR).inverse_depth[0] == pytest.approx(1.0, rel=1e-14)
-    assert plenoptic_reading(r5(), one, 0.0, warm).inverse_depth[0] == pytest.approx(1.0, rel=1e-12)
+    assert rig.read(one, 0.0, vacuum, AIR).inverse_depth[0] == pytest.approx(1.0, rel=1e-14)
+    assert r5().read(one, 0.0, warm).inverse_depth[0] == pytest.approx(1.0, rel=1e-12)
 
 
 def test_air_has_its_tabulated_index():
@@ -239,19 +231,19 @@ def test_distortion_inverts_where_it_can_and_says_where_not():
 
 def test_what_a_camera_does_not_see_or_cannot_be_is_said():
     rig = stereo()
-    nearest = stereo_reading(rig, np.array([0.2, 0.5]), 0.0, {"yaw": np.zeros((2, 1))})
+    nearest = rig.read(np.array([0.2, 0.5]), 0.0, {"yaw": np.zeros((2, 1))})
     # x = f B/2Z = 7.6 mm at 0.2 m, beyond the sensor's 5.12 mm.
     assert np.broadcast_to(nearest.no_overlap, (2, 2)).tolist() == [[True, False]] * 2
-    bent = stereo_reading(rig, DISTANCES, 0.9, {"left_distortion_k1": np.array([[0.0], [-40.0]])})
+    bent = rig.read(DISTANCES, 0.9, {"left_distortion_k1": np.array([[0.0], [-40.0]])})
     assert bent.out_of_range.any(axis=1).tolist() == [False, True]
-    reading = plenoptic_reading(r5(), np.array([0.01, 1.0]), 0.0, {"microlens_gap": np.array([[0.0], [-1e-3]])})
+    reading = r5().read(np.array([0.01, 1.0]), 0.0, {"microlens_gap": np.array([[0.0], [-1e-3]])})
     assert reading.out_of_range.tolist() == [[True, False], [True, True]]
-    diverging = stereo_reading(rig, np.array([10.0]), 0.0, {"yaw": np.array([[1.0 * DEG], [-1.0 * DEG]])})
+    diverging = rig.read(np.array([10.0]), 0.0, {"yaw": np.array([[1.0 * DEG], [-1.0 * DEG]])})
     assert sorted(np.sign(diverging.inverse_depth[:, 0])) == [-1.0, 1.0]
     with pytest.raises(OutOfRangeError, match="no such error"):
-        stereo_reading(rig, DISTANCES, 0.0, {"jaw": 0.1})
+        rig.read(DISTANCES, 0.0, {"jaw": 0.1})
     with pytest.raises(OutOfRangeError, match="place in the field"):
-        plenoptic_reading(r5(), DISTANCES, 1.5, {})
+        r5().read(DISTANCES, 1.5, {})
     with pytest.raises(OutOfRangeError, match="environment"):
         Environment(
             housing_expansion=0.0, focal_length_expansion=0.0, glass_index=1.0, wavelength=5e-7, temperature=293.0,

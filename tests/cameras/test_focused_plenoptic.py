@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.cameras.builders import F_MAIN, PITCH, r5
 from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
-from tradestudy.cameras.focused_plenoptic import PlenopticCalibration
+from tradestudy.cameras.plenoptic import PlenopticCalibration
 from tradestudy.errors import OutOfRangeError
 
 

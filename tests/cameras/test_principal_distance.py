@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from tests.cameras.builders import stereo
 from tradestudy.cameras.depth_camera import ErrorSource
-from tradestudy.cameras.error_models import Environment, stereo_observation, stereo_reading
+from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.parts import Lens, Sensor
-from tradestudy.cameras.stereo import StereoCalibration, StereoRig
+from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.geometry import picture_geometry
 
 F, FOCUS, BASE, PUPIL = 18.3e-3, 55.3e-3, 8e-3, 18.3e-3 / 9.8
 DISTANCE = np.array([45e-3, 55.3e-3, 75e-3])
@@ -126,16 +126,16 @@ def test_views_and_overlap_are_those_of_the_ends_of_the_sensor() -> None:
 def test_the_exact_model_stands_where_the_rays_land() -> None:
     rig = pair()
     x, y = 2e-3, -1.5e-3
-    seen = stereo_observation(rig, {}, np.array([x]), np.array([y]), np.array([60e-3]))
+    seen = rig.observe({}, np.array([x]), np.array([y]), np.array([60e-3]))
     sensor, z = sensor_by_rays(), np.array([60e-3])
     traced = [landing(x + BASE / 2, z, sensor), landing(y, z, sensor), landing(x - BASE / 2, z, sensor)]
     np.testing.assert_allclose([c[0] for c in seen[:3]], [c[0] for c in traced], rtol=1e-11)
     errors = {"left_focal_length": np.array([[1e-6]]), "right_focal_length": np.array([[1e-6]])}
-    read = stereo_reading(rig, DISTANCE, 0.0, errors)
+    read = rig.read(DISTANCE, 0.0, errors)
     np.testing.assert_allclose(1 / read.inverse_depth[0], rig.depth_with_errors(DISTANCE, {"focal_length": 1e-6}))
     # The corner of the sensor is the corner of the field: the point there is just seen by a rig without a baseline.
     narrow = replace(rig, baseline=1e-9)
-    assert not stereo_reading(narrow, DISTANCE, 1.0 - 1e-6, {}).no_overlap.any()
+    assert not narrow.read(DISTANCE, 1.0 - 1e-6, {}).no_overlap.any()
     assert narrow.field_of_view == pytest.approx(2 * math.atan(1600 * 7.4e-6 / 2 / sensor), rel=1e-12)
 
 
@@ -144,12 +144,12 @@ def test_a_warm_housing_moves_the_sensor_in_proportion() -> None:
         housing_expansion=23e-6, focal_length_expansion=0.0, glass_index=1.52, wavelength=550e-9,
         temperature=293.15, pressure=101_325.0,
     )  # fmt: skip
-    warm = stereo_reading(pair(), DISTANCE, 0.0, {"temperature_change": np.array([[1.0]])}, air)
+    warm = pair().read(DISTANCE, 0.0, {"temperature_change": np.array([[1.0]])}, air)
     np.testing.assert_allclose(1 / warm.inverse_depth[0] / DISTANCE - 1.0, -2 * 23e-6, rtol=1e-3)
 
 
 def test_the_picture_and_the_triangulation_share_one_scale() -> None:
-    geometry = picture_geometry(pair(), DISTANCE)
+    geometry = pair().picture_geometry(DISTANCE)
     np.testing.assert_allclose(geometry.magnification, pair().disparity(DISTANCE) / BASE, rtol=1e-12)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tests.cameras.builders import stereo
 from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
 from tradestudy.cameras.parts import Lens, focal_length_of_field_of_view
-from tradestudy.cameras.stereo import StereoCalibration
+from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import OutOfRangeError
 
 YAW = math.radians(0.2)

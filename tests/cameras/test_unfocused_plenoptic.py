@@ -11,8 +11,8 @@ from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
-from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
-from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
+from tradestudy.cameras.plenoptic import PlenopticCalibration
+from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.errors import OutOfRangeError
 
 F_M, A0, F_L, PITCH, PIXEL = 12.5e-3, 0.15, 0.432e-3, 126.5e-6, 5.5e-6

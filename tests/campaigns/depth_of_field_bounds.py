@@ -22,8 +22,8 @@ from scipy.special import j1, jn_zeros
 
 from tests.campaigns import record
 from tradestudy.accuracy import Accuracy
-from tradestudy.cameras.conventional import ConventionalCamera
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.conventional.design import ConventionalCamera
+from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.errors import TradestudyError
 from tradestudy.plan.situations.depth_of_field import depth_of_field_situation
 from tradestudy.run.groups.depth_of_field import depth_of_field_group

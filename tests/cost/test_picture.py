@@ -19,7 +19,6 @@ from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.cost.study_cost import study_cost
 from tradestudy.errors import UnaffordableError
 from tradestudy.imaging import derived_error
-from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import disparity_error_px
 from tradestudy.imaging.texture import texture_spectrum
@@ -55,7 +54,7 @@ def by_even_steps(wavelength: float, f_number: float, electrons: float, length_p
 def test_the_reference_in_focus_is_the_airy_pattern_s_by_another_quadrature() -> None:
     """At f/22 exact paths differ from parabolic ones by next to nothing, and Fresnel in focus is Airy."""
     camera = hand_lens(22.0)
-    geometry = picture_geometry(camera, np.array([FOCUS]))
+    geometry = camera.picture_geometry(np.array([FOCUS]))
     value, error = reference_error_px(geometry, SETTINGS)
     image = 18.3e-3 * 55 / (55 - 18.3)
     working = image / (18.3e-3 / 22)
@@ -71,7 +70,7 @@ def test_the_reference_in_focus_is_the_airy_pattern_s_by_another_quadrature() ->
     ids=["hand lens", "focused plenoptic", "stereo"],
 )
 def test_the_reference_and_a_run_with_every_effect_agree_within_what_both_state(camera, distance: float) -> None:
-    geometry = picture_geometry(camera, np.array([distance]))
+    geometry = camera.picture_geometry(np.array([distance]))
     complete = PictureModels(
         defocus_blur="disc",
         main_lens_diffraction="kirchhoff",
@@ -91,7 +90,7 @@ def test_the_reference_and_a_run_with_every_effect_agree_within_what_both_state(
 def test_lenses_that_resolve_far_more_than_the_samples_are_refused() -> None:
     camera = hand_lens(0.2)
     with pytest.raises(UnaffordableError, match=r"replicas .* \(allowed: at most 24 to a side\)"):
-        reference_error_px(picture_geometry(camera, np.array([FOCUS])), SETTINGS)
+        reference_error_px(camera.picture_geometry(np.array([FOCUS])), SETTINGS)
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.imaging.matcher import Scene
-from tradestudy.imaging.geometry import LensStage, PictureGeometry
+from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import Light, SensorNoise
 from tradestudy.imaging.picture import DerivedDisparityError, disparity_error_px

@@ -12,8 +12,8 @@ from scipy.special import j0, j1
 
 from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS
+from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.imaging.crosstalk import neighbours_share
-from tradestudy.imaging.geometry import PictureGeometry, picture_geometry
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import disparity_error_px
 from tradestudy.study.assemble import closed_form_models
@@ -23,7 +23,7 @@ DISTANCE = np.array([0.3, 1.0])
 
 
 def pictured() -> PictureGeometry:
-    return picture_geometry(r5(), DISTANCE)
+    return r5().picture_geometry(DISTANCE)
 
 
 def micro_image_radius(geometry: PictureGeometry) -> float:
@@ -76,5 +76,5 @@ def test_neighbours_dim_the_texture_by_their_share() -> None:
 
 
 def test_a_camera_without_microlenses_has_no_neighbours() -> None:
-    geometry = picture_geometry(stereo(), DISTANCE)
+    geometry = stereo().picture_geometry(DISTANCE)
     assert np.all(neighbours_share(geometry, WAVELENGTH, np.full(2, 15.0), blurred=True) == 0.0)

@@ -13,7 +13,6 @@ from tests.imaging.scenes import RAYS, unit_geometry
 from tests.imaging.test_picture import CLOSED, SETTINGS, hand_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.error_causes import CHANGES, error_causes
-from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.noise import Light, SensorNoise
 from tradestudy.imaging.picture import disparity_error_px
 from tradestudy.imaging.texture import Texture
@@ -23,7 +22,7 @@ FOCUS = 55e-3
 
 
 def causes(camera, distance, settings=SETTINGS, models=FRESNEL, brightest=math.nan):
-    return error_causes(picture_geometry(camera, np.atleast_1d(distance)), settings, models, brightest)
+    return error_causes(camera.picture_geometry(np.atleast_1d(distance)), settings, models, brightest)
 
 
 def factor(found, change: str):
@@ -40,7 +39,7 @@ def test_without_diffraction_is_the_limit_of_short_waves() -> None:
     for f_number in (9.8, 22.0):
         found = causes(hand_lens(f_number), [53e-3, FOCUS])
         short = disparity_error_px(
-            picture_geometry(hand_lens(f_number), np.array([53e-3, FOCUS])),
+            hand_lens(f_number).picture_geometry(np.array([53e-3, FOCUS])),
             replace(SETTINGS, wavelength=1e-11),
             FRESNEL,
         )
@@ -98,7 +97,7 @@ def test_the_light_of_another_is_that_light_declared() -> None:
     found = causes(hand_lens(22.0), [53e-3, FOCUS], brightest=brightest)
     light = replace(SETTINGS.light, electrons=3.0 * SETTINGS.light.electrons)
     declared = disparity_error_px(
-        picture_geometry(hand_lens(22.0), np.array([53e-3])), replace(SETTINGS, light=light), FRESNEL
+        hand_lens(22.0).picture_geometry(np.array([53e-3])), replace(SETTINGS, light=light), FRESNEL
     )
     k = CHANGES.index("light of the brightest")
     assert found.changed[k, 0] == pytest.approx(declared.value[0], rel=1e-12)
@@ -111,7 +110,7 @@ def test_without_diffraction_means_of_every_lens() -> None:
     """And can be worse: texture far finer than the micro-image's pixels is no longer kept out of them."""
     models = replace(CLOSED, microlens_diffraction="airy")
     found = causes(r5(), 0.3, models=models)
-    short = disparity_error_px(picture_geometry(r5(), np.array([0.3])), replace(SETTINGS, wavelength=1e-11), models)
+    short = disparity_error_px(r5().picture_geometry(np.array([0.3])), replace(SETTINGS, wavelength=1e-11), models)
     assert factor(found, "no diffraction")[0] < 0.95
     assert found.changed[CHANGES.index("no diffraction")] == pytest.approx(short.value, rel=2e-3)
 

@@ -13,13 +13,12 @@ import pytest
 from tests.cameras.builders import F_MAIN, PITCH, r5, stereo
 from tests.cameras.test_unfocused_plenoptic import camera as unfocused
 from tests.imaging.scenes import RAYS, unit_geometry
-from tradestudy.cameras.conventional import ConventionalCamera
+from tradestudy.cameras.conventional.design import ConventionalCamera
 from tradestudy.cameras.depth_camera import ErrorSource, declared_disparity_error
 from tradestudy.cameras.parts import Lens, Sensor
-from tradestudy.cameras.stereo import StereoCalibration
+from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
 from tradestudy.imaging.models import DefocusModel, PictureModels, PictureSettings
 from tradestudy.imaging.noise import Light, SensorNoise
@@ -59,14 +58,14 @@ def hand_lens(f_number: float = 9.8):
 
 
 def error_of(camera, distance, settings=SETTINGS, **models):
-    return disparity_error_px(picture_geometry(camera, np.atleast_1d(distance)), settings, replace(CLOSED, **models))
+    return disparity_error_px(camera.picture_geometry(np.atleast_1d(distance)), settings, replace(CLOSED, **models))
 
 
 # ---- geometry -------------------------------------------------------------------------------------------------------
 
 
 def test_a_stereo_picture_by_hand() -> None:
-    geometry = picture_geometry(hand_lens(), np.array([50e-3, 55e-3, 10e-3]))
+    geometry = hand_lens().picture_geometry(np.array([50e-3, 55e-3, 10e-3]))
     image = 18.3e-3 * 55 / (55 - 18.3)
     assert geometry.main_lens.f_number[:2] == pytest.approx([image / (18.3e-3 / 9.8)] * 2)
     assert geometry.magnification[:2] == pytest.approx([image / 50e-3, image / 55e-3])
@@ -79,7 +78,7 @@ def test_a_stereo_picture_by_hand() -> None:
 
 def test_a_micro_image_by_hand() -> None:
     camera, a = r5(), np.array([0.15, 0.3])
-    geometry = picture_geometry(camera, a)
+    geometry = camera.picture_geometry(a)
     image = a * F_MAIN / (a - F_MAIN)
     v = (camera.mla_distance - image) / camera.microlenses.gap
     assert geometry.magnification == pytest.approx(image / a / np.abs(v))
@@ -95,12 +94,12 @@ def test_a_micro_image_by_hand() -> None:
 def test_neighbours_of_different_types_are_as_sharp_as_the_second() -> None:
     pair = r5(estimator="adjacent-pair", lenses="all")
     blur = np.sort(pair.blur_px(np.array([0.2])), axis=0)[1]
-    assert picture_geometry(pair, np.array([0.2])).blur_px == pytest.approx(blur)
+    assert pair.picture_geometry(np.array([0.2])).blur_px == pytest.approx(blur)
 
 
 def test_the_views_of_an_unfocused_camera_are_sampled_by_microlenses() -> None:
     camera = unfocused()
-    geometry = picture_geometry(camera, np.array([0.1, camera.focus_distance]))
+    geometry = camera.picture_geometry(np.array([0.1, camera.focus_distance]))
     assert geometry.sample_pitch == camera.microlenses.pitch
     assert geometry.main_lens.f_number == pytest.approx(camera.mla_distance / camera.view_pupil_diameter)
     assert geometry.blur_px == pytest.approx(camera.blur_px(np.array([0.1, camera.focus_distance])), abs=1e-12)
@@ -109,7 +108,7 @@ def test_the_views_of_an_unfocused_camera_are_sampled_by_microlenses() -> None:
 def test_a_window_on_the_object_is_the_same_there_for_every_camera() -> None:
     settings = replace(SETTINGS, window_px=None, window_length=0.5e-3)
     for camera, distance in ((hand_lens(), 55e-3), (stereo(), 0.5), (r5(), 0.3)):
-        geometry = picture_geometry(camera, np.array([distance]))
+        geometry = camera.picture_geometry(np.array([distance]))
         assert window_px(geometry, settings) * geometry.sample_pitch / geometry.magnification == pytest.approx(0.5e-3)
 
 
@@ -118,7 +117,7 @@ def test_other_cameras_are_refused() -> None:
         lens=Lens(focal_length=0.01, f_number=4), sensor=Sensor(columns=9, rows=9, pixel_pitch=1e-5), focus_distance=1.0
     )
     with pytest.raises(OutOfRangeError, match="ConventionalCamera"):
-        picture_geometry(camera, np.array([1.0]))
+        camera.picture_geometry(np.array([1.0]))
 
 
 # ---- how the steps combine ------------------------------------------------------------------------------------------
@@ -174,7 +173,7 @@ def test_a_distance_is_answered_alike_alone_and_among_others() -> None:
 
 def test_the_bound_alone_is_the_value_of_the_whole_answer() -> None:
     camera, distance = r5(), np.geomspace(0.15, 2.0, 26)
-    geometry = picture_geometry(camera, distance)
+    geometry = camera.picture_geometry(distance)
     models = replace(CLOSED, main_lens_diffraction="fresnel", microlens_diffraction="fresnel")
     whole = disparity_error_px(geometry, SETTINGS, models).value
     np.testing.assert_allclose(disparity_bound_px(geometry, SETTINGS, models), whole, rtol=1e-12)
@@ -185,7 +184,7 @@ def test_the_bound_alone_is_the_value_of_the_whole_answer() -> None:
 def test_models_weighed_one_after_another_have_the_bound_of_each_alone(camera) -> None:
     distance = np.geomspace(45e-3, 0.5, 14)
     settings = replace(SETTINGS, spectrum=((500e-9, 1.0), (640e-9, 2.0)))
-    geometry = picture_geometry(camera, distance)
+    geometry = camera.picture_geometry(distance)
     weighed = WeighedPicture(geometry=geometry, settings=settings)
     micro = ("none",) if geometry.microlens is None else ("none", "airy", "fresnel")
     choices = itertools.product(("off", "disc"), ("none", "airy", "fresnel"), micro, ("point", "square"),
@@ -201,7 +200,7 @@ def test_models_weighed_one_after_another_have_the_bound_of_each_alone(camera) -
 @pytest.mark.parametrize(("defocus", "count"), [("disc", 10), ("off", 4)])
 def test_kirchhoff_takes_the_points_that_are_said_beforehand_and_no_others(defocus: DefocusModel, count: int) -> None:
     """Six around two neighbouring defoci, and four in focus, which serve where rays do and where defocus is off."""
-    geometry = picture_geometry(hand_lens(5.6), np.array([55.3e-3, 55.6e-3, 30e-3, 28e-3]))
+    geometry = hand_lens(5.6).picture_geometry(np.array([55.3e-3, 55.6e-3, 30e-3, 28e-3]))
     models = replace(CLOSED, main_lens_diffraction="kirchhoff", defocus_blur=defocus)
     said = kirchhoff_points(geometry, SETTINGS, models)
     kirchhoff_correction.cache_clear()
@@ -215,7 +214,7 @@ def test_kirchhoff_takes_the_points_that_are_said_beforehand_and_no_others(defoc
 
 @pytest.mark.parametrize("f_number", [1.4, 5.6, 22.0])
 def test_no_lens_passes_anything_that_is_left_out_beyond_its_cutoff(f_number: float) -> None:
-    geometry = picture_geometry(hand_lens(f_number), np.linspace(45e-3, 70e-3, 7))
+    geometry = hand_lens(f_number).picture_geometry(np.linspace(45e-3, 70e-3, 7))
     frequency = np.concatenate([np.linspace(0.0, 0.7, 30), np.linspace(0.5, 5.0, 400)])
     models = replace(CLOSED, main_lens_diffraction="fresnel")
     some, everything = (

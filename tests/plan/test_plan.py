@@ -15,7 +15,7 @@ import tradestudy
 from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.api import Study
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.effects.selection import Selection
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.plan.affordable import tightest_offer

@@ -16,6 +16,7 @@ from tradestudy.api import Result, load
 from tradestudy.errors import StudyError
 from tradestudy.results import GROUPS, storage
 from tradestudy.run.groups.criteria import criteria_group
+from tradestudy.run.groups.registers import contradictions
 
 DEPTH_CAMERAS = {
     "r5-one-type",
@@ -239,15 +240,14 @@ def test_a_contradicted_depth_of_field_is_reported() -> None:
             "r5-no-microlenses.stated={hyperfocal_distance: 4 m}",
         ],
     )
-    from tradestudy.analysis.contradictions import find_contradictions
-
-    found = {row.camera: row for row in find_contradictions(study.definition) if "depth of field" in row.what}
+    rows = contradictions(study.definition)
+    found = {camera: row for camera, row in rows if "depth of field" in row.what}
     assert set(found) == {"mahli-contact"}
     assert found["mahli-contact"].stated == "820 µm"
     assert found["mahli-contact"].implied.startswith("26.")
-    hyperfocal = [row for row in find_contradictions(study.definition) if "hyperfocal" in row.what]
-    assert [row.camera for row in hyperfocal] == ["r5-no-microlenses"]
-    assert hyperfocal[0].implied.startswith("7.48")  # published: 7.49 m
+    hyperfocal = [(camera, row) for camera, row in rows if "hyperfocal" in row.what]
+    assert [camera for camera, _ in hyperfocal] == ["r5-no-microlenses"]
+    assert hyperfocal[0][1].implied.startswith("7.48")  # published: 7.49 m
 
 
 @pytest.fixture

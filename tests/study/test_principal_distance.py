@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tradestudy import load
-from tradestudy.analysis.properties import camera_properties
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.errors import StudyError
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -50,13 +49,13 @@ def test_a_study_is_read_by_the_declared_distance() -> None:
 
 
 def test_what_the_report_says_of_it() -> None:
-    rows = dict(camera_properties(rig_of()))
+    rows = dict(rig_of().properties())
     assert rows["principal distance"] == rows["thin lens to sensor, as focused"] == "27.35 mm"
-    rows = dict(camera_properties(rig_of("cameras.pair-declared.principal_distance=focal_length")))
+    rows = dict(rig_of("cameras.pair-declared.principal_distance=focal_length").properties())
     assert (rows["principal distance"], rows["thin lens to sensor, as focused"]) == ("18.3 mm", "27.35 mm")
     assert rows["field of view on the diagonal"] == "44.03°"  # 14.8 mm behind 18.3 mm
     refocused = ["focus_distance=every-object", "principal_distance=focal_length"]
-    rows = dict(camera_properties(rig_of(*(f"cameras.pair-declared.{change}" for change in refocused))))
+    rows = dict(rig_of(*(f"cameras.pair-declared.{change}" for change in refocused)).properties())
     assert rows["thin lens to sensor, as focused"] == "changes"
     run = load(CLOSE).definition
     assert any(path[-1] == "principal_distance" for path in run.document.annotations)

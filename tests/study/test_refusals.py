@@ -14,11 +14,11 @@ from tradestudy.analysis.claims import claim_value
 from tradestudy.analysis.depth import evaluate_depth
 from tradestudy.analysis.usable import evaluate_limits
 from tradestudy.api import Study, load
+from tradestudy.cameras.declaration import PixelCount
 from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
-from tradestudy.cameras.stereo import StereoCalibration
+from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import StudyError
 from tradestudy.study.definition import Value
-from tradestudy.study.schema.cameras import PixelCount
 
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
 

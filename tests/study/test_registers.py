@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from tradestudy import load
-from tradestudy.analysis.contradictions import Contradiction, find_contradictions
-from tradestudy.run.groups.registers import assumptions_group
+from tradestudy.cameras.contradictions import Contradiction
+from tradestudy.run.groups.registers import assumptions_group, contradictions
 
 CLOSE = Path(__file__).parents[2] / "studies" / "close_range.yaml"
 Row = tuple[str, str, str]
@@ -71,17 +71,17 @@ def test_what_was_set_is_part_of_what_a_stored_run_is_known_by() -> None:
     assert same_number.hash != load(CLOSE).hash  # its register differs
 
 
-def found(*changes: str) -> list[Contradiction]:
+def found(*changes: str) -> list[tuple[str, Contradiction]]:
     declared = [f"cameras.pair-declared.{change}" for change in changes]
-    rows = find_contradictions(load(CLOSE, declared).definition)
-    return [row for row in rows if row.what == "principal distance against focus distance"]
+    rows = contradictions(load(CLOSE, declared).definition)
+    return [(camera, row) for camera, row in rows if row.what == "principal distance against focus distance"]
 
 
 def test_lines_of_sight_by_the_focal_length_contradict_a_blur_by_the_focus() -> None:
     assert found() == []
-    (row,) = found("principal_distance=focal_length")
+    ((camera, row),) = found("principal_distance=focal_length")
     # f = 18.3 mm at a = 55.3 mm: c = f a/(a − f) = 27.35 mm, longer by 18.3/37.
-    assert row.camera == "pair-declared"
+    assert camera == "pair-declared"
     assert row.stated == "18.3 mm, the focal length"
     assert row.implied.startswith("27.35 mm as focused at 55.3 mm: longer by 49.5 %")
     assert row.used.startswith("18.3 mm from disparity to depth, 27.35 mm for blur; principal_distance: focused ")

@@ -6,12 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from tradestudy.analysis.depth import DepthEvaluation, evaluate_depth
 from tradestudy.analysis.usable import Interval, all_met, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:  # a worker needs no reader of study files
@@ -53,10 +50,7 @@ def depth_table(point: DepthPoint) -> DepthTable:
         evaluations=evaluations,
         limits=limits,
         intervals=tuple(usable_intervals(camera, point.criteria, distance) for camera in cameras),
-        virtual_depth=tuple(
-            camera.virtual_depth(distance) if isinstance(camera, FocusedPlenoptic) else np.full_like(distance, np.nan)
-            for camera in cameras
-        ),
+        virtual_depth=tuple(camera.virtual_depth(distance) for camera in cameras),
         usable=tuple(all_met(limit, distance.shape) for limit in limits),
         parts=tuple(dict.fromkeys(name for evaluation in evaluations for name in evaluation.parts)),
     )

@@ -10,16 +10,10 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.conventional import ConventionalCamera
-from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus, ImageStackFocus
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.parts import Lens
-from tradestudy.cameras.stereo import StereoRig
-from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
-from tradestudy.errors import OutOfRangeError
+from tradestudy.cameras.declaration import AttributesPart, CameraDeclaration
+from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus
 from tradestudy.optics.occlusion import foreshortening_ratio, hidden_strip_width
 from tradestudy.optics.thin_lens import image_distance
-from tradestudy.study.schema.cameras import AttributesPart, CameraPart
 from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, pretty, significant
 
 DERIVED: Final = "derived"
@@ -76,68 +70,47 @@ class Criterion:
     name: str
     says: str
     units: str
-    of: Callable[[Camera, CameraPart, Relief], Attribute]
+    of: Callable[[Camera, CameraDeclaration, Relief], Attribute]
     path: str = ""
-
-
-def lens_of_camera(camera: Camera) -> Lens:
-    """The lens whose pupil gathers the light."""
-    match camera:
-        case FocusedPlenoptic() | UnfocusedPlenoptic():
-            return camera.main_lens
-        case StereoRig() | ConventionalCamera():
-            return camera.lens
-        case _:
-            raise OutOfRangeError("this kind of camera has no trade criteria", value=type(camera).__name__)
-
-
-def _lenses(camera: Camera) -> int:
-    return 2 if isinstance(camera, StereoRig) else 1
 
 
 def _images(camera: Camera, relief: Relief) -> int:
     return camera.focus.images(relief.sharp, relief.near, relief.far)
 
 
-def _makes_depth_map(camera: Camera) -> bool:
-    """Whether a depth map comes out: by triangulation, or by a focus stack."""
-    return not isinstance(camera, ConventionalCamera) or isinstance(camera.focus, ImageStackFocus)
-
-
-def _moving_parts(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001 - all criteria are called alike
+def _moving_parts(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001 - all criteria are called alike
     declared = part.attributes.moving_parts
     count = camera.focus.mechanisms if declared is None else declared
     return Attribute(text=str(count), number=float(count), basis=DERIVED if declared is None else "")
 
 
-def _images_per_scene(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
+def _images_per_scene(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
     count = _images(camera, relief)
     if count == 0:
         return Attribute(text="no number is enough")
     share = camera.focus.sharp_range(relief.sharp).share_of(relief.near, relief.far)
-    text = str(count) + (" by each lens" if _lenses(camera) == 2 and count == 1 else "")
+    text = str(count) + (" by each lens" if camera.lens_count == 2 and count == 1 else "")
     if share < 1.0 and not isinstance(camera.focus, EveryObjectFocus):
         text += f", {pretty(share, FRACTION, 2)} sharp" if share > 0.0 else ", nothing sharp"
     return Attribute(text=text, number=float(count))
 
 
-def _time_per_scene(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
-    stack = camera.stack if isinstance(camera, ConventionalCamera) else None
+def _time_per_scene(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
     images = _images(camera, relief)
     if images == 0:
         return Attribute(text="—")
-    if stack is None or images == 1:
+    if not camera.takes_stack or images == 1:
         return Attribute(text="one exposure" if images == 1 else f"{images} exposures")
-    if stack.time_per_image is None:
+    if camera.time_per_image is None:
         return Attribute(text=f"{images} exposures; time per image {_NOT_SAID}")
-    seconds = images * stack.time_per_image
+    seconds = images * camera.time_per_image
     return Attribute(text=pretty(seconds, DURATION), number=seconds)
 
 
-def _data_volume(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:
-    if not _makes_depth_map(camera):
+def _data_volume(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:
+    if not camera.makes_depth_map:
         return Attribute(text="no depth map")
-    pixels = camera.sensor.columns * camera.sensor.rows * _lenses(camera) * _images(camera, relief)
+    pixels = camera.sensor.columns * camera.sensor.rows * camera.lens_count * _images(camera, relief)
     if pixels == 0:
         return Attribute(text="—")
     bits = part.attributes.bits_per_pixel
@@ -146,10 +119,10 @@ def _data_volume(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:
     return Attribute(text=f"{pixels * bits / 8e6:.3g} MB", number=pixels * bits)
 
 
-def _depth_map_samples(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
+def _depth_map_samples(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
     """Lateral samples that are independent of each other, in one all-in-focus image at the middle of the scene."""
     width = np.array([relief.middle])
-    lens = lens_of_camera(camera)
+    lens = camera.gathering_lens
     b = float(image_distance(relief.middle, lens.focal_length))
     resolved = float(camera.focus.lateral_resolution(width)[0])
     field = camera.sensor.width * camera.sensor.height * (relief.middle / b) ** 2
@@ -158,63 +131,39 @@ def _depth_map_samples(camera: Camera, part: CameraPart, relief: Relief) -> Attr
     return Attribute(text=significant(count / size) + unit, number=count)
 
 
-def _aperture(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
-    diameter = lens_of_camera(camera).pupil_diameter
-    twice = "2 × " if _lenses(camera) == 2 else ""
+def _aperture(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+    diameter = camera.gathering_lens.pupil_diameter
+    twice = "2 × " if camera.lens_count == 2 else ""
     return Attribute(text=twice + pretty(diameter, LENGTH), number=diameter)
 
 
-def _light(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
+def _light(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
     """Solid angle of light that one exposure gathers from a point in the middle of the scene, over all lenses."""
-    half = lens_of_camera(camera).pupil_diameter / 2.0
-    solid_angle = 2.0 * math.pi * (1.0 - relief.middle / math.hypot(relief.middle, half)) * _lenses(camera)
+    half = camera.gathering_lens.pupil_diameter / 2.0
+    solid_angle = 2.0 * math.pi * (1.0 - relief.middle / math.hypot(relief.middle, half)) * camera.lens_count
     return Attribute(text=f"{solid_angle * 1e6:.3g} µsr", number=solid_angle)
 
 
-def _size(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:
+def _size(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:
     envelope = part.attributes.envelope
     if envelope is not None:
         return Attribute(text=" × ".join(pretty(side, LENGTH) for side in envelope), basis="")
-    width = max(camera.sensor.diagonal, lens_of_camera(camera).pupil_diameter)
-    across = width + (camera.baseline if isinstance(camera, StereoRig) else 0.0)
-    return Attribute(text=f"{pretty(_depth_behind_lens(camera, relief), LENGTH)} × {pretty(across, LENGTH)}")
+    width = max(camera.sensor.diagonal, camera.gathering_lens.pupil_diameter)
+    across = width + camera.separation
+    return Attribute(text=f"{pretty(camera.depth_behind_lens(relief.near), LENGTH)} × {pretty(across, LENGTH)}")
 
 
-def _depth_behind_lens(camera: Camera, relief: Relief) -> float:
-    """Principal plane to sensor [m], at the nearest focus that the scene asks for."""
-    match camera:
-        case FocusedPlenoptic() | UnfocusedPlenoptic():
-            return camera.mla_distance + camera.microlenses.gap
-        case StereoRig():
-            focus = camera.focus_distance if camera.focus_distance is not None else relief.near
-        case ConventionalCamera():
-            focus = min(camera.focus_distance, camera.stack.near) if camera.stack else camera.focus_distance
-        case _:
-            raise OutOfRangeError("this kind of camera has no trade criteria", value=type(camera).__name__)
-    return float(image_distance(focus, lens_of_camera(camera).focal_length))
-
-
-def view_baseline(camera: Camera) -> float:
-    """The distance [m] of the two views farthest apart that depth is taken from; 0 for a single image.
-
-    The baseline of a stereo rig; the pupil for cameras that look through one lens, a focus stack among them.
-    """
-    if isinstance(camera, StereoRig):
-        return camera.baseline
-    return lens_of_camera(camera).pupil_diameter if _makes_depth_map(camera) else 0.0
-
-
-def _hidden_strip(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
-    if not _makes_depth_map(camera):
+def _hidden_strip(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+    if not camera.makes_depth_map:
         return Attribute(text="a single view")
-    width = float(hidden_strip_width(relief.step_height, relief.middle, view_baseline(camera)))
+    width = float(hidden_strip_width(relief.step_height, relief.middle, camera.view_baseline))
     return Attribute(text=pretty(width, LENGTH), number=width)
 
 
-def _foreshortening(camera: Camera, part: CameraPart, relief: Relief) -> Attribute:  # noqa: ARG001
-    if not _makes_depth_map(camera):
+def _foreshortening(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+    if not camera.makes_depth_map:
         return Attribute(text="a single view")
-    ratio = float(foreshortening_ratio(relief.surface_tilt, relief.middle, view_baseline(camera)))
+    ratio = float(foreshortening_ratio(relief.surface_tilt, relief.middle, camera.view_baseline))
     return Attribute(text=pretty(ratio, NUMBER), number=ratio)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Final, Generic, Literal, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Final, Generic, Literal, Self, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Field, create_model, model_validator
 
 from tradestudy import units
-from tradestudy.cameras.error_models import PLENOPTIC_ERRORS, STEREO_ERRORS
+from tradestudy.cameras.declaration import CameraDeclaration
+from tradestudy.cameras.kinds import ERROR_UNITS, KINDS, kind_name
 from tradestudy.declarations.distances import DistanceRangePart
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
@@ -160,45 +161,33 @@ DistributionPart = (
 )
 
 
-class ErrorsPart(Part):
-    """Errors beside those of the camera's own calibration, each by its name in the error model of its camera."""
+_OF_UNIT: Final = {"m": LengthDistribution, "rad": AngleDistribution, "1": NumberDistribution}
+_DRAWN_BY_THE_CAMERA: Final = "pixel_noise"
 
-    # stereo rigs
-    baseline: LengthDistribution | None = None
-    baseline_direction_y: AngleDistribution | None = None
-    baseline_direction_z: AngleDistribution | None = None
-    yaw: AngleDistribution | None = None
-    pitch: AngleDistribution | None = None
-    roll: AngleDistribution | None = None
-    left_focal_length: LengthDistribution | None = None
-    right_focal_length: LengthDistribution | None = None
-    left_principal_point_x: LengthDistribution | None = None
-    left_principal_point_y: LengthDistribution | None = None
-    right_principal_point_x: LengthDistribution | None = None
-    right_principal_point_y: LengthDistribution | None = None
-    left_distortion_k1: NumberDistribution | None = None
-    left_distortion_k2: NumberDistribution | None = None
-    right_distortion_k1: NumberDistribution | None = None
-    right_distortion_k2: NumberDistribution | None = None
-    # focused plenoptic cameras
-    mla_distance: LengthDistribution | None = None
-    focal_length: LengthDistribution | None = None
-    microlens_gap: LengthDistribution | None = None
-    microlens_pitch: LengthDistribution | None = None
-    array_rotation: AngleDistribution | None = None
-    array_tilt_x: AngleDistribution | None = None
-    array_tilt_y: AngleDistribution | None = None
-    array_offset_x: LengthDistribution | None = None
-    array_offset_y: LengthDistribution | None = None
-    pupil_distance: LengthDistribution | None = None
-    field_curvature: LengthDistribution | None = None
-    depth_distortion: NumberDistribution | None = None
-    distortion_k1: NumberDistribution | None = None
-    distortion_k2: NumberDistribution | None = None
+
+class ErrorsPart(Part):
+    """Errors beside those of the camera's own calibration, each by its name in the exact model of its camera."""
 
     def given(self) -> dict[str, DistributionPart]:
         """Those that are given, by name."""
         return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
+
+
+def _errors_of_kinds() -> type[ErrorsPart]:
+    """Everything that can be in error about some kind of camera, each in its dimension."""
+    fields: dict[str, Any] = {
+        name: (_OF_UNIT[unit] | None, None)
+        for name, unit in ERROR_UNITS.items()
+        if not name.endswith(_DRAWN_BY_THE_CAMERA)
+    }
+    made: type[ErrorsPart] = create_model("ErrorsPart", __base__=ErrorsPart, __doc__=ErrorsPart.__doc__, **fields)
+    return made
+
+
+if TYPE_CHECKING:
+    KnownErrorsPart = ErrorsPart
+else:
+    KnownErrorsPart = _errors_of_kinds()
 
 
 class JointPart(Part):
@@ -254,7 +243,7 @@ class CornersPart(Part):
 class CameraCalibrationPart(Part):
     """What is uncertain about one camera, beside its own calibration part."""
 
-    errors: ErrorsPart = ErrorsPart()
+    errors: KnownErrorsPart = KnownErrorsPart()
     joint: dict[str, JointPart] = {}
     body: BodyPart | None = None
     file: Text | None = Field(
@@ -320,22 +309,19 @@ class CalibrationStudyPart(Part):
         return self.distances.values() if isinstance(self.distances, DistanceRangePart) else self.distances
 
 
-ERROR_NAMES: Final[Mapping[str, Mapping[str, str]]] = {"stereo": STEREO_ERRORS, "focused-plenoptic": PLENOPTIC_ERRORS}
-"""Errors that each kind of camera can have; kinds without an error model are left out."""
-
-
-def calibration_mistakes(study: CalibrationStudyPart, kinds: Mapping[str, str]) -> list[MistakeAt]:
-    """Find names in the calibration part that the cameras of the study, given with their kinds, do not have."""
+def calibration_mistakes(study: CalibrationStudyPart, cameras: Mapping[str, CameraDeclaration]) -> list[MistakeAt]:
+    """Find names in the calibration part that the cameras of the study do not have."""
     mistakes: list[MistakeAt] = []
     for name, part in study.cameras.items():
         at = ("calibration", "cameras", name)
-        if name not in kinds:
-            mistakes.append(MistakeAt(at, f"no camera is called {name!r}{nearest_name(name, kinds)}"))
-        elif kinds[name] not in ERROR_NAMES:
-            known = ", ".join(ERROR_NAMES)
-            mistakes.append(MistakeAt(at, f"a {kinds[name]} camera has no error model; those that have: {known}"))
+        if name not in cameras:
+            mistakes.append(MistakeAt(at, f"no camera is called {name!r}{nearest_name(name, cameras)}"))
+        elif not cameras[name].error_units:
+            known = ", ".join(kind_name(kind) for kind in KINDS if kind.error_units)
+            what = f"a {cameras[name].kind} camera has no error model; those that have: {known}"
+            mistakes.append(MistakeAt(at, what))
         else:
-            mistakes += _mistakes_of_camera(at, part, kinds[name])
+            mistakes += _mistakes_of_camera(at, part, cameras[name])
     for path, name in _named(study):
         if name not in study.cameras:
             near = nearest_name(name, study.cameras)
@@ -343,19 +329,23 @@ def calibration_mistakes(study: CalibrationStudyPart, kinds: Mapping[str, str]) 
     return mistakes
 
 
-def _mistakes_of_camera(at: tuple[str | int, ...], part: CameraCalibrationPart, kind: str) -> Iterator[MistakeAt]:
-    known = ERROR_NAMES[kind]
-    for error in part.errors.given():
-        if error not in known:
-            yield MistakeAt((*at, "errors", error), f"a {kind} camera has no such error{nearest_name(error, known)}")
+def _mistakes_of_camera(
+    at: tuple[str | int, ...], part: CameraCalibrationPart, camera: CameraDeclaration
+) -> Iterator[MistakeAt]:
     given = part.errors.given()
+    for error in given:
+        if error not in camera.error_units:
+            near = nearest_name(error, camera.error_units)
+            yield MistakeAt((*at, "errors", error), f"a {camera.kind} camera has no such error{near}")
     for name, joint in part.joint.items():
         for position, parameter in enumerate(joint.parameters):
             if parameter not in given:
                 what = f"{parameter!r} is not among the errors of this camera{nearest_name(parameter, given)}"
                 yield MistakeAt((*at, "joint", name, "parameters", position), what)
-    if part.corners is not None and kind != "stereo":
-        yield MistakeAt((*at, "corners"), "corners of two cameras calibrate a stereo rig")
+    if part.corners is not None and not camera.corners_calibrate:
+        known = ", ".join(kind_name(kind) for kind in KINDS if kind.corners_calibrate)
+        what = f"corners do not calibrate a {camera.kind} camera; kinds that they calibrate: {known}"
+        yield MistakeAt((*at, "corners"), what)
 
 
 def _named(study: CalibrationStudyPart) -> Iterator[tuple[tuple[str | int, ...], str]]:

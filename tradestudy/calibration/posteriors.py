@@ -27,11 +27,9 @@ from tradestudy.calibration.target.synthetic_target import (
     tilted_poses,
 )
 from tradestudy.calibration.target.target_inference import TargetProblem, fit_target, sample_target
-from tradestudy.cameras.depth_camera import declared_disparity_error
-from tradestudy.cameras.error_models import plenoptic_observation, stereo_observation
-from tradestudy.cameras.error_models.reading import Errors, InverseDepthReading
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.exact_model import ExactModel
+from tradestudy.cameras.reading import Errors, InverseDepthReading
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal, Uniform
@@ -77,7 +75,7 @@ class InferredCalibration:
 
 
 def infer_from_target(
-    name: str, camera: StereoRig | FocusedPlenoptic, groups: tuple[Group, ...], part: TargetPart, *, seed: int
+    name: str, camera: ExactModel, groups: tuple[Group, ...], part: TargetPart, *, seed: int
 ) -> InferredCalibration:
     """Show a synthetic target to a camera drawn from the declared errors, and infer its parameters by emcee.
 
@@ -116,7 +114,7 @@ def infer_from_target(
 
 
 def target_problem(
-    name: str, camera: StereoRig | FocusedPlenoptic, groups: tuple[Group, ...], part: TargetPart, *, seed: int
+    name: str, camera: ExactModel, groups: tuple[Group, ...], part: TargetPart, *, seed: int
 ) -> tuple[TargetProblem, np.random.Generator]:
     """What a camera drawn from the declared errors sees of the target, and the generator that goes on from there."""
     priors = _priors(name, groups)
@@ -124,7 +122,7 @@ def target_problem(
     target = SyntheticTarget(
         points=flat_grid(part.columns, part.rows, part.spacing),
         poses=tilted_poses(part.views, (part.distances[0], part.distances[1]), part.half_field, part.tilt, rng),
-        noise=_noise(camera, part),
+        noise=camera.target_noise_px(part.corner_noise),
         rotation_deviation=part.rotation_known_to or np.inf,
         translation_deviation=part.position_known_to or np.inf,
     )
@@ -169,25 +167,9 @@ def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
     return Priors(names=tuple(map(str, names)), mean=mean, standard_deviation=deviation, lower=lower, upper=upper)
 
 
-def _noise(camera: StereoRig | FocusedPlenoptic, part: TargetPart) -> FloatArray:
-    """Of one corner: both pictures of a rig, or disparity and place of the micro-images [px]."""
-    if isinstance(camera, StereoRig):
-        return np.full(4, part.corner_noise)
-    return np.array([declared_disparity_error(camera), part.corner_noise, part.corner_noise])
-
-
-def _on_sensor(
-    camera: StereoRig | FocusedPlenoptic, observed: FloatArray, target: SyntheticTarget
-) -> tuple[FloatArray, SyntheticTarget]:
+def _on_sensor(camera: ExactModel, observed: FloatArray, target: SyntheticTarget) -> tuple[FloatArray, SyntheticTarget]:
     """Corners that fall beside the sensor are not seen, and views with fewer than six are not taken."""
-    half = np.array([camera.sensor.columns, camera.sensor.rows]) / 2.0
-    seen = np.ones(observed.shape, dtype=bool)
-    for first in (0, 2) if isinstance(camera, StereoRig) else (1,):
-        inside = np.all(np.abs(observed[..., first : first + 2]) <= half, axis=-1)
-        # A picture shows both coordinates of a corner or none; a disparity needs its micro-images on the sensor.
-        seen[..., first : first + 2] &= inside[..., None]
-        if not isinstance(camera, StereoRig):
-            seen[..., 0] &= inside
+    seen = camera.seen_on_sensor(observed)
     taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)
     if taken.sum() < _FEWEST_VIEWS:
         raise OutOfRangeError(
@@ -199,18 +181,14 @@ def _on_sensor(
     return np.where(seen, observed, np.nan)[taken], replace(target, poses=target.poses[taken])
 
 
-def _observer(camera: StereoRig | FocusedPlenoptic, names: tuple[str, ...]) -> CameraModel:
+def _observer(camera: ExactModel, names: tuple[str, ...]) -> CameraModel:
     """What a camera with given errors sees of points, as inference takes it: components [px] last."""
     pixel = camera.sensor.pixel_pitch
 
     def observe(parameters: FloatArray, points: FloatArray) -> FloatArray:
         errors = {name: parameters[..., k, None] for k, name in enumerate(names)}
         x, y, z = points[..., 0], points[..., 1], points[..., 2]
-        if isinstance(camera, StereoRig):
-            seen: tuple[FloatArray, ...] = stereo_observation(camera, errors, x, y, z)
-        else:
-            apart, on_x, on_y = plenoptic_observation(camera, errors, x, y, z)
-            seen = (apart - camera.estimator_baseline(z), on_x, on_y)
+        seen = camera.observe_target(errors, x, y, z)
         return np.stack(np.broadcast_arrays(*seen), axis=-1) / pixel
 
     return observe
@@ -270,7 +248,7 @@ def _columns(errors: Errors, names: tuple[str, ...]) -> FloatArray:
     return np.stack(np.broadcast_arrays(*values), axis=-1)
 
 
-def infer_from_corners(name: str, rig: StereoRig, part: CornersPart, folder: Path, *, seed: int) -> RealRig:
+def infer_from_corners(name: str, rig: Camera, part: CornersPart, folder: Path, *, seed: int) -> RealRig:
     """Calibrate a real rig from a corner file: bundle adjustment, left–right term, posterior by emcee.
 
     Raises
@@ -309,7 +287,7 @@ class TargetToInfer:
     """A calibration to be inferred from a synthetic target, as `infer_from_target` takes it."""
 
     name: str
-    camera: StereoRig | FocusedPlenoptic
+    camera: ExactModel
     groups: tuple[Group, ...]
     part: TargetPart
     seed: int
@@ -320,14 +298,14 @@ class CornersToInfer:
     """A rig to be calibrated from a corner file, as `infer_from_corners` takes it; ``content`` is its SHA-256."""
 
     name: str
-    rig: StereoRig
+    rig: Camera
     part: CornersPart
     folder: Path
     seed: int
     content: str
 
     @classmethod
-    def of(cls, name: str, rig: StereoRig, part: CornersPart, folder: Path, *, seed: int) -> CornersToInfer:
+    def of(cls, name: str, rig: Camera, part: CornersPart, folder: Path, *, seed: int) -> CornersToInfer:
         """As the file stands now; one that cannot be read is refused where it is read."""
         path = folder / part.file
         content = sha256(path.read_bytes()).hexdigest() if path.is_file() else ""

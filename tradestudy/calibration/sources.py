@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,90 +10,15 @@ import numpy as np
 from tradestudy.calibration.calibration_file import CalibrationDraws, read_calibration
 from tradestudy.calibration.declaration import CameraCalibrationPart, SurroundingsPart
 from tradestudy.calibration.distributions import distribution_of, error_class_of
-from tradestudy.cameras.depth_camera import ErrorSource, declared_disparity_error
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.errors import OutOfRangeError
-from tradestudy.uncertainty.distributions import Distribution, Normal, Uniform
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
 from tradestudy.uncertainty.sources import ErrorClass, Group, Source
 
 SEPARATOR = "/"
 
 
-def own_groups(camera: StereoRig | FocusedPlenoptic) -> tuple[Group, ...]:
-    """The errors that a camera declares of itself, under the names of its error model.
-
-    A stereo rig's common focal length moves both sides together; its difference of principal points moves them apart;
-    the disparity's noise is shared equally by the two pictures.
-    """
-    return tuple(_stereo_groups(camera) if isinstance(camera, StereoRig) else _plenoptic_groups(camera))
-
-
-def _stereo_groups(rig: StereoRig) -> Iterator[Group]:
-    errors = rig.calibration
-    for name in ("yaw", "pitch", "roll", "baseline"):
-        source: ErrorSource = getattr(errors, name)
-        if source.standard_deviation > 0.0:
-            yield Source(name=name, distribution=_centred(source), error_class=ErrorClass.RIG)
-    if errors.focal_length.standard_deviation > 0.0:
-        names = ("left_focal_length", "right_focal_length")
-        yield _tied("focal_length", names, _centred(errors.focal_length), 1.0)
-    if errors.principal_point.standard_deviation > 0.0:
-        names = ("left_principal_point_x", "right_principal_point_x")
-        yield _tied("principal_point", names, _centred(errors.principal_point, share=0.5), -1.0)
-    noise = declared_disparity_error(rig) * rig.sensor.pixel_pitch / math.sqrt(2.0)
-    for name in ("left_pixel_noise", "right_pixel_noise"):
-        yield _measured(name, noise)
-
-
-def _plenoptic_groups(camera: FocusedPlenoptic) -> Iterator[Group]:
-    errors = camera.calibration
-    deviations = np.array([errors.mla_distance.standard_deviation, errors.focal_length.standard_deviation])
-    if errors.correlation == 0.0:
-        for name, source in (("mla_distance", errors.mla_distance), ("focal_length", errors.focal_length)):
-            if source.standard_deviation > 0.0:
-                yield Source(name=name, distribution=_centred(source), error_class=ErrorClass.RIG)
-    elif np.any(deviations > 0.0):
-        yield JointNormal.from_correlation(
-            name="mla_distance_and_focal_length",
-            parameters=("mla_distance", "focal_length"),
-            mean=np.zeros(2),
-            standard_deviation=deviations,
-            correlation=np.array([[1.0, errors.correlation], [errors.correlation, 1.0]]),
-            error_class=ErrorClass.RIG,
-        )
-    if errors.microlens_gap.standard_deviation > 0.0:
-        gap = _centred(errors.microlens_gap)
-        yield Source(name="microlens_gap", distribution=gap, error_class=ErrorClass.RIG)
-    yield _measured("pixel_noise", declared_disparity_error(camera) * camera.sensor.pixel_pitch)
-
-
-def _centred(source: ErrorSource, share: float = 1.0) -> Distribution:
-    deviation = share * source.standard_deviation
-    if source.shape == "uniform":
-        return Uniform(low=-math.sqrt(3.0) * deviation, high=math.sqrt(3.0) * deviation)
-    return Normal(mean=0.0, standard_deviation=deviation)
-
-
-def _tied(name: str, parameters: tuple[str, str], marginal: Distribution, correlation: float) -> Group:
-    return GaussianCopula(
-        name=name,
-        parameters=parameters,
-        marginals=(marginal, marginal),
-        correlation=np.array([[1.0, correlation], [correlation, 1.0]]),
-        error_class=ErrorClass.RIG,
-    )
-
-
-def _measured(name: str, deviation: float) -> Source:
-    noise = Normal(mean=0.0, standard_deviation=deviation)
-    return Source(name=name, distribution=noise, error_class=ErrorClass.MEASUREMENT)
-
-
-def declared_groups(
-    camera: StereoRig | FocusedPlenoptic, part: CameraCalibrationPart, folder: Path
-) -> tuple[Group, ...]:
+def declared_groups(camera: ExactModel, part: CameraCalibrationPart, folder: Path) -> tuple[Group, ...]:
     """All errors of a camera: its own, those of the study's calibration part, and joint ones.
 
     Raises
@@ -102,7 +26,7 @@ def declared_groups(
     OutOfRangeError
         An error is given twice, or tied in two joint distributions.
     """
-    own = own_groups(camera)
+    own = camera.declared_errors()
     given = part.errors.given()
     taken = {name for group in own for name in group.parameters}
     if repeated := sorted(taken & set(given)):

@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from tradestudy.calibration.renamed import Renamed
 from tradestudy.calibration.sources import SEPARATOR
-from tradestudy.cameras.error_models import (
-    SESSION_CHANGES,
-    Environment,
-    Errors,
-    InverseDepthReading,
-    plenoptic_reading,
-    stereo_reading,
-)
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.reading import SESSION_CHANGES, Errors, InverseDepthReading
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import Model, Outcome
 from tradestudy.uncertainty.sources import Group, Sources
@@ -84,14 +74,6 @@ def sources_of(*cameras: UncertainCamera) -> Sources:
     shared = {group.name: group for camera in cameras for group in camera.surroundings}
     own = tuple(Renamed(group=group, prefix=camera.name + SEPARATOR) for camera in cameras for group in camera.groups)
     return Sources(groups=(*own, *shared.values()))
-
-
-def reading_of(camera: StereoRig | FocusedPlenoptic, environment: Environment | None) -> Reading:
-    """The exact model of a camera of the study."""
-    read: Callable[..., InverseDepthReading] = (
-        partial(stereo_reading, camera) if isinstance(camera, StereoRig) else partial(plenoptic_reading, camera)
-    )
-    return partial(read, environment=environment)
 
 
 def short_name(name: str) -> str:

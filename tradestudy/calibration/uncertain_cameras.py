@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from tradestudy.calibration.declaration import (
@@ -19,11 +20,10 @@ from tradestudy.calibration.posteriors import (
     infer,
 )
 from tradestudy.calibration.sources import declared_groups, group_of_file, replaced, session_groups
-from tradestudy.calibration.uncertain_camera import UncertainCamera, reading_of
+from tradestudy.calibration.uncertain_camera import UncertainCamera
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.error_models import PLENOPTIC_ERRORS, STEREO_ERRORS, Environment
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.execution import Steps
 from tradestudy.uncertainty.sources import Group
 
@@ -66,15 +66,14 @@ def uncertain_cameras(
         Errors that contradict each other, a calibration that cannot be read or inferred.
     """
     uncertain: dict[str, UncertainCamera] = {}
-    designs: dict[str, StereoRig | FocusedPlenoptic] = {}
+    designs: dict[str, ExactModel] = {}
     groups_of: dict[str, tuple[Group, ...]] = {}
     asked: dict[str, TargetToInfer | CornersToInfer] = {}
     for name, of_camera in part.cameras.items():
         camera = cameras[name]
-        assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
+        assert isinstance(camera, ExactModel)  # the schema lets no other kind in
         designs[name] = camera
         if of_camera.corners is not None:
-            assert isinstance(camera, StereoRig)  # the schema lets no other kind in
             asked[name] = CornersToInfer.of(name, camera, of_camera.corners, folder, seed=part.seed)
             continue
         groups_of[name] = declared_groups(camera, of_camera, folder)
@@ -99,12 +98,11 @@ def uncertain_cameras(
         if name in calibrations:
             groups = replaced(groups, calibrations[name].group)
         if of_camera.file is not None:
-            known = STEREO_ERRORS if isinstance(camera, StereoRig) else PLENOPTIC_ERRORS
-            groups = replaced(groups, group_of_file(folder / of_camera.file, known))
+            groups = replaced(groups, group_of_file(folder / of_camera.file, camera.error_units))
         body = of_camera.body
         uncertain[name] = UncertainCamera(
             name=name,
-            reading=reading_of(camera, _environment(body, part.surroundings, wavelength)),
+            reading=partial(camera.read, environment=_environment(body, part.surroundings, wavelength)),
             groups=groups,
             surroundings=session_groups(part.surroundings, folder) if body is not None else (),
         )

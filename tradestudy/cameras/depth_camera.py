@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Literal, Protocol
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import require_positive
+from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -102,6 +106,9 @@ class UsableCriteria:
     relative_uncertainty: float | None = None
 
 
+NO_ERROR = ErrorSource(standard_deviation=0.0)
+
+
 class DisparityErrorLaw(Protocol):
     """A disparity error that follows from the picture that a camera takes at a distance.
 
@@ -135,69 +142,132 @@ class DisparityErrorLaw(Protocol):
 DisparityError = float | DisparityErrorLaw
 
 
-class DepthCamera(Protocol):
-    """A camera that measures depth by triangulation, described along its optical axis."""
+@dataclass(frozen=True, kw_only=True)
+class DepthCamera(Camera):
+    """A camera that measures depth by triangulation, described along its optical axis.
 
-    def __hash__(self) -> int:
-        """Cameras are frozen: equal ones hash alike."""
-        ...
+    Parameters
+    ----------
+    disparity_error_px
+        Standard deviation of the disparity of one measurement [samples], the same everywhere or by a law.
+    discrimination_step_px
+        The disparity step of the depth discrimination [samples].
+    expansion
+        Standard deviation of the relative change of the length that depth rests on with temperature since the
+        calibration.
+
+    Raises
+    ------
+    OutOfRangeError
+        For an error or a step that is not positive, or an impossible expansion.
+    """
+
+    method: ClassVar[Method]
+    """How depth follows from its pictures, for readers of a report."""
+    pictured_by_microlenses: ClassVar[bool] = False
+    """Whether microlenses blur the picture that is matched."""
+
+    disparity_error_px: DisparityError
+    discrimination_step_px: float
+    expansion: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_disparity_error(self.disparity_error_px)
+        require_positive("discrimination step", self.discrimination_step_px, "px")
+        require_expansion(self.expansion)
 
     @property
-    def family(self) -> Literal["plenoptic", "stereo"]:
-        """Which of the two ideas it is."""
-        ...
+    def sample_pitch(self) -> float:
+        """Distance of neighbouring samples that disparities count in [m]: the pixel pitch unless the kind differs."""
+        return self.sensor.pixel_pitch
 
-    @property
-    def disparity_error_px(self) -> DisparityError:
-        """Standard deviation of the disparity of one measurement [px], the same everywhere or by a law."""
-        ...
-
-    def images(self, distance: ArrayLike) -> BoolArray:
-        """Where objects are imaged at all: beyond the focal length."""
-        ...
-
+    @abstractmethod
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """The disparity that the estimator uses [m on the sensor], signed; it falls with distance."""
-        ...
 
+    @abstractmethod
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
         """What the disparity [m] of the estimator, as it is set up at a distance, would be for a point at infinity."""
-        ...
 
+    @abstractmethod
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
         """The depth [m] that the estimator, as it is set up at a true distance, reads from a disparity [m].
 
         It falls with disparity; +infinity at and beyond the disparity of infinity.
         """
-        ...
 
-    def disparity_px(self, distance: ArrayLike) -> FloatArray:
-        """The disparity that the estimator uses [px], signed."""
-        ...
-
-    def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Change of true depth [m] that moves the disparity by the declared step, towards and away from the camera."""
-        ...
-
+    @abstractmethod
     def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
         """The independent parts of the depth error, each to first order in disparity."""
-        ...
 
+    @abstractmethod
     def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
         """The exact depth [m] that is reported for a true distance under given errors; +infinity beyond the pole."""
-        ...
 
+    @abstractmethod
     def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """For each part, the independent one-deviation errors it is made of, as `depth_with_errors` takes them."""
-        ...
 
+    @abstractmethod
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
-        """Baseline [m] of the stereo rig with the same focal length and disparity error that measures as well."""
-        ...
+        """Baseline [m] of the parallel pair of the same focal length and disparity error that measures as well."""
+
+    @abstractmethod
+    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
+        """Geometric blur [samples] of the least sharp picture that the estimator needs."""
+
+    @abstractmethod
+    def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
+        """Where and how large it pictures objects at distances [m]: what blur, noise and window depend on."""
+
+    @abstractmethod
+    def without_calibration_errors(self) -> Self:
+        """The same camera, perfectly calibrated."""
+
+    def as_pictured(self) -> Self:
+        """The camera without what its picture does not know of: its calibration, and how its errors are found."""
+        return replace(self.without_calibration_errors(), disparity_error_px=1.0, expansion=0.0)
+
+    def images(self, distance: ArrayLike) -> BoolArray:
+        """Where an object lies beyond the focal length, so that a real image of it is formed."""
+        return np.asarray(np.asarray(distance, dtype=np.float64) > self.gathering_lens.focal_length)
+
+    def disparity_px(self, distance: ArrayLike) -> FloatArray:
+        """The disparity that the estimator uses [samples], signed."""
+        return self.disparity(distance) / self.sample_pitch
+
+    def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Change of true depth [m] that moves the disparity by the declared step, towards and away from the camera.
+
+        The estimator stays as it is set up at the distance. The second may be infinite: a step beyond the disparity of
+        infinity ends where the disparity tends to before it.
+        """
+        a = np.asarray(distance, dtype=np.float64)
+        d, step = self.disparity(a), self.discrimination_step_px * self.sample_pitch
+        return a - self.depth_of_disparity(d + step, a), self.depth_of_disparity(d - step, a) - a
+
+    def virtual_depth(self, distance: ArrayLike) -> FloatArray:
+        """a_L/b_L behind microlenses; NaN for a camera without."""
+        return np.full(np.shape(distance), np.nan)
 
     def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """The geometric conditions of the usable range at the distances asked for."""
-        ...
+        """The geometric conditions of the usable range at distances [m], as far as the criteria ask for them."""
+        a = np.asarray(distance, dtype=np.float64)
+        found = {"real_image": Limit(value=a, bound=self.gathering_lens.focal_length, met=self.images(a))}
+        found |= self.limits_of_kind(a, criteria)
+        if criteria.blur_px is not None:
+            value = self.estimator_blur_px(a)
+            found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
+        if criteria.disparity_step_px is not None:
+            value = (self.disparity(a) - self.disparity_of_infinity(a)) / self.sample_pitch
+            found["last_disparity_step"] = Limit(
+                value=value, bound=criteria.disparity_step_px, met=value > criteria.disparity_step_px
+            )
+        return found
+
+    def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:  # noqa: ARG002 - none unless the kind has some
+        """The conditions that only cameras of this kind have."""
+        return {}
 
 
 def disparity_error_at(camera: DepthCamera, distance: ArrayLike) -> FloatArray:

@@ -25,7 +25,6 @@ from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.execution.progress import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.acting import AnyDepthCamera
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import Outcome
@@ -297,7 +296,7 @@ def _with_known_errors(camera: DepthCamera, distance: FloatArray) -> DepthCamera
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return camera
-    assert isinstance(camera, AnyDepthCamera)  # no others are pictured
+    assert isinstance(camera, DepthCamera)  # no others are pictured
     found = law.error_px(camera, distance)
     known = _KnownDisparityError(
         settings=law.settings, models=law.models, distance=tuple(distance.tolist()), known_px=tuple(found.tolist())

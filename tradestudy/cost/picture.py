@@ -13,6 +13,7 @@ import numpy as np
 from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.analysis.usable import all_met, evaluate_limits
+from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.entries import NOWHERE_USABLE, Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, entry_of, measure
 from tradestudy.cost.picture_reference import reference_error_px
@@ -21,10 +22,9 @@ from tradestudy.effects.selection import Selection
 from tradestudy.errors import TradestudyError, UnaffordableError
 from tradestudy.execution.progress import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.situations.situation import Situation
-from tradestudy.study.acting import AnyDepthCamera, acting
+from tradestudy.study.acting import acting
 from tradestudy.study.definition import StudyDefinition
 
 TITLES: Final[Mapping[str, str]] = {
@@ -83,7 +83,7 @@ def picture_cost(
         Without entries where the camera is usable at no distance of the study, or the time does not allow a reference.
     """
     camera = definition.case.cameras[situation.name]
-    assert isinstance(camera, AnyDepthCamera)  # a situation of depth has no other
+    assert isinstance(camera, DepthCamera)  # a situation of depth has no other
     chosen = acting(camera, _names(selection))
     places = _places(definition, chosen)
     step = f"cost: {name}"
@@ -148,7 +148,7 @@ def _names(selection: Selection) -> Names:
     return {slot: model.name for slot, model in selection.chosen.items()}
 
 
-def _places(definition: StudyDefinition, camera: AnyDepthCamera) -> FloatArray:
+def _places(definition: StudyDefinition, camera: DepthCamera) -> FloatArray:
     """Some of the study's distances where the camera is usable and its uncertainty finite."""
     case = definition.case
     usable = all_met(evaluate_limits(camera, case.criteria, case.distance), case.distance.shape)
@@ -159,12 +159,12 @@ def _places(definition: StudyDefinition, camera: AnyDepthCamera) -> FloatArray:
     return np.asarray(places[np.unique(np.abs(places[:, None] - wanted).argmin(axis=0))])
 
 
-def _reference(camera: AnyDepthCamera, places: FloatArray, allowance: Allowance) -> _Reference:
+def _reference(camera: DepthCamera, places: FloatArray, allowance: Allowance) -> _Reference:
     """Raise `UnaffordableError` where the time, or what a picture asks for, does not allow one."""
     law = camera.disparity_error_px
     assert isinstance(law, PictureDisparityError)  # its situation has a picture
     begin = time.perf_counter()
-    geometry = picture_geometry(camera, places)
+    geometry = camera.picture_geometry(places)
     found: list[tuple[FloatArray, FloatArray]] = []
     for k in range(places.size):
         found.append(reference_error_px(geometry.at(np.array([k])), law.settings))
@@ -189,7 +189,7 @@ def _reference(camera: AnyDepthCamera, places: FloatArray, allowance: Allowance)
     )
 
 
-def _uncertainty(camera: AnyDepthCamera, places: FloatArray, error_px: FloatArray) -> FloatArray:
+def _uncertainty(camera: DepthCamera, places: FloatArray, error_px: FloatArray) -> FloatArray:
     """Of a camera that has these disparity errors [px] at these places [m]; NaN where they are no numbers."""
     found = [
         depth_uncertainty(replace(camera, disparity_error_px=float(error)), places[k : k + 1])[0]
@@ -200,9 +200,9 @@ def _uncertainty(camera: AnyDepthCamera, places: FloatArray, error_px: FloatArra
     return np.array(found)
 
 
-def _sets(camera: AnyDepthCamera, situation: Situation, selection: Selection) -> Iterator[tuple[Names, AnyDepthCamera]]:
+def _sets(camera: DepthCamera, situation: Situation, selection: Selection) -> Iterator[tuple[Names, DepthCamera]]:
     """Sets of models, each with the camera in which they act; sets that make the same camera stand once."""
-    seen: set[AnyDepthCamera] = set()
+    seen: set[DepthCamera] = set()
     for names in (*_ladder(situation), *_omissions(situation), _names(selection), *_preferred(situation)):
         one = acting(camera, names)
         if one not in seen:

@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.errors import UnaffordableError
 from tradestudy.imaging.crosstalk import neighbours_share
-from tradestudy.imaging.geometry import LensStage, PictureGeometry
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
 from tradestudy.imaging.models import PictureSettings
 from tradestudy.imaging.noise import mean_electrons, noise_variance

@@ -16,8 +16,7 @@ from tradestudy.calibration.posteriors import group_of_sample, target_problem
 from tradestudy.calibration.sources import declared_groups
 from tradestudy.calibration.target.target_inference import TargetProblem, fit_target, sample_target
 from tradestudy.calibration.uncertain_camera import UncertainCamera
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cost.depth import fixed_sampling
 from tradestudy.cost.entries import Entry, Measured, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, entry_of, measure
@@ -142,7 +141,7 @@ def _stride(count: int) -> int:
 def _problem(definition: StudyDefinition, part: CalibrationStudyPart, name: str, target: TargetPart) -> TargetProblem:
     """The same observations as those of a run."""
     camera = definition.case.cameras[name]
-    assert isinstance(camera, StereoRig | FocusedPlenoptic)  # the schema lets no other kind in
+    assert isinstance(camera, ExactModel)  # the schema lets no other kind in
     folder = definition.folder_of(("calibration", "cameras", name))
     groups = declared_groups(camera, part.cameras[name], folder)
     return target_problem(name, camera, groups, target, seed=part.seed)[0]

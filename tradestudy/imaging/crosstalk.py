@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.imaging.geometry import PictureGeometry, column
+from tradestudy.cameras.picture_geometry import PictureGeometry, column
 from tradestudy.imaging.transfer import airy_transfer, disc_transfer
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
-from tradestudy.cameras.stereo import StereoCalibration, StereoRig
-from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
-from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.picture import (
     LARGEST_ERROR_PX,
@@ -59,18 +54,18 @@ class PictureDisparityError:
 
     def derived(self, camera: DepthCamera, distance: ArrayLike) -> DerivedDisparityError:
         """The bound with its numerical error and the conditions that it breaks, over the distances in one row."""
-        return disparity_error_px(picture_geometry(camera, np.ravel(distance)), self.settings, self.models)
+        return disparity_error_px(camera.picture_geometry(np.ravel(distance)), self.settings, self.models)
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Where a matcher can reach the bound: all of its conditions hold, not only that on the value shown."""
         value, shape = self._bound(camera, distance), np.shape(distance)
-        broken = violated_conditions(picture_geometry(camera, np.ravel(distance)), self.settings, value)
+        broken = violated_conditions(camera.picture_geometry(np.ravel(distance)), self.settings, value)
         met = ~np.any(list(broken.values()), axis=0)
         return Limit(value=value.reshape(shape), bound=LARGEST_ERROR_PX, met=met.reshape(shape))
 
     def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """By how much the nearest condition of `limit` holds; negative where one is broken, NaN without a picture."""
-        found = matching_margin(picture_geometry(camera, np.ravel(distance)), self.settings, self.models)
+        found = matching_margin(camera.picture_geometry(np.ravel(distance)), self.settings, self.models)
         return found.reshape(np.shape(distance))
 
     def broken_conditions(self, camera: DepthCamera, distance: float) -> tuple[str, ...]:
@@ -79,28 +74,17 @@ class PictureDisparityError:
 
     def saturation(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Electrons of the brightest texture over the full well: at most 1."""
-        share = filled_share(picture_geometry(camera, np.asarray(distance)), self.settings, self.models)
+        share = filled_share(camera.picture_geometry(np.asarray(distance)), self.settings, self.models)
         return Limit(value=share, bound=1.0, met=share <= 1.0)
 
     def _bound(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """In one row; infinite where the picture shows nothing."""
         a = np.ascontiguousarray(distance, dtype=np.float64)
-        return _bound_px(_as_pictured(camera), self.settings, self.models, a.tobytes())
-
-
-def _as_pictured(camera: DepthCamera) -> DepthCamera:
-    """The camera without what its picture does not know of: how well it is calibrated, and how its errors are found."""
-    match camera:
-        case StereoRig():
-            return replace(camera, disparity_error_px=1.0, calibration=StereoCalibration(), expansion=0.0)
-        case FocusedPlenoptic() | UnfocusedPlenoptic():
-            return replace(camera, disparity_error_px=1.0, calibration=PlenopticCalibration(), expansion=0.0)
-        case _:
-            return camera  # picture_geometry says that it knows no picture of it
+        return _bound_px(camera.as_pictured(), self.settings, self.models, a.tobytes())
 
 
 @lru_cache(maxsize=_REMEMBERED)
 def _bound_px(camera: DepthCamera, settings: PictureSettings, models: PictureModels, distance: bytes) -> FloatArray:
-    found = disparity_bound_px(picture_geometry(camera, np.frombuffer(distance)), settings, models)
+    found = disparity_bound_px(camera.picture_geometry(np.frombuffer(distance)), settings, models)
     found.setflags(write=False)
     return found

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.imaging.geometry import PictureGeometry
+from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.picture import LitModels, bounds_and_errors_px
 from tradestudy.optics.arrays import FloatArray

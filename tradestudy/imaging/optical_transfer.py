@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
-from tradestudy.imaging.geometry import LensStage, PictureGeometry
+from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
 from tradestudy.imaging.transfer import (
     airy_transfer,

@@ -13,9 +13,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.imaging.aliasing import REPLICAS, alias_radii, alias_weights, ring_weights
 from tradestudy.imaging.crosstalk import neighbours_share
-from tradestudy.imaging.geometry import PictureGeometry
 from tradestudy.imaging.matching_bound import BandNodes, matching_bound_px
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import mean_electrons, noise_variance

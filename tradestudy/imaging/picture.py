@@ -19,8 +19,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.geometry import PictureGeometry
 from tradestudy.imaging.matching_bound import BandNodes, band_nodes
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.passed_texture import PassedTexture, TextureBand, picture_electrons

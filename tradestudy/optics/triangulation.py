@@ -140,6 +140,33 @@ def stereo_disparity(
     return np.asarray(2.0 * np.asarray(focal_length, dtype=np.float64) * (half - t) / (1.0 + half * t))
 
 
+def inverse_depth_on_ray(
+    ray_x: ArrayLike, ray_z: ArrayLike, slope: ArrayLike, moved_x: ArrayLike, moved_z: ArrayLike
+) -> FloatArray:
+    """Inverse depth of a point on a ray by the slope at which a second camera sees it: the law of every stereo pair.
+
+    A point at depth Z on the ray ``Z (a_x, a_y, a_z)`` of the first camera is seen by the second one, t away from it,
+    at the slope ``r = (Z a_x + t_x)/(Z a_z + t_z)``, hence ``1/Z = (r a_z − a_x)/(t_x − r t_z)``.
+
+    Parameters
+    ----------
+    ray_x, ray_z
+        Components of the ray along the baseline and along the axis, in a frame of the axes of the second camera; Z
+        counts in the length of (a_x, a_y, a_z) per unit depth, so that a_z = 1 makes it the depth in that frame.
+    slope
+        r, x over z of the second ray in the same frame.
+    moved_x, moved_z
+        Components of t [m], from the second camera to the first.
+
+    Returns
+    -------
+    FloatArray
+        [1/m]; zero at infinity and negative for rays that diverge.
+    """
+    r, a_x, a_z, t_x, t_z = (np.asarray(value, dtype=np.float64) for value in (slope, ray_x, ray_z, moved_x, moved_z))
+    return np.asarray((r * a_z - a_x) / (t_x - r * t_z))
+
+
 def stereo_inverse_depth(
     disparity: ArrayLike,
     baseline: ArrayLike,
@@ -153,7 +180,8 @@ def stereo_inverse_depth(
     """
     half = np.asarray(disparity, dtype=np.float64) / (2.0 * np.asarray(focal_length, dtype=np.float64))
     t = np.tan(np.asarray(convergence_angle, dtype=np.float64) / 2.0)
-    return np.asarray(2.0 / np.asarray(baseline, dtype=np.float64) * (half + t) / (1.0 - half * t))
+    slope = (half + t) / (1.0 - half * t)  # of the left ray; the right one mirrors it
+    return inverse_depth_on_ray(slope, 1.0, -slope, -np.asarray(baseline, dtype=np.float64), 0.0)
 
 
 def stereo_depth(

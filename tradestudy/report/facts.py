@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -79,6 +80,13 @@ def depth_titles(tree: xr.DataTree) -> dict[str, str]:
     """Get the titles of the cameras that measure depth."""
     measured = {str(key) for key in dataset(tree, "depth")["camera"].values}
     return {key: title for key, title in titles(tree).items() if key in measured}
+
+
+def method_of_cameras(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
+    """Get how each camera that measures depth finds it, by its key."""
+    cameras = dataset(tree, "cameras")
+    written = zip(cameras["camera"].values, cameras["method"].values, strict=True)
+    return {str(key): json.loads(str(method)) for key, method in written if method}
 
 
 def families(tree: xr.DataTree) -> dict[str, str]:

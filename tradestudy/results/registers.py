@@ -10,7 +10,8 @@ from tradestudy.results.variable import Variable
 CAMERAS: Final[Mapping[str, Variable]] = {
     "title": Variable(dims=("camera",), units="", long_name="name in figures and tables"),
     "kind": Variable(dims=("camera",), units="", long_name="kind of camera"),
-    "family": Variable(dims=("camera",), units="", long_name="plenoptic, stereo or conventional"),
+    "family": Variable(dims=("camera",), units="", long_name="idea that cameras of one family share"),
+    "method": Variable(dims=("camera",), units="", long_name="how its pictures give depth, in JSON"),
     "note": Variable(dims=("camera",), units="", long_name="what a reader should know about it"),
     "property_value": Variable(dims=("property",), units="", long_name="a derived value, with its unit"),
     "property_camera": Variable(dims=("property",), units="", long_name="camera that the value belongs to"),

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from tradestudy.execution.progress import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.optical_transfer import kirchhoff_points
 from tradestudy.imaging.transfer.kirchhoff import kirchhoff_correction
 from tradestudy.study.definition import StudyDefinition
@@ -21,7 +20,7 @@ def compute_kirchhoff_pictures(definition: StudyDefinition, progress: Progress) 
         point
         for camera in definition.case.cameras.values()
         if isinstance(law := camera.disparity_error_px, PictureDisparityError)
-        for point in kirchhoff_points(picture_geometry(camera, definition.case.distance), law.settings, law.models)
+        for point in kirchhoff_points(camera.picture_geometry(definition.case.distance), law.settings, law.models)
     )
     for number, point in enumerate(points):
         progress(STEP, number / len(points))

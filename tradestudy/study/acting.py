@@ -6,15 +6,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
-from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
-from tradestudy.cameras.stereo import StereoCalibration, StereoRig
-from tradestudy.cameras.unfocused_plenoptic import UnfocusedPlenoptic
+from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.effects.base import OFF, SlotName
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
 
-AnyDepthCamera = StereoRig | FocusedPlenoptic | UnfocusedPlenoptic
 Models = Mapping[SlotName, str]
 
 # What the picture calls it where a slot is off; the other models have one name.
@@ -43,7 +39,7 @@ def in_closed_form(chosen: Models) -> dict[SlotName, str]:
     return {slot: "fresnel" if name == "kirchhoff" else name for slot, name in chosen.items()}
 
 
-def acting(camera: AnyDepthCamera, chosen: Models) -> AnyDepthCamera:
+def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
     """The camera with the chosen models in place of what it declares; nothing chosen leaves it as it is."""
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):
@@ -52,6 +48,4 @@ def acting(camera: AnyDepthCamera, chosen: Models) -> AnyDepthCamera:
         camera = replace(camera, expansion=0.0)
     if chosen.get("calibration") != OFF:
         return camera
-    if isinstance(camera, StereoRig):
-        return replace(camera, calibration=StereoCalibration())
-    return replace(camera, calibration=PlenopticCalibration())
+    return camera.without_calibration_errors()

@@ -13,14 +13,13 @@ import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.conventional import ConventionalCamera
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
-from tradestudy.study.assemble import AnyCamera, camera_of, criteria_of, picture_of, with_expansion
+from tradestudy.study.assemble import camera_of, criteria_of
 from tradestudy.study.reader import Document, validate, with_values
-from tradestudy.study.schema.cameras import ConventionalPart
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
@@ -92,17 +91,14 @@ class StudyDefinition:
     @cached_property
     def case(self) -> Case:
         """The cameras, built; every one that cannot be is reported."""
-        cameras: dict[str, AnyCamera] = {}
+        cameras: dict[str, Camera] = {}
         problems = self._problems_of_derived_errors()
         if problems:
             raise StudyError(problems)
         scene = self.file.scene
-        picture = None if scene is None or scene.picture is None else picture_of(scene.picture, scene.wavelength)
         for name, part in self.file.cameras.items():
             try:
-                cameras[name] = with_expansion(
-                    camera_of(part, picture), part, None if scene is None else scene.temperature
-                )
+                cameras[name] = camera_of(part, scene)
             except TradestudyError as error:
                 file, line, column = self.document.locate(("cameras", name))
                 problems.append(Problem(file=file, line=line, column=column, path=f"cameras.{name}", what=str(error)))
@@ -112,7 +108,7 @@ class StudyDefinition:
             cameras={
                 name: acting(camera, self.models.get(name, {}))
                 for name, camera in cameras.items()
-                if not isinstance(camera, ConventionalCamera)
+                if isinstance(camera, DepthCamera)
             },
             all_cameras=cameras,
             criteria=criteria_of(self.file.usable),
@@ -128,7 +124,7 @@ class StudyDefinition:
         uncertain = {} if self.file.calibration is None else self.file.calibration.cameras
         problems: list[Problem] = []
         for name, part in self.file.cameras.items():
-            if isinstance(part, ConventionalPart) or part.depth.declared_error_px is not None:
+            if not isinstance(part, DepthCameraDeclaration) or part.depth.declared_error_px is not None:
                 continue
             path: tuple[str, ...] = ("cameras", name, "depth", "disparity_error")
             if missing:

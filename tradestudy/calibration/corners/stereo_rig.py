@@ -7,6 +7,7 @@ import numpy as np
 from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.triangulation import inverse_depth_on_ray
 
 
 def observe_pair(shared: FloatArray, points: FloatArray) -> FloatArray:
@@ -32,8 +33,8 @@ def observe_pair(shared: FloatArray, points: FloatArray) -> FloatArray:
 def inverse_depth(shared: FloatArray, seen: FloatArray) -> FloatArray:
     """Inverse depth of points from their coordinates in both images, by disparity only.
 
-    On the left ray Z d, the right camera sees the slope x_r = (Z a_x + t_x)/(Z a_z + t_z) with a = R d, hence
-    1/Z = (x_r a_z − a_x)/(t_x − x_r t_z). The right y coordinate takes no part.
+    The left ray Z d is Z R d in the axes of the right camera; see `inverse_depth_on_ray`. The right y coordinate takes
+    no part.
 
     Parameters
     ----------
@@ -52,7 +53,8 @@ def inverse_depth(shared: FloatArray, seen: FloatArray) -> FloatArray:
     right = ray_slopes(shared[..., RIGHT], seen[..., 2:])[..., 0]
     ray = np.concatenate([left, np.ones_like(left[..., :1])], axis=-1)
     turned = ray @ np.swapaxes(rotation_matrix(shared[..., 12:15]), -1, -2)
-    return (right * turned[..., 2] - turned[..., 0]) / (shared[..., 15, None] - right * shared[..., 17, None])
+    moved_x, moved_z = shared[..., 15, None], shared[..., 17, None]
+    return inverse_depth_on_ray(turned[..., 0], turned[..., 2], right, moved_x, moved_z)
 
 
 def depth_of_draws(shared: FloatArray, draws: FloatArray, distances: FloatArray) -> FloatArray:

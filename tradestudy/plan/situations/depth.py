@@ -13,7 +13,8 @@ import numpy as np
 
 from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
 from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_stretches
-from tradestudy.cameras.depth_camera import Limit, UsableCriteria, declared_disparity_error
+from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, declared_disparity_error
+from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.effects.base import OFF, Criterion, Slot, SlotName
 from tradestudy.effects.calibration import calibration_slot
 from tradestudy.effects.picture.criteria import (
@@ -31,12 +32,11 @@ from tradestudy.effects.picture.trial import MARGIN, Worst
 from tradestudy.effects.temperature import temperature_slot
 from tradestudy.effects.unused import declared_reason, unused_slots
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.plan.situations.pictures import PictureCase, picture_slots, worst_at, worst_of
 from tradestudy.plan.situations.situation import Situation
-from tradestudy.study.acting import AnyDepthCamera, acting, in_closed_form
+from tradestudy.study.acting import acting, in_closed_form
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.expectations import question_ends
 from tradestudy.study.sweep import SweepAxis, sweep_axes
@@ -69,7 +69,7 @@ _SECONDS_PER_DISTANCE: Final = 4e-5
 class _Variant:
     """A camera as one reading or one design of the study has it."""
 
-    camera: AnyDepthCamera
+    camera: DepthCamera
     criteria: UsableCriteria
     distance: FloatArray
     asked: tuple[float, ...]
@@ -77,7 +77,7 @@ class _Variant:
     forced: Mapping[SlotName, str]
 
     @cached_property
-    def as_forced(self) -> AnyDepthCamera:
+    def as_forced(self) -> DepthCamera:
         """The camera without the calibration errors or the expansion that the study insists on leaving out."""
         return acting(self.camera, {slot: self.forced[slot] for slot in _LENGTHS if slot in self.forced})
 
@@ -158,7 +158,7 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
     camera = definition.case.cameras.get(name)
     if camera is None:  # a reading may replace it by one that measures no depth
         return None
-    assert isinstance(camera, AnyDepthCamera)  # a case holds no others
+    assert isinstance(camera, DepthCamera)  # a case holds no others
     distance, file = definition.case.distance, definition.file
     most = _MOST_DERIVED if isinstance(camera.disparity_error_px, PictureDisparityError) else _MOST_DISTANCES
     step = max(1, -(-distance.size // most))
@@ -177,7 +177,7 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
     )
 
 
-def _applicable(camera: AnyDepthCamera, forced: Mapping[SlotName, str]) -> dict[SlotName, str]:
+def _applicable(camera: DepthCamera, forced: Mapping[SlotName, str]) -> dict[SlotName, str]:
     """The forced models that a camera has: not of microlenses without them, nor of a spectrum that is not declared.
 
     Nor those that are for spots: the boundary wave, for transfer functions have Fresnel's law in closed form, and
@@ -234,7 +234,7 @@ def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, Criterion]:
     """
     anywhere = any(variant.usable.any() for variant in variants)
     pictures = [(one, one.distance[one.usable] if anywhere else one.imaged) for one in variants]
-    seen = [(one, places, picture_geometry(one.camera, places)) for one, places in pictures if places.size]
+    seen = [(one, places, one.camera.picture_geometry(places)) for one, places in pictures if places.size]
 
     def strongest(size: Callable[[PictureGeometry, float], FloatArray]) -> Worst:
         return worst_of(worst_at(places, size(geometry, one.wavelength)) for one, places, geometry in seen)
@@ -320,7 +320,7 @@ def _in_focus(variant: _Variant) -> FloatArray:
     distance = variant.distance[variant.usable]
     if not distance.size:
         return distance
-    blur = np.pad(picture_geometry(variant.camera, distance).blur_px, 1, constant_values=math.inf)
+    blur = np.pad(variant.camera.picture_geometry(distance).blur_px, 1, constant_values=math.inf)
     return distance[(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from tradestudy.analysis.depth import DepthErrors
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.effects.base import Slot, SlotName
 from tradestudy.effects.picture.crosstalk import crosstalk
 from tradestudy.effects.picture.defocus_blur import defocus_blur
@@ -23,7 +24,6 @@ from tradestudy.effects.picture.source_extent import source_extent
 from tradestudy.effects.picture.spectrum import spectrum
 from tradestudy.effects.picture.trial import PictureTrial, Worst
 from tradestudy.effects.picture.vignetting import vignetting
-from tradestudy.imaging.geometry import LensStage, PictureGeometry, picture_geometry
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.noise import mean_electrons, noise_variance
 from tradestudy.imaging.optical_transfer import kirchhoff_defocus
@@ -71,7 +71,7 @@ class PictureCase:
     @cached_property
     def geometry(self) -> PictureGeometry:
         """At the places."""
-        return picture_geometry(self.camera, self.places)
+        return self.camera.picture_geometry(self.places)
 
     @property
     def complete(self) -> PictureModels:
@@ -231,7 +231,7 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
     def seconds(name: str) -> float:
         return _SECONDS_PER_DISTANCE.get(name, 0.0) * asked
 
-    pictured = [(case.settings, picture_geometry(case.camera, case.shown)) for case in cases]
+    pictured = [(case.settings, case.camera.picture_geometry(case.shown)) for case in cases]
 
     trial = PictureTrial(
         change=lambda slot, name: worst(lambda case: case.change(slot, name)),

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 from tradestudy.report import facts
 from tradestudy.report.document import Block, Bullets, Equation, Heading, Paragraph, say
@@ -16,14 +16,10 @@ def method(tree: xr.DataTree) -> Iterator[Block]:
     """Write the method, for the kinds of camera that the study has."""
     if not facts.has(tree, "depth"):
         return
-    kinds = {str(kind) for kind in facts.dataset(tree, "cameras")["kind"].values}
     yield Heading(text="Method", anchor="method")
-    if "focused-plenoptic" in kinds:
-        yield from _plenoptic()
-    if "unfocused-plenoptic" in kinds:
-        yield from _unfocused_plenoptic()
-    if "stereo" in kinds:
-        yield from _stereo()
+    methods = {method["name"]: method for method in facts.method_of_cameras(tree).values()}
+    for method in methods.values():
+        yield from _of_camera(method)
     yield from _uncertainty()
     derived = "matching" in _limits_in_use(tree)
     if derived:
@@ -59,87 +55,14 @@ def _derived_disparity(needs: str) -> Iterator[Block]:
     )
 
 
-def _plenoptic() -> Iterator[Block]:
-    yield Heading(text="Depth from a focused plenoptic camera", anchor="method-plenoptic", level=2)
-    yield Paragraph(
-        say(
-            "The main lens (focal length *f*~M~) images a point at distance *a*~M~ in front of or behind the "
-            "microlens array at distance *z*; every microlens that sees this image repeats it on the detector, a "
-            "gap *b*~L~ behind the array. The virtual depth *v* = *a*~L~/*b*~L~ is positive for a Keplerian relay "
-            "(image before the array) and negative for a Galilean one. Micro-image coordinates σ count from the "
-            "centre of their own microlens."
-        )
-    )
-    yield Equation(
-        typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
-        alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the "
-        "two microlens centres over the difference of the two micro-image coordinates.",
-        reference="paper, eq. 8",
-    )
-    yield Paragraph(
-        say(
-            "It is evaluated through the focus shift *s* = *f*~M~²/(*a*~M~ − *f*~M~), an inverse depth that loses "
-            "no digits at large distances. An error of the virtual depth and errors of *z* and *f*~M~ move depth by"
-        )
-    )
-    yield Equation(
-        typst="sigma_(a_M) = ((a_M - f_M) / f_M)^2 b_L sigma_v, quad"
-        " (partial a_M) / (partial z) = -((a_M - f_M) / f_M)^2, quad"
-        " (partial a_M) / (partial f_M) = (a_M / f_M)^2",
-        alt="The standard deviation of a M equals the square of a M minus f M over f M, times b L, times the "
-        "standard deviation of v. The derivative of a M with respect to z is minus the square of a M minus f M over "
-        "f M; with respect to f M it is the square of a M over f M.",
-    )
-    yield Paragraph(
-        say(
-            "The last two have opposite signs: what matters is *z* − *f*~M~, so both are drawn jointly. How the "
-            "error of one disparity becomes that of *v* depends on the declared estimator: it grows with *v*² for "
-            "an adjacent pair (of any lenses, or of the same type), with *v* for the widest pair, and stays flat "
-            "for all lenses in least squares."
-        )
-    )
-
-
-def _unfocused_plenoptic() -> Iterator[Block]:
-    yield Heading(text="Depth from an unfocused plenoptic camera", anchor="method-unfocused", level=2)
-    yield Paragraph(
-        say(
-            "The main lens images the plane of focus, at *a*~0~, onto the array at *z*, and each pixel under a "
-            "microlens sees through its own part of the pupil. Two views whose parts are Δ*u* apart show a point at "
-            "distance *a* shifted by *d* on the array: a stereo rig inside one lens, whose sample is a microlens and "
-            "not a pixel. Errors of disparity count in microlenses accordingly."
-        )
-    )
-    yield Equation(
-        typst="d = Delta u thin z (1/a - 1/a_0), quad 1/a = 1/f_M - 1/z + d / (Delta u thin z)",
-        alt="d equals delta u times z times the quantity one over a minus one over a zero. One over a equals one over "
-        "f M minus one over z plus d over delta u z.",
-    )
-
-
-def _stereo() -> Iterator[Block]:
-    yield Heading(text="Depth from a stereo rig", anchor="method-stereo", level=2)
-    yield Paragraph(
-        say(
-            "Two cameras of principal distance *c*, a baseline *B* apart, see a point at distance *Z* with disparity "
-            "*d*; a yaw ψ between them adds *c*ψ to the disparity."
-        )
-    )
-    yield Equation(
-        typst="Z = (c B) / d, quad delta Z = Z^2 / (c B) thin delta d, quad delta Z approx Z^2 / B (1 + x^2 / c^2) psi",
-        alt="Z equals c times B over d. The change of Z equals Z squared over c B times the change of d. A yaw psi "
-        "changes Z by about Z squared over B, times one plus x squared over c squared, times psi.",
-    )
-    yield Paragraph(
-        say(
-            "These linear forms explain the sizes; the numbers come from the exact law, which has a pole where the "
-            "yaw eats the whole disparity, at *Z* = *B*/ψ. The overlap of the two fields of view, 1 − *B*/*W* with "
-            "*W* = 2 *Z* tan(FOV/2), bounds the near range. *c* is the distance of the sensor behind the lens: the "
-            "focal length *f*, as where that comes from a calibration in pixels, or, where the study says “focused”, "
-            "the image distance of a thin lens focused at *a*, *c* = *f* *a*/(*a*\u00a0−\u00a0*f*). The table of the "
-            "cameras states *c* beside that image distance, which is longer than *f* by the share *f*/(*a* − *f*)."
-        )
-    )
+def _of_camera(method: Mapping[str, Any]) -> Iterator[Block]:
+    """The statements and laws of one kind of camera, as the results carry them."""
+    yield Heading(text=method["title"], anchor=f"method-{method['name']}", level=2)
+    for statement in method["statements"]:
+        if isinstance(statement, str):
+            yield Paragraph(say(statement))
+        else:
+            yield Equation(**statement)
 
 
 def _uncertainty() -> Iterator[Block]:

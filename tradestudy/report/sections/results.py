@@ -184,7 +184,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
             "Equivalent baseline: that of the stereo rig which, with the same focal length and disparity error, "
             "measures as well.",
             length,
-            _converging_note(tree, depth),
+            _baseline_note(tree, depth),
         )
     yield table(
         "failed-table",
@@ -194,21 +194,16 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     )
 
 
-def _converging_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
-    """Why a rig is not equivalent to its own baseline, for studies that have one whose axes converge."""
-    families = facts.families(tree)
-    rigs = [key for key in facts.depth_titles(tree) if families[key] == "stereo"]
-    values = depth["equivalent_baseline"].sel(camera=rigs)
-    spread = values.max("distance") - values.min("distance")
-    if not bool((spread > _NEGLIGIBLE_SHARE * values.max("distance")).any()):
-        return ()
-    return (
-        say(
-            "The rig of reference has parallel axes. Converging ones at a baseline *B* measure as well as parallel "
-            "ones at *B* (1 + *x*²/*c*²)/(1 + *B*²/4*Z*²), with *x* half the disparity: where the axes meet, *x* = 0, "
-            "that is less than *B*, because the lines of sight are longer than the distance *Z*."
-        ),
-    )
+def _baseline_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
+    """Why a camera is not equivalent to its own baseline, for studies in which that of one changes with distance."""
+    notes: dict[str, None] = {}
+    for key, method in facts.method_of_cameras(tree).items():
+        if note := method["baseline_note"]:
+            values = depth["equivalent_baseline"].sel(camera=key)
+            spread = values.max("distance") - values.min("distance")
+            if bool((spread > _NEGLIGIBLE_SHARE * values.max("distance")).any()):
+                notes[note] = None
+    return tuple(say(note) for note in notes)
 
 
 def _step(nearer: float, farther: float) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
@@ -12,14 +11,11 @@ import xarray as xr
 
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
-from tradestudy.cameras.focused_plenoptic import FocusedPlenoptic
 from tradestudy.effects.base import OFF
 from tradestudy.effects.selection import Selection
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.microlens_coverage import mean_seen_count
-from tradestudy.optics.microlens_projection import object_distance_of_virtual_depth
 from tradestudy.results import dataset
-from tradestudy.study.assemble import COVERING_VIRTUAL_DEPTH, blur_criterion_of
+from tradestudy.study.assemble import blur_criterion_of
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
@@ -131,30 +127,6 @@ def _resolutions(
 
 def _coverage(cameras: Mapping[str, Camera], distance: FloatArray) -> Mapping[str, Any]:
     return {
-        "microlenses_seeing": [_microlenses_seeing(camera, distance) for camera in cameras.values()],
-        "total_covering_plane": [_total_covering_plane(camera) for camera in cameras.values()],
+        "microlenses_seeing": [camera.microlenses_seeing(distance) for camera in cameras.values()],
+        "total_covering_plane": [camera.total_covering_plane for camera in cameras.values()],
     }
-
-
-def _microlenses_seeing(camera: Camera, distance: FloatArray) -> FloatArray:
-    if not isinstance(camera, FocusedPlenoptic):
-        return np.full_like(distance, math.nan)
-    radius = camera.radius_over_pitch(distance)
-    count = mean_seen_count(np.nan_to_num(radius), layout=camera.microlenses.layout)
-    return np.asarray(np.where(np.isnan(radius), np.nan, count))
-
-
-def _total_covering_plane(camera: Camera) -> float:
-    """Where |v| = 2 on the side of the array that the first type focuses on; NaN where that is nowhere."""
-    if not isinstance(camera, FocusedPlenoptic):
-        return math.nan
-    array = camera.microlenses
-    side = 1.0 if array.gap >= array.focal_lengths[0] else -1.0
-    return float(
-        object_distance_of_virtual_depth(
-            side * COVERING_VIRTUAL_DEPTH,
-            mla_distance=camera.mla_distance,
-            microlens_gap=array.gap,
-            focal_length=camera.main_lens.focal_length,
-        )
-    )

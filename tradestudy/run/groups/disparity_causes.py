@@ -10,7 +10,6 @@ import xarray as xr
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.error_causes import CHANGES, error_causes
-from tradestudy.imaging.geometry import picture_geometry
 from tradestudy.imaging.passed_texture import picture_electrons
 from tradestudy.imaging.picture import filled_share
 from tradestudy.optics.arrays import FloatArray
@@ -39,7 +38,7 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
     found = []
     for k, (camera, law) in enumerate(derived.values()):
         ratio = _light_lacked(electrons, k, brightest)
-        found.append(error_causes(picture_geometry(camera, distance), law.settings, law.models, ratio))
+        found.append(error_causes(camera.picture_geometry(distance), law.settings, law.models, ratio))
     return dataset(
         "disparity_causes",
         {
@@ -56,7 +55,7 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
 
 def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Mean electrons of a pixel, and how full the brightest one is; NaN where there is no picture."""
-    geometry = picture_geometry(camera, distance)
+    geometry = camera.picture_geometry(distance)
     imaged = np.isfinite(geometry.magnification)
     seen = (picture_electrons(geometry, law.settings, law.models), filled_share(geometry, law.settings, law.models))
     return np.where(imaged, seen[0], math.nan), np.where(imaged, seen[1], math.nan)

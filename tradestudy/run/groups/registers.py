@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import xarray as xr
 
-from tradestudy.analysis.contradictions import find_contradictions
-from tradestudy.analysis.properties import camera_properties
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.contradictions import Contradiction
+from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Document, Place
@@ -19,13 +21,14 @@ SET_FOR_THIS_RUN = "set for this run"
 def cameras_group(definition: StudyDefinition) -> xr.Dataset:
     """/cameras: titles, kinds, notes, and what follows from the inputs."""
     parts, cameras = definition.file.cameras, definition.case.all_cameras
-    properties = [(name, *item) for name, camera in cameras.items() for item in camera_properties(camera)]
+    properties = [(name, *item) for name, camera in cameras.items() for item in camera.properties()]
     return dataset(
         "cameras",
         {
             "title": [part.title for part in parts.values()],
             "kind": [part.kind for part in parts.values()],
             "family": [camera.family for camera in cameras.values()],
+            "method": [_method(camera) for camera in cameras.values()],
             "note": [part.note or "" for part in parts.values()],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
@@ -33,6 +36,11 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
         },
         {"camera": list(cameras)},
     )
+
+
+def _method(camera: Camera) -> str:
+    """How a camera finds depth, for the report; empty for one that measures none."""
+    return json.dumps(asdict(camera.method), ensure_ascii=False) if isinstance(camera, DepthCamera) else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,6 +111,16 @@ def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int,
 
 def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
     """/contradictions: inputs that cannot all be right."""
-    found = find_contradictions(definition)
-    fields = ("camera", "what", "stated", "implied", "used")
-    return dataset("contradictions", {name: [getattr(row, name) for row in found] for name in fields}, {})
+    found = contradictions(definition)
+    values = {name: [getattr(row, name) for _, row in found] for name in ("what", "stated", "implied", "used")}
+    return dataset("contradictions", {"camera": [camera for camera, _ in found], **values}, {})
+
+
+def contradictions(definition: StudyDefinition) -> list[tuple[str, Contradiction]]:
+    """Cross-check the inputs of every camera of a study."""
+    tolerance = definition.file.accuracy.wanted().relative["depth_uncertainty"]
+    return [
+        (name, one)
+        for name, camera in definition.case.all_cameras.items()
+        for one in camera.contradictions(definition.file.cameras[name].stated, tolerance)
+    ]

@@ -13,7 +13,7 @@ from tradestudy.analysis.uncertain_decision import RANK_WAYS, Stability, crossov
 from tradestudy.calibration.declaration import CalibrationStudyPart, StabilityQuestionPart
 from tradestudy.calibration.uncertain_camera import short_name
 from tradestudy.calibration.uncertain_cameras import UncertainCameras
-from tradestudy.cameras.error_models import PLENOPTIC_ERRORS, STEREO_ERRORS
+from tradestudy.cameras.kinds import ERROR_UNITS
 from tradestudy.execution.progress import Progress
 from tradestudy.results import dataset
 from tradestudy.units import ANGLE, LENGTH, NUMBER, Dimension, pretty
@@ -89,10 +89,9 @@ def _answered(uncertain: UncertainCameras, part: CalibrationStudyPart) -> dict[s
 
 def _dimension(question: StabilityQuestionPart, uncertain: UncertainCameras) -> Dimension:
     """What the error, or the first of a group's, is measured in."""
-    units = {**STEREO_ERRORS, **PLENOPTIC_ERRORS}
     groups = uncertain.cameras[question.camera].groups
     name = next((group.parameters[0] for group in groups if group.name == question.parameter), question.parameter)
-    return _DIMENSIONS[units.get(short_name(name), "1")]
+    return _DIMENSIONS[ERROR_UNITS.get(short_name(name), "1")]
 
 
 def _in_words(answer: Stability, dimension: Dimension) -> str:

@@ -8,11 +8,12 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from tradestudy.calibration.declaration import CalibrationStudyPart, calibration_mistakes
+from tradestudy.cameras.declaration import DepthCameraDeclaration
+from tradestudy.cameras.kinds import CameraPart
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.words import Text
 from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
-from tradestudy.study.schema.cameras import CameraPart, ConventionalPart, measures_depth
 from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
 from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.study.schema.light_spot import LightSpotPart, law_mistakes
@@ -88,7 +89,7 @@ class StudyFile(Part):
         mistakes = [
             MistakeAt(path, f"{name!r} is a {self.cameras[name].kind} camera and measures no depth")
             for path, name in self._asked_for_depth()
-            if name in self.cameras and not measures_depth(self.cameras[name])
+            if name in self.cameras and not isinstance(self.cameras[name], DepthCameraDeclaration)
         ]
         without_cameras = (self.fresnel_validity, self.light_spot, self.point_spread, self.hard_cases)
         if not self.cameras and all(part is None for part in without_cameras):
@@ -101,7 +102,7 @@ class StudyFile(Part):
                     ("cameras", name, "thermal_expansion"), "needs scene.temperature, without which it does nothing"
                 )
                 for name, part in self.cameras.items()
-                if not isinstance(part, ConventionalPart) and part.thermal_expansion is not None
+                if isinstance(part, DepthCameraDeclaration) and part.thermal_expansion is not None
             ]
         if self.light_spot is not None and not self.cameras:  # of which forced effects may speak instead
             mistakes += law_mistakes(self.light_spot, self.effects)
@@ -111,7 +112,7 @@ class StudyFile(Part):
         if self.criteria is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("criteria",), "needs depth_of_field, whose scene it is worked out for"))
         if self.calibration is not None:
-            mistakes += calibration_mistakes(self.calibration, {name: part.kind for name, part in self.cameras.items()})
+            mistakes += calibration_mistakes(self.calibration, self.cameras)
         if mistakes:
             raise MistakeAt.several(mistakes)
         return self

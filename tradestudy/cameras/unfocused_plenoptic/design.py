@@ -12,37 +12,39 @@ and principal distance z, its disparities counted from those of the plane in foc
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_camera import (
-    DepthErrorPart,
-    DisparityError,
-    ErrorShape,
-    Limit,
-    UsableCriteria,
-    disparity_error_at,
-    require_disparity_error,
-    require_expansion,
-)
-from tradestudy.cameras.focus import RefocusedViewsFocus
-from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
-from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
+from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
+from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart, ErrorShape, disparity_error_at
+from tradestudy.cameras.method import Method
+from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
+from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
+from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradictions, fill_factor
+from tradestudy.cameras.reading import Errors, require_known, value_of
+from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
+from tradestudy.cameras.unfocused_plenoptic.method import METHOD
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import refocus_distance, view_pupil_diameter
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
+from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
+if TYPE_CHECKING:
+    from tradestudy.cameras.declaration import StatedPart
+
+_ERRORS: Final = {"mla_distance": "m", "focal_length": "m", "microlens_gap": "m", "pixel_noise": "m"}
 ViewEstimator = Literal["outermost-views", "least-squares"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnfocusedPlenoptic:
+class UnfocusedPlenoptic(DepthCamera):
     """Main lens, microlens array at the image distance of the focus, sensor one microlens focal length behind it.
 
     Parameters
@@ -70,22 +72,17 @@ class UnfocusedPlenoptic:
         For parts that do not fit together, or too few pixels under a microlens for two views.
     """
 
+    family: ClassVar[str] = "plenoptic"
+    method: ClassVar[Method] = METHOD
+
     main_lens: Lens
-    sensor: Sensor
     microlenses: MicrolensArray
     focus_distance: float
     estimator: ViewEstimator
-    disparity_error_px: DisparityError
-    discrimination_step_px: float
     calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
-    expansion: float = 0.0
-
-    family: Literal["plenoptic"] = field(default="plenoptic", init=False)
 
     def __post_init__(self) -> None:
-        require_disparity_error(self.disparity_error_px)
-        require_positive("discrimination step", self.discrimination_step_px, "px")
-        require_expansion(self.expansion)
+        super().__post_init__()
         require_positive("focus distance", self.focus_distance)
         if not self.focus_distance > self.main_lens.focal_length:
             raise OutOfRangeError(
@@ -107,6 +104,20 @@ class UnfocusedPlenoptic:
                 limit="at least 2",
                 remedy="use smaller pixels, a wider aperture, or a longer microlens focal length",
             )
+
+    @property
+    def sample_pitch(self) -> float:
+        """The pitch of the microlenses: one lateral sample of a view is one microlens."""
+        return self.microlenses.pitch
+
+    @property
+    def gathering_lens(self) -> Lens:
+        """The main lens."""
+        return self.main_lens
+
+    def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - nothing moves
+        """Main lens to sensor [m]."""
+        return self.mla_distance + self.microlenses.gap
 
     @cached_property
     def mla_distance(self) -> float:
@@ -194,30 +205,13 @@ class UnfocusedPlenoptic:
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
         return np.asarray(self.estimator_baseline * self.mla_distance * (inverse - 1.0 / self.focus_distance))
 
-    def disparity_px(self, distance: ArrayLike) -> FloatArray:
-        """The disparity, in microlenses."""
-        return self.disparity(distance) / self.microlenses.pitch
-
-    def images(self, distance: ArrayLike) -> BoolArray:
-        """Where an object lies beyond the focal length of the main lens, so that this forms a real image of it."""
-        return np.asarray(np.asarray(distance, dtype=np.float64) > self.main_lens.focal_length)
-
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
         """``−Δu z/a₀`` [m]."""
         return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
 
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
-        """``a = Δu z / (d + Δu z/a₀)`` [m]; infinite at and beyond the disparity of infinity."""
-        reach = self.estimator_baseline * self.mla_distance
-        from_infinity = np.asarray(disparity, dtype=np.float64) + reach / self.focus_distance
-        real = from_infinity > 0.0
-        return np.asarray(np.where(real, reach / np.where(real, from_infinity, 1.0), np.inf))
-
-    def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Change of depth [m] that moves the disparity by one step, nearer and farther (which may be infinite)."""
-        a = np.asarray(distance, dtype=np.float64)
-        d, step = self.disparity(a), self.discrimination_step_px * self.microlenses.pitch
-        return a - self.depth_of_disparity(d + step, a), self.depth_of_disparity(d - step, a) - a
+        """Depth [m] of a disparity by design; infinite at and beyond the disparity of infinity."""
+        return self._depth_read(disparity, {})
 
     def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
         """Parts of the error as errors of disparity [m], to first order.
@@ -270,17 +264,21 @@ class UnfocusedPlenoptic:
         OutOfRangeError
             For an error that the camera does not have.
         """
-        known = {"pixel_noise", "mla_distance", "focal_length", "microlens_gap"}
-        if unknown := set(errors) - known:
-            raise OutOfRangeError(
-                "an unfocused plenoptic camera has no such error", value=str(sorted(unknown)), limit=str(sorted(known))
-            )
-        e = {name: np.asarray(errors.get(name, 0.0), dtype=np.float64) for name in known}
+        require_known(errors, _ERRORS, "an unfocused plenoptic camera")
+        noise = np.asarray(errors.get("pixel_noise", 0.0), dtype=np.float64)
+        return self._depth_read(self.disparity(distance) + noise, errors)
+
+    def _depth_read(self, disparity: ArrayLike, errors: Errors) -> FloatArray:
+        """``1/a = 1/f − 1/z + d b_L/(n p_px z²)`` with f, z and b_L off by ``errors``.
+
+        n p_px [m], the pixels between the two views, is what the picture fixes. Written as differences from the
+        design, where ``1/f − 1/z = 1/a₀`` and ``n p_px = Δu b_L/z``, so that nothing cancels.
+        """
         z0, f0, gap0 = self.mla_distance, self.main_lens.focal_length, self.microlenses.gap
-        pixels_between = self.estimator_baseline * gap0 / z0  # n p_px [m], what the picture fixes
-        z, f = z0 + e["mla_distance"], f0 + e["focal_length"]
-        slope = (self.disparity(distance) + e["pixel_noise"]) * (gap0 + e["microlens_gap"]) / (pixels_between * z**2)
-        inverse = (z - f) / (z * f) + slope
+        off_z, off_f, off_gap = (value_of(errors, name) for name in ("mla_distance", "focal_length", "microlens_gap"))
+        z, f = z0 + off_z, f0 + off_f
+        slope = np.asarray(disparity) / (self.estimator_baseline * z0) * ((1.0 + off_gap / gap0) * (z0 / z) ** 2)
+        inverse = 1.0 / self.focus_distance - off_f / (f * f0) + off_z / (z * z0) + slope
         real = inverse > 0.0
         return np.asarray(np.where(real, 1.0 / np.where(real, inverse, 1.0), np.inf))
 
@@ -301,17 +299,66 @@ class UnfocusedPlenoptic:
         blur = blur_diameter(np.where(real, a, 2.0 * f), self.focus_distance, f, self.view_pupil_diameter)
         return np.asarray(np.where(real, blur / self.microlenses.pitch, np.inf))
 
-    def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Real image, focus of the single views and last disparity step, as far as asked for."""
+    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
+        """That of every view; see `blur_px`."""
+        return self.blur_px(distance)
+
+    def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
+        """The views: one sample for each microlens, through a part of the pupil.
+
+        Microlenses mix neighbouring views and do not blur them.
+        """
         a = np.asarray(distance, dtype=np.float64)
-        f = self.main_lens.focal_length
-        found = {"real_image": Limit(value=a, bound=f, met=self.images(a))}
-        if criteria.blur_px is not None:
-            value = self.blur_px(a)
-            found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
-        if criteria.disparity_step_px is not None:
-            value = (self.disparity(a) - self.disparity_of_infinity(a)) / self.microlenses.pitch
-            found["last_disparity_step"] = Limit(
-                value=value, bound=criteria.disparity_step_px, met=value > criteria.disparity_step_px
-            )
-        return found
+        a = np.where(self.images(a), a, np.nan)
+        array, f, z, view = self.microlenses, self.main_lens.focal_length, self.mla_distance, self.view_pupil_diameter
+        stage = LensStage(
+            aperture_diameter=view,
+            focal_length=np.full_like(a, f),
+            object_distance=a,
+            plane_distance=np.full_like(a, z),
+            blur_diameter=blur_diameter(a, self.focus_distance, f, view),
+            relay=np.ones_like(a),
+        )
+        return PictureGeometry(
+            distance=a,
+            magnification=z / a,
+            sample_pitch=array.pitch,
+            sample_width=array.aperture_diameter,
+            sample_shape="disc",
+            pixel_pitch=self.sensor.pixel_pitch,
+            widest_window_px=min(self.sensor.width, self.sensor.height) / array.pitch,
+            light_f_number=np.full_like(a, array.gap / array.aperture_diameter),
+            pupil_diameter=self.main_lens.pupil_diameter,
+            main_lens=stage,
+            microlens=None,
+        )
+
+    def without_calibration_errors(self) -> UnfocusedPlenoptic:
+        """The same camera, perfectly calibrated."""
+        return replace(self, calibration=PlenopticCalibration())
+
+    def properties(self) -> Properties:
+        """Distances, microlenses, views and field of view."""
+        array, lens, sensor = self.microlenses, self.main_lens, self.sensor
+        nearer, farther = (float(self.refocus_distance(shift)) for shift in (1.0, -1.0))
+        return (
+            ("main lens to array z", pretty(self.mla_distance, LENGTH, 5)),
+            ("microlens focal lengths f_L", pretty(array.gap, LENGTH, 4)),
+            ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
+            ("microlens f-number b_L/p", pretty(array.gap / array.pitch, NUMBER, 4)),
+            ("image-side f-number of the main lens", pretty(self.mla_distance / lens.pupil_diameter, NUMBER, 4)),
+            ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
+            ("fill factor of the array", fill_factor(array)),
+            ("micro-image of the pupil", pretty(self.micro_image_diameter, LENGTH, 4)),
+            ("views", f"{self.views}, {self.views_across} across"),
+            ("pupil of one view", pretty(self.view_pupil_diameter, LENGTH, 4)),
+            ("refocus distance, shift of one microlens nearer", pretty(nearer, LENGTH, 4)),
+            ("refocus distance, shift of one microlens farther", pretty(farther, LENGTH, 4)),
+            ("field of view across", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+            ("field of view on the diagonal", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
+        )
+
+    def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - none of depth
+        """Those of the main lens and of the array."""
+        array = array_contradictions(self.main_lens, self.microlenses, self.mla_distance, stated)
+        return [*lens_contradictions(self.main_lens, self.sensor, stated), *array]

@@ -1,65 +1,53 @@
-"""A stereo rig with every parameter in error: what it sees of a point, and which inverse depth is read from that."""
+"""Two cameras at the ends of a baseline, every parameter in error: what they see, and which inverse depth they read."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.error_models.environment import Environment
-from tradestudy.cameras.error_models.reading import (
-    Errors,
-    InverseDepthReading,
-    require_field,
-    require_known,
-    value_of,
-)
-from tradestudy.cameras.stereo import StereoRig
+from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.radial_distortion import distort, undistort
-from tradestudy.optics.triangulation import midpoint_depth
+from tradestudy.optics.triangulation import inverse_depth_on_ray, midpoint_depth
 
-_SIDES: Final = ("left", "right")
-STEREO_ERRORS: Final[Mapping[str, str]] = {
-    "baseline": "m",
-    "baseline_direction_y": "rad",
-    "baseline_direction_z": "rad",
-    "yaw": "rad",
-    "pitch": "rad",
-    "roll": "rad",
-    **{
-        f"{side}_{name}": unit
-        for side in _SIDES
-        for name, unit in {
-            "focal_length": "m",
-            "principal_point_x": "m",
-            "principal_point_y": "m",
-            "distortion_k1": "1",
-            "distortion_k2": "1",
-            "pixel_noise": "m",
-        }.items()
-    },
-}
-"""Errors of a stereo rig with their units.
-
-``yaw``, ``pitch``, ``roll`` turn the right camera against the left; ``baseline_direction_y`` and ``_z`` turn the line
-of centres against the left camera. Principal points and pixel noise are in metres on the sensor, pixel noise along the
-baseline; k₁ and k₂ refer to slopes (r over the principal distance). ``focal_length`` is the error of the principal
-distance, as in any calibration in pixels."""
-
+SIDES: Final = ("left", "right")
 Ray = tuple[FloatArray, FloatArray, FloatArray]
 Image = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 """Coordinates on both sensors, upright, from their centres [m]: left x, left y, right x, right y."""
 
 
-def stereo_observation(rig: StereoRig, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Image:
-    """Where a rig that deviates from its design by ``errors`` images a point.
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """The geometry of two cameras as designed.
 
     Parameters
     ----------
-    rig
+    baseline
+        Distance of the two centres of projection [m].
+    principal_distance
+        From the centres of projection to the sensors [m].
+    convergence_angle
+        Between the optical axes [rad]; 0 is parallel, positive meets in front.
+    triangulation
+        ``disparity`` measures along the baseline; ``midpoint`` takes the middle of the shortest segment between the two
+        lines of sight. They agree unless the rays are skew.
+    """
+
+    baseline: float
+    principal_distance: float
+    convergence_angle: float
+    triangulation: Literal["disparity", "midpoint"]
+
+
+def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Image:
+    """Where a pair that deviates from its design by ``errors`` images a point.
+
+    Parameters
+    ----------
+    pair
         The design.
     errors
         What the rig is less what its design says, by the names of `STEREO_ERRORS`, without pixel noise.
@@ -72,39 +60,38 @@ def stereo_observation(rig: StereoRig, errors: Errors, x: ArrayLike, y: ArrayLik
         Exact; NaN for a point behind a camera.
     """
     x, y, z = (np.asarray(value, dtype=np.float64) for value in (x, y, z))
-    t = rig.convergence_angle / 2.0
-    half, direction = _half_baseline(rig, errors)
+    t = pair.convergence_angle / 2.0
+    half, direction = _half_baseline(pair, errors)
     towards_left = tuple(p + half * n for p, n in zip((x, y, z), direction, strict=True))
     towards_right = tuple(p - half * n for p, n in zip((x, y, z), direction, strict=True))
     left = _yaw(_ray(towards_left), t)
     right = _yaw(_unrotate(_ray(towards_right), errors), -t)
     image = []
-    for side, (a, b, c) in zip(_SIDES, (left, right), strict=True):
+    for side, (a, b, c) in zip(SIDES, (left, right), strict=True):
         depth = np.where(c > 0.0, c, np.nan)
         k1, k2 = value_of(errors, f"{side}_distortion_k1"), value_of(errors, f"{side}_distortion_k2")
         u, v = distort(a / depth, b / depth, k1, k2)
-        principal_distance = rig.principal_distance + value_of(errors, f"{side}_focal_length")
+        principal_distance = pair.principal_distance + value_of(errors, f"{side}_focal_length")
         image.append(principal_distance * u + value_of(errors, f"{side}_principal_point_x"))
         image.append(principal_distance * v + value_of(errors, f"{side}_principal_point_y"))
     return image[0], image[1], image[2], image[3]
 
 
-def stereo_inverse_depth(rig: StereoRig, errors: Errors, image: Image) -> tuple[FloatArray, BoolArray]:
+def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatArray, BoolArray]:
     """The inverse depth that a calibration which is off by ``errors`` reads from a picture.
 
-    The rays of both image points are traced back through the believed rig. ``disparity`` compares them along the
-    baseline, ``1/Z = (l − r)/(B (n_x − r n_z))`` with l, r their slopes and n the direction of the baseline;
-    ``midpoint`` takes the middle of the shortest segment between them.
+    The rays of both image points are traced back through the believed pair. ``disparity`` compares them along the
+    baseline by `inverse_depth_on_ray`; ``midpoint`` takes the middle of the shortest segment between them.
 
     Parameters
     ----------
-    rig
+    pair
         The design, which says the triangulation.
     errors
         What the calibration says less what the design says, by the names of `STEREO_ERRORS`; pixel noise is added to
         the picture.
     image
-        From `stereo_observation`.
+        From `pair_observation`.
 
     Returns
     -------
@@ -114,11 +101,11 @@ def stereo_inverse_depth(rig: StereoRig, errors: Errors, image: Image) -> tuple[
     valid
         False where the believed distortion has no inverse, or a principal distance or the baseline is not positive.
     """
-    t = rig.convergence_angle / 2.0
-    half, direction = _half_baseline(rig, errors)
+    t = pair.convergence_angle / 2.0
+    half, direction = _half_baseline(pair, errors)
     rays, valid = [], np.asarray(half > 0.0)
     for side, u, v in (("left", image[0], image[1]), ("right", image[2], image[3])):
-        principal_distance = rig.principal_distance + value_of(errors, f"{side}_focal_length")
+        principal_distance = pair.principal_distance + value_of(errors, f"{side}_focal_length")
         valid = valid & (principal_distance > 0.0)
         safe = np.where(principal_distance > 0.0, principal_distance, np.nan)
         x = (u + value_of(errors, f"{side}_pixel_noise") - value_of(errors, f"{side}_principal_point_x")) / safe
@@ -129,58 +116,21 @@ def stereo_inverse_depth(rig: StereoRig, errors: Errors, image: Image) -> tuple[
             valid = valid & invertible
         rays.append((x, y, np.ones(np.broadcast_shapes(x.shape, y.shape))))
     left, right = _yaw(rays[0], -t), _rotate(_yaw(rays[1], t), errors)
-    if rig.triangulation == "midpoint":
+    if pair.triangulation == "midpoint":
         return _midpoint_inverse(left, right, half, direction), valid
-    # On the left ray the right camera sees the slope r where Z (l − r) = 2h (n_x − r n_z).
+    # From the right camera to the left one it is twice half the baseline, against its direction.
     slope = right[0] / right[2]
-    from_left = (left[0] / left[2] - slope) / (2.0 * half * (direction[0] - slope * direction[2]))
-    return from_left / (1.0 - from_left * half * direction[2]), valid
-
-
-def stereo_reading(
-    rig: StereoRig, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
-) -> InverseDepthReading:
-    """Inverse depths read by a rig in changed surroundings with a calibration that is off by ``errors``.
-
-    Parameters
-    ----------
-    rig
-        The rig as designed: what it is at calibration.
-    distance
-        True distances [m], shape (distances,).
-    field
-        Where the point lies in the view midway between the cameras: 0 on the axis, 1 in the corner of the sensor.
-    errors
-        By the names of `STEREO_ERRORS` and `SESSION_CHANGES`, arrays of shape (draws, 1).
-    environment
-        How the rig answers to its surroundings; None: not at all. Baseline and principal distance grow with the
-        housing. Pressure moves the focus of a thin lens, not its principal distance, so it leaves disparity alone.
-
-    Raises
-    ------
-    OutOfRangeError
-        For an error that a rig does not have, or a place beyond the sensor.
-    """
-    require_known(errors, STEREO_ERRORS, "a stereo rig")
-    require_field(field)
-    c, sensor = rig.principal_distance, rig.sensor
-    z = np.asarray(distance, dtype=np.float64)
-    changed: dict[str, ArrayLike] = {}
-    if environment is not None and "temperature_change" in errors:
-        growth = environment.length_factor(errors) - 1.0
-        changed = {"baseline": rig.baseline * growth, **{f"{side}_focal_length": c * growth for side in _SIDES}}
-    right, down = field * sensor.width / 2.0 / c, field * sensor.height / 2.0 / c
-    image = stereo_observation(rig, changed, right * z, down * z, z)
-    inside = [np.abs(c) <= e / 2.0 for c, e in zip(image, (sensor.width, sensor.height) * 2, strict=True)]
-    inverse, valid = stereo_inverse_depth(rig, errors, image)
-    return InverseDepthReading(
-        inverse_depth=inverse, no_overlap=~np.logical_and.reduce(np.broadcast_arrays(*inside)), out_of_range=~valid
+    from_left = inverse_depth_on_ray(
+        left[0] / left[2], 1.0, slope, -2.0 * half * direction[0], -2.0 * half * direction[2]
     )
+    inverse = from_left / (1.0 - from_left * half * direction[2])
+    behind = (left[2] <= 0.0) | (right[2] <= 0.0)
+    return np.where(behind, 0.0, inverse), valid
 
 
-def _half_baseline(rig: StereoRig, errors: Errors) -> tuple[FloatArray, Ray]:
+def _half_baseline(pair: Pair, errors: Errors) -> tuple[FloatArray, Ray]:
     """Half the baseline, and its direction as a unit vector."""
-    half = (rig.baseline + value_of(errors, "baseline")) / 2.0
+    half = (pair.baseline + value_of(errors, "baseline")) / 2.0
     down, along = np.tan(value_of(errors, "baseline_direction_y")), np.tan(value_of(errors, "baseline_direction_z"))
     length = np.sqrt(1.0 + down * down + along * along)
     return half, (1.0 / length, down / length, along / length)

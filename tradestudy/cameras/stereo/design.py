@@ -3,63 +3,51 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
 from tradestudy.cameras.depth_camera import (
     DepthErrorPart,
-    DisparityError,
     ErrorSource,
     Limit,
     UsableCriteria,
+    declared_disparity_error,
     disparity_error_at,
-    require_disparity_error,
-    require_expansion,
 )
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
-from tradestudy.cameras.parts import Lens, Sensor, require_positive
+from tradestudy.cameras.method import Method
+from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.cameras.picture_geometry import PictureGeometry
+from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
+from tradestudy.cameras.stereo.errors import DECLARED_ERRORS, STEREO_ERRORS, StereoCalibration
+from tradestudy.cameras.stereo.method import METHOD
+from tradestudy.cameras.stereo.pair import SIDES, Image, Pair, pair_inverse_depth, pair_observation
+from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
-from tradestudy.optics.triangulation import midpoint_depth, stereo_depth, stereo_disparity
+from tradestudy.optics.triangulation import stereo_depth, stereo_disparity
+from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
+
+if TYPE_CHECKING:
+    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.uncertainty.sources import Group
 
 # Ten times that of the strongest objectives of microscopes: no sensor stands so far behind its lens.
 _LARGEST_MAGNIFICATION = 1000.0
-NO_ERROR = ErrorSource(standard_deviation=0.0)
 PrincipalDistanceRule = Literal["focal_length", "focused"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class StereoCalibration:
-    """Calibration errors of the rig, each one draw per rig: what the rig is, less what its calibration says.
-
-    Parameters
-    ----------
-    yaw, pitch, roll
-        Relative rotation of the two cameras about the vertical, the baseline and the optical axis [rad].
-    baseline
-        Of the distance of the two centres of projection [m].
-    focal_length
-        Of the common principal distance [m], which is what a calibration's focal length in pixels is. It moves depth by
-        ``δZ/Z = δc/c`` wherever the lenses are focused; the focal length of the glass itself enters no line of sight.
-    principal_point
-        Difference of the two principal points along the baseline [m on the sensor].
-    """
-
-    yaw: ErrorSource = NO_ERROR
-    pitch: ErrorSource = NO_ERROR
-    roll: ErrorSource = NO_ERROR
-    baseline: ErrorSource = NO_ERROR
-    focal_length: ErrorSource = NO_ERROR
-    principal_point: ErrorSource = NO_ERROR
-
-
-@dataclass(frozen=True, kw_only=True)
-class StereoRig:
+class StereoRig(ExactModel):
     """Two cameras at the ends of a baseline.
 
     Parameters
@@ -96,25 +84,23 @@ class StereoRig:
         lenses that refocus on every object and have no one focused principal distance.
     """
 
+    family: ClassVar[str] = "stereo"
+    lens_count: ClassVar[int] = 2
+    error_units: ClassVar[Mapping[str, str]] = STEREO_ERRORS
+    corners_calibrate: ClassVar[bool] = True
+    method: ClassVar[Method] = METHOD
+
     lens: Lens
-    sensor: Sensor
     focus_distance: float | None
     principal_distance_rule: PrincipalDistanceRule = "focal_length"
     baseline: float
     convergence_angle: float
     triangulation: Literal["disparity", "midpoint"]
-    disparity_error_px: DisparityError
-    discrimination_step_px: float
     calibration: StereoCalibration = field(default_factory=StereoCalibration)
-    expansion: float = 0.0
-
-    family: Literal["stereo"] = field(default="stereo", init=False)
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
-        require_disparity_error(self.disparity_error_px)
-        require_positive("discrimination step", self.discrimination_step_px, "px")
-        require_expansion(self.expansion)
+        super().__post_init__()
         if not abs(self.convergence_angle) < math.pi:
             raise OutOfRangeError(
                 "convergence of the stereo axes",
@@ -173,10 +159,6 @@ class StereoRig:
             name="both lenses",
         )
 
-    def images(self, distance: ArrayLike) -> BoolArray:
-        """Where an object lies beyond the focal length, so that the lenses form a picture of it."""
-        return np.asarray(np.asarray(distance, dtype=np.float64) > self.lens.focal_length)
-
     @property
     def field_of_view(self) -> float:
         """Across, of one camera as it is focused [rad]."""
@@ -186,15 +168,35 @@ class StereoRig:
         """Full angle [rad] that an extent [m] of the sensor covers: ``2 atan(extent / 2c)``."""
         return 2.0 * math.atan(extent / (2.0 * self.principal_distance))
 
+    @property
+    def gathering_lens(self) -> Lens:
+        """Either lens."""
+        return self.lens
+
+    @property
+    def separation(self) -> float:
+        """The baseline [m]."""
+        return self.baseline
+
+    def depth_behind_lens(self, nearest: float) -> float:
+        """Lens to sensor [m]: as focused, or refocused as near as the scene asks."""
+        return self.sensor_distance(nearest if self.focus_distance is None else self.focus_distance)
+
+    @property
+    def pair(self) -> Pair:
+        """The geometry that both what is seen and what is read follow from."""
+        return Pair(
+            baseline=self.baseline,
+            principal_distance=self.principal_distance,
+            convergence_angle=self.convergence_angle,
+            triangulation=self.triangulation,
+        )
+
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """The disparity on the sensor [m]; see `stereo_disparity`."""
         return stereo_disparity(
             distance, self.baseline, self.principal_distance, convergence_angle=self.convergence_angle
         )
-
-    def disparity_px(self, distance: ArrayLike) -> FloatArray:
-        """The disparity [px]."""
-        return self.disparity(distance) / self.sensor.pixel_pitch
 
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
         """The disparity of infinity [m]: 0 for parallel axes."""
@@ -203,12 +205,6 @@ class StereoRig:
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
         """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`."""
         return stereo_depth(disparity, self.baseline, self.principal_distance, convergence_angle=self.convergence_angle)
-
-    def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Change of depth [m] that moves the disparity by one step, nearer and farther (which may be infinite)."""
-        z = np.asarray(distance, dtype=np.float64)
-        d, step = self.disparity(z), self.discrimination_step_px * self.sensor.pixel_pitch
-        return z - self.depth_of_disparity(d + step, z), self.depth_of_disparity(d - step, z) - z
 
     def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
         """Parts of the error as errors of disparity [m], to first order, on the line midway between the cameras.
@@ -271,30 +267,13 @@ class StereoRig:
         FloatArray
             Exact, not linearised; +infinity where the lines of sight diverge or do not both look ahead.
         """
-        known = {"pixel_noise", "yaw", "pitch", "roll", "baseline", "focal_length", "principal_point"}
-        if unknown := set(errors) - known:
-            raise OutOfRangeError(
-                "a stereo rig has no such error", value=str(sorted(unknown)), limit=str(sorted(known))
-            )
-        e = {name: np.asarray(errors.get(name, 0.0), dtype=np.float64) for name in known}
-        c, B, t = (
-            self.principal_distance + e["focal_length"],
-            self.baseline + e["baseline"],
-            self.convergence_angle / 2.0,
+        require_known(errors, DECLARED_ERRORS, "a stereo rig")
+        inverse, _ = pair_inverse_depth(
+            self.pair, _of_both_sides(errors), pair_observation(self.pair, {}, 0.0, 0.0, distance)
         )
-        x = self.disparity(distance) / 2.0
-        shift = e["pixel_noise"] + e["principal_point"]
-        left = _turned(x + shift / 2.0, c, yaw=-t)
-        right = _turned(-(x + shift / 2.0), c, yaw=t)
-        right = _rotate(right, yaw=e["yaw"], pitch=e["pitch"], roll=e["roll"])
-        if self.triangulation == "midpoint":
-            centre = np.stack(np.broadcast_arrays(B / 2.0, 0.0, 0.0), axis=-1)
-            return midpoint_depth(left, right, -centre, centre)
-        ahead = (left[..., 2] > 0.0) & (right[..., 2] > 0.0)
-        slopes = [ray[..., 0] / np.where(ahead, ray[..., 2], 1.0) for ray in (left, right)]
-        difference = slopes[0] - slopes[1]
-        in_front = ahead & (difference > 0.0)
-        return np.asarray(np.where(in_front, B / np.where(in_front, difference, 1.0), np.inf))
+        with np.errstate(over="ignore"):  # beyond the largest number is infinitely far
+            depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
+        return np.asarray(np.where(np.isnan(inverse), np.nan, depth))
 
     def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error, all independent."""
@@ -336,6 +315,10 @@ class StereoRig:
         shared = np.tan(np.clip(high - t, -half, half)) - np.tan(np.clip(low - t, -half, half))
         return np.asarray(np.clip(shared / (2.0 * math.tan(half)), 0.0, 1.0))
 
+    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
+        """That of both lenses; see `blur_px`."""
+        return self.blur_px(distance)
+
     def blur_px(self, distance: ArrayLike) -> FloatArray:
         """Diameter of the geometric blur circle [px]; 0 for lenses that refocus."""
         z = np.asarray(distance, dtype=np.float64)
@@ -344,40 +327,125 @@ class StereoRig:
         f, pupil = self.lens.focal_length, self.lens.pupil_diameter
         return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
 
-    def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Real image, overlap, focus and last disparity step, as far as the criteria ask for them."""
-        z, f = np.asarray(distance, dtype=np.float64), self.lens.focal_length
-        found = {"real_image": Limit(value=z, bound=f, met=self.images(z))}
-        if criteria.overlap is not None:
-            value = self.overlap(distance)
-            found["overlap"] = Limit(value=value, bound=criteria.overlap, met=value >= criteria.overlap)
-        if criteria.blur_px is not None:
-            value = self.blur_px(distance)
-            found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
-        if criteria.disparity_step_px is not None:
-            value = (self.disparity(distance) - self.disparity_of_infinity(distance)) / self.sensor.pixel_pitch
-            found["last_disparity_step"] = Limit(
-                value=value, bound=criteria.disparity_step_px, met=value > criteria.disparity_step_px
-            )
-        return found
+    def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
+        """Overlap of the two views."""
+        if criteria.overlap is None:
+            return {}
+        value = self.overlap(distance)
+        return {"overlap": Limit(value=value, bound=criteria.overlap, met=value >= criteria.overlap)}
+
+    def without_calibration_errors(self) -> StereoRig:
+        """The same rig, perfectly calibrated."""
+        return replace(self, calibration=StereoCalibration())
+
+    def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
+        """Both pictures alike, through one lens; the window is as large as the sensor."""
+        a = np.asarray(distance, dtype=np.float64)
+        a = np.where(self.images(a), a, np.nan)
+        focus = a if self.focus_distance is None else np.full_like(a, self.focus_distance)
+        return picture_through_lens(a, self.lens, self.sensor, focus)
+
+    def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Image:
+        """Where a rig that deviates from its design by ``errors`` images a point; see `pair_observation`."""
+        return pair_observation(self.pair, errors, x, y, z)
+
+    def read(
+        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+    ) -> InverseDepthReading:
+        """Inverse depths of points in the view midway between the cameras; see `ExactModel.read`.
+
+        Baseline and principal distance grow with the housing. Pressure moves the focus of a thin lens, not its
+        principal distance, so it leaves disparity alone.
+        """
+        require_known(errors, STEREO_ERRORS, "a stereo rig")
+        require_field(field)
+        c, sensor = self.principal_distance, self.sensor
+        z = np.asarray(distance, dtype=np.float64)
+        changed: dict[str, ArrayLike] = {}
+        if environment is not None and "temperature_change" in errors:
+            growth = environment.length_factor(errors) - 1.0
+            changed = {"baseline": self.baseline * growth, **{f"{side}_focal_length": c * growth for side in SIDES}}
+        right, down = field * sensor.width / 2.0 / c, field * sensor.height / 2.0 / c
+        image = self.observe(changed, right * z, down * z, z)
+        inside = [np.abs(c) <= e / 2.0 for c, e in zip(image, (sensor.width, sensor.height) * 2, strict=True)]
+        inverse, valid = pair_inverse_depth(self.pair, errors, image)
+        return InverseDepthReading(
+            inverse_depth=inverse, no_overlap=~np.logical_and.reduce(np.broadcast_arrays(*inside)), out_of_range=~valid
+        )
+
+    def declared_errors(self) -> tuple[Group, ...]:
+        """See `StereoCalibration.groups`."""
+        return tuple(self.calibration.groups(declared_disparity_error(self) * self.sensor.pixel_pitch))
+
+    def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
+        """Both coordinates of a corner in both pictures."""
+        return self.observe(errors, x, y, z)
+
+    def target_noise_px(self, corner_noise_px: float) -> FloatArray:
+        """The same of each coordinate."""
+        return np.full(4, corner_noise_px)
+
+    def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
+        """A picture shows both coordinates of a corner or none."""
+        half = np.array([self.sensor.columns, self.sensor.rows] * 2) / 2.0
+        inside = np.abs(observed_px) <= half
+        each = np.stack([np.all(inside[..., :2], axis=-1), np.all(inside[..., 2:], axis=-1)], axis=-1)
+        return np.repeat(each, 2, axis=-1)
+
+    def properties(self) -> Properties:
+        """Lens, sensor and baseline; the principal distance beside where the thin lens would put the sensor."""
+        focus, lens = self.focus_distance, self.lens
+        return (
+            ("focal length", pretty(lens.focal_length, LENGTH, 4)),
+            ("principal distance", pretty(self.principal_distance, LENGTH, 4)),
+            (
+                "thin lens to sensor, as focused",
+                "changes" if focus is None else pretty(self.sensor_distance(focus), LENGTH, 4),
+            ),
+            ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
+            ("field of view across", pretty(self.field_of_view, ANGLE, 4)),
+            ("field of view on the diagonal", pretty(self.view_of(self.sensor.diagonal), ANGLE, 4)),
+            ("baseline", pretty(self.baseline, LENGTH, 4)),
+        )
+
+    def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:
+        """Those of the lens, and depth on the scale of the focal length beside a picture on the longer one.
+
+        The two scales differ by the magnification ``f/(a − f)`` of the focus distance a, and so do disparity and its
+        noise.
+        """
+        found = lens_contradictions(self.lens, self.sensor, stated)
+        focus = self.focus_distance
+        if self.principal_distance_rule != "focal_length" or focus is None or math.isinf(focus):
+            return found
+        f, focused = self.lens.focal_length, self.sensor_distance(focus)
+        magnification = focused / focus
+        if magnification <= tolerance:
+            return found
+        return [
+            *found,
+            Contradiction(
+                what="principal distance against focus distance",
+                stated=f"{show(f, LENGTH)}, the focal length",
+                implied=f"{show(focused, LENGTH)} as focused at {show(focus, LENGTH)}: longer by "
+                f"{pretty(magnification, FRACTION)}, the magnification f/(a − f); wanted of depth: "
+                f"{pretty(tolerance, FRACTION)}",
+                used=f"{show(f, LENGTH)} from disparity to depth, {show(focused, LENGTH)} for blur; "
+                "principal_distance: focused takes one for both, unless the focal length comes from a calibration in "
+                "pixels",
+            ),
+        ]
 
 
-def _turned(x: ArrayLike, c: ArrayLike, *, yaw: float) -> FloatArray:
-    """Direction of the ray through image point x, in the frame of the rig, of a camera turned about the vertical.
-
-    The picture is mirrored by the lens; here it is upright, so that a point to the right has x > 0.
-    """
-    direction = np.stack(np.broadcast_arrays(np.asarray(x, dtype=np.float64), 0.0, c), axis=-1)
-    return _rotate(direction, yaw=np.float64(yaw), pitch=np.float64(0.0), roll=np.float64(0.0))
-
-
-def _rotate(direction: FloatArray, *, yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> FloatArray:
-    """Turn directions by roll about z, then pitch about x, then yaw about y; positive yaw turns z towards −x."""
-    x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
-    c, s = np.cos(roll), np.sin(roll)
-    x, y = c * x - s * y, s * x + c * y
-    c, s = np.cos(pitch), np.sin(pitch)
-    y, z = c * y - s * z, s * y + c * z
-    c, s = np.cos(yaw), np.sin(yaw)
-    x, z = c * x - s * z, s * x + c * z
-    return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+def _of_both_sides(errors: Errors) -> Errors:
+    """Errors that a rig declares once, under the names of its exact model."""
+    given = {name: np.asarray(value, dtype=np.float64) for name, value in errors.items()}
+    both: dict[str, ArrayLike] = {}
+    if "focal_length" in given:
+        both |= {f"{side}_focal_length": given["focal_length"] for side in SIDES}
+    for name, of_side, sign in (("principal_point", "principal_point_x", -1.0), ("pixel_noise", "pixel_noise", 1.0)):
+        if name in given:
+            half = sign * given.pop(name) / 2.0
+            both |= {f"left_{of_side}": half, f"right_{of_side}": -half}
+    given.pop("focal_length", None)
+    return {**given, **both}

@@ -3,44 +3,65 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
 from tradestudy.cameras.depth_camera import (
     DepthErrorPart,
-    DisparityError,
     ErrorShape,
     Limit,
     UsableCriteria,
+    declared_disparity_error,
     disparity_error_at,
-    require_disparity_error,
-    require_expansion,
 )
-from tradestudy.cameras.focus import MicrolensTypesFocus
-from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor, require_positive
-from tradestudy.cameras.plenoptic_calibration import PlenopticCalibration
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.exact_model import ExactModel
+from tradestudy.cameras.focused_plenoptic.description import focuses_before_array, properties_of
+from tradestudy.cameras.focused_plenoptic.errors import DECLARED_ERRORS, PLENOPTIC_ERRORS
+from tradestudy.cameras.focused_plenoptic.focus import MicrolensTypesFocus
+from tradestudy.cameras.focused_plenoptic.method import METHOD
+from tradestudy.cameras.focused_plenoptic.picture import relayed_picture
+from tradestudy.cameras.focused_plenoptic.relay import Observation, Relay, relay_inverse_depth, relay_observation
+from tradestudy.cameras.method import Method
+from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
+from tradestudy.cameras.picture_geometry import PictureGeometry
+from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradictions
+from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.depth_of_field.microlens_relay import inverse_focus_virtual_depth, relay_blur_diameter
 from tradestudy.optics.microlens_coverage import (
     least_squares_baseline,
+    mean_seen_count,
     projected_radius_over_pitch,
     seen_count_probability,
     widest_pair_baseline,
 )
-from tradestudy.optics.microlens_projection import microlens_object_distance, virtual_depth
+from tradestudy.optics.microlens_projection import (
+    microlens_object_distance,
+    object_distance_of_virtual_depth,
+    virtual_depth,
+)
 from tradestudy.optics.thin_lens import focus_shift
 from tradestudy.optics.triangulation import plenoptic_depth
 
+if TYPE_CHECKING:
+    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.uncertainty.sources import Group
+
+COVERING_VIRTUAL_DEPTH: Final = 2.0
+"""Of the total covering plane: the nearest at which two microlenses of any type see every point."""
 PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class FocusedPlenoptic:
+class FocusedPlenoptic(ExactModel):
     """Main lens, microlens array at z, sensor at b_L behind the array.
 
     Parameters
@@ -71,24 +92,21 @@ class FocusedPlenoptic:
         For parts that do not fit together.
     """
 
+    family: ClassVar[str] = "plenoptic"
+    error_units: ClassVar[Mapping[str, str]] = PLENOPTIC_ERRORS
+    pictured_by_microlenses: ClassVar[bool] = True
+    method: ClassVar[Method] = METHOD
+
     main_lens: Lens
-    sensor: Sensor
     microlenses: MicrolensArray
     mla_distance: float
     estimator: PlenopticEstimator
     lenses: Literal["all", "sharpest-type"]
-    disparity_error_px: DisparityError
-    discrimination_step_px: float
     calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
-    expansion: float = 0.0
-
-    family: Literal["plenoptic"] = field(default="plenoptic", init=False)
 
     def __post_init__(self) -> None:
         require_positive("distance from main lens to microlens array", self.mla_distance)
-        require_disparity_error(self.disparity_error_px)
-        require_positive("discrimination step", self.discrimination_step_px, "px")
-        require_expansion(self.expansion)
+        super().__post_init__()
         only = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}.get(self.estimator)
         if only is not None and self.lenses != only:
             raise OutOfRangeError(
@@ -110,6 +128,15 @@ class FocusedPlenoptic:
             mla_distance=self.mla_distance,
             sample_pitch=self.sensor.pixel_pitch,
         )
+
+    @property
+    def gathering_lens(self) -> Lens:
+        """The main lens."""
+        return self.main_lens
+
+    def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - nothing moves
+        """Main lens to sensor [m]."""
+        return self.mla_distance + self.microlenses.gap
 
     def microlens_object_distance(self, distance: ArrayLike) -> FloatArray:
         """a_L = z − b_M [m], signed: positive Keplerian, negative Galilean."""
@@ -161,30 +188,6 @@ class FocusedPlenoptic:
         with np.errstate(divide="ignore"):  # an image on the array has no finite disparity
             return np.asarray(self.estimator_baseline(distance) / v)
 
-    def disparity_px(self, distance: ArrayLike) -> FloatArray:
-        """The disparity [px], signed like v."""
-        return self.disparity(distance) / self.sensor.pixel_pitch
-
-    def _depth_of(
-        self, disparity: ArrayLike, true_disparity: ArrayLike, baseline: ArrayLike, **off: ArrayLike
-    ) -> FloatArray:
-        """Depth [m] of a disparity; past zero it is what the true sign tends to, not the other relay's image."""
-        f = self.main_lens.focal_length + np.asarray(off.get("focal_length", 0.0))
-        depth = plenoptic_depth(
-            disparity,
-            baseline,
-            mla_distance=self.mla_distance + np.asarray(off.get("mla_distance", 0.0)),
-            microlens_gap=self.microlenses.gap + np.asarray(off.get("microlens_gap", 0.0)),
-            focal_length=f,
-        )
-        crossed = np.sign(disparity) * np.sign(true_disparity) <= 0.0
-        depth = np.where(crossed, np.where(np.asarray(true_disparity) > 0.0, np.inf, f), depth)
-        return np.asarray(np.where(np.isnan(disparity), np.nan, depth))
-
-    def images(self, distance: ArrayLike) -> BoolArray:
-        """Where an object lies beyond the focal length of the main lens, so that this forms a real image of it."""
-        return np.asarray(np.asarray(distance, dtype=np.float64) > self.main_lens.focal_length)
-
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
         """Disparity [m] of infinity over the baseline that the estimator has at a distance.
 
@@ -195,18 +198,22 @@ class FocusedPlenoptic:
         return np.asarray(np.where(self.disparity(distance) * reached > 0.0, reached, -np.inf))
 
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
-        """Eq. 8 [m] with the baseline that the estimator has at a true distance; see `plenoptic_depth`."""
-        return self._depth_of(disparity, self.disparity(distance), self.estimator_baseline(distance))
+        """Eq. 8 [m] with the baseline that the estimator has at a true distance; see `plenoptic_depth`.
 
-    def depth_discrimination(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Change of depth [m] that moves the disparity by one step, nearer and farther (which may be infinite).
-
-        The estimator's baseline is held at its value at the distance. A step through zero disparity ends where the
-        disparity tends to before it: at infinity for a Keplerian relay, at the front focal point for a Galilean one.
+        Past zero it is what the true sign tends to, not the image of the other relay: infinity for a Keplerian relay,
+        the front focal point for a Galilean one.
         """
-        a = np.asarray(distance, dtype=np.float64)
-        d, step = self.disparity(a), self.discrimination_step_px * self.sensor.pixel_pitch
-        return a - self.depth_of_disparity(d + step, a), self.depth_of_disparity(d - step, a) - a
+        true, f = self.disparity(distance), self.main_lens.focal_length
+        depth = plenoptic_depth(
+            disparity,
+            self.estimator_baseline(distance),
+            mla_distance=self.mla_distance,
+            microlens_gap=self.microlenses.gap,
+            focal_length=f,
+        )
+        crossed = np.sign(disparity) * np.sign(true) <= 0.0
+        depth = np.where(crossed, np.where(true > 0.0, np.inf, f), depth)
+        return np.asarray(np.where(np.isnan(disparity), np.nan, depth))
 
     def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
         """Parts of the error as errors of disparity [m], to first order.
@@ -256,17 +263,11 @@ class FocusedPlenoptic:
         FloatArray
             Exact, not linearised; +infinity for disparities that belong to no point in front of the camera.
         """
-        known = {"pixel_noise", "mla_distance", "focal_length", "microlens_gap"}
-        if unknown := set(errors) - known:
-            raise OutOfRangeError(
-                "a focused plenoptic camera has no such error",
-                value=str(sorted(unknown)),
-                limit=str(sorted(known)),
-            )
-        e = {name: np.asarray(errors.get(name, 0.0), dtype=np.float64) for name in known}
-        true = self.disparity(distance)
-        noise = e.pop("pixel_noise")
-        return self._depth_of(true + noise, true, self.estimator_baseline(distance), **e)
+        require_known(errors, DECLARED_ERRORS, "a focused plenoptic camera")
+        # Of a point on the axis, as `read` gives it, without its limit to what is in front of the lens.
+        inverse, _ = self.believe(errors, self.observe({}, 0.0, 0.0, distance), distance)
+        depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
+        return np.asarray(np.where(np.isnan(inverse), np.nan, depth))
 
     def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
@@ -306,27 +307,17 @@ class FocusedPlenoptic:
         )
         return np.asarray(np.where(np.isfinite(radius), found, 0.0))
 
-    def limits(self, distance: ArrayLike, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Real image, total covering plane, availability, focus and last disparity step, as far as asked for."""
-        a = np.asarray(distance, dtype=np.float64)
-        f = self.main_lens.focal_length
-        found = {"real_image": Limit(value=a, bound=f, met=self.images(a))}
+    def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
+        """Total covering plane and availability of the estimator's microlenses."""
+        found = {}
         if criteria.virtual_depth is not None:
-            value = np.abs(self.virtual_depth(a))
+            value = np.abs(self.virtual_depth(distance))
             found["total_covering_plane"] = Limit(
                 value=value, bound=criteria.virtual_depth, met=value >= criteria.virtual_depth * (1.0 - 1e-9)
             )
         if criteria.availability is not None:
-            value = self.availability(a)
+            value = self.availability(distance)
             found["availability"] = Limit(value=value, bound=criteria.availability, met=value >= criteria.availability)
-        if criteria.blur_px is not None:
-            value = self._blur_of_used_types(a)
-            found["focus"] = Limit(value=value, bound=criteria.blur_px, met=value <= criteria.blur_px)
-        if criteria.disparity_step_px is not None:
-            value = (self.disparity(a) - self.disparity_of_infinity(a)) / self.sensor.pixel_pitch
-            found["last_disparity_step"] = Limit(
-                value=value, bound=criteria.disparity_step_px, met=value > criteria.disparity_step_px
-            )
         return found
 
     def least_sharp_type(self, distance: ArrayLike) -> NDArray[np.intp]:
@@ -336,7 +327,126 @@ class FocusedPlenoptic:
             return np.asarray(order[min(1, len(order) - 1)])
         return np.asarray(order[-1] if self.lenses == "all" else order[0])
 
-    def _blur_of_used_types(self, distance: FloatArray) -> FloatArray:
+    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
         """Blur [px] of the least sharp picture that the estimator needs."""
         used = self.least_sharp_type(distance)
         return np.asarray(np.take_along_axis(self.blur_px(distance), used[np.newaxis], axis=0)[0])
+
+    def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
+        """The micro-images on the sensor; the least sharp type that the estimator needs stands for all."""
+        a = np.asarray(distance, dtype=np.float64)
+        a = np.where(self.images(a), a, np.nan)
+        used = self.least_sharp_type(a)
+        return relayed_picture(
+            a,
+            self.main_lens,
+            self.microlenses,
+            self.sensor,
+            self.mla_distance,
+            blur=np.take_along_axis(self.blur_px(a), used[np.newaxis], axis=0)[0] * self.sensor.pixel_pitch,
+            used_type=used,
+        )
+
+    def without_calibration_errors(self) -> FocusedPlenoptic:
+        """The same camera, perfectly calibrated."""
+        return replace(self, calibration=PlenopticCalibration())
+
+    @property
+    def relay(self) -> Relay:
+        """The geometry that both what is seen and what is read follow from."""
+        return Relay(
+            focal_length=self.main_lens.focal_length,
+            mla_distance=self.mla_distance,
+            gap=self.microlenses.gap,
+            pitch=self.microlenses.pitch,
+            corner=self.sensor.diagonal / 2.0,
+        )
+
+    def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
+        """What a camera that deviates from its design by ``errors`` sees of a point; see `relay_observation`."""
+        return relay_observation(self.relay, self.estimator_baseline(z), errors, x, y, z)
+
+    def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
+        """The inverse depth that a calibration which is off by ``errors`` reads; see `relay_inverse_depth`.
+
+        The true distance [m] tells the two microlenses and the sign of the disparity.
+        """
+        sign = np.sign(self.virtual_depth(distance))
+        return relay_inverse_depth(self.relay, self.estimator_baseline(distance), errors, seen, sign)
+
+    def read(
+        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+    ) -> InverseDepthReading:
+        """See `ExactModel.read`.
+
+        z, b_L and the pitch grow with the housing; the focal length of the main lens has its own drift and follows the
+        index of the air.
+        """
+        require_known(errors, PLENOPTIC_ERRORS, "a focused plenoptic camera")
+        require_field(field)
+        a, sensor = np.asarray(distance, dtype=np.float64), self.sensor
+        changed: dict[str, ArrayLike] = {}
+        if environment is not None and ("temperature_change" in errors or "pressure_change" in errors):
+            growth = environment.length_factor(errors) - 1.0
+            changed = {
+                "mla_distance": self.mla_distance * growth,
+                "microlens_gap": self.microlenses.gap * growth,
+                "microlens_pitch": self.microlenses.pitch * growth,
+                "focal_length": self.main_lens.focal_length * (environment.focal_length_factor(errors) - 1.0),
+            }
+        right = field * sensor.width / 2.0 / self.mla_distance
+        down = field * sensor.height / 2.0 / self.mla_distance
+        inverse, valid = self.believe(errors, self.observe(changed, right * a, down * a, a), a)
+        return InverseDepthReading(
+            inverse_depth=inverse,
+            no_overlap=np.zeros((1, 1), dtype=bool),
+            out_of_range=~(valid & (a > self.main_lens.focal_length)),
+        )
+
+    def declared_errors(self) -> tuple[Group, ...]:
+        """See `PlenopticCalibration.groups`."""
+        return tuple(self.calibration.groups(declared_disparity_error(self) * self.sensor.pixel_pitch))
+
+    def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
+        """Disparity of the two micro-images of a corner, and where on the array they lie."""
+        apart, on_x, on_y = self.observe(errors, x, y, z)
+        return apart - self.estimator_baseline(z), on_x, on_y
+
+    def target_noise_px(self, corner_noise_px: float) -> FloatArray:
+        """That of the disparity as declared, and of both coordinates on the array."""
+        return np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
+
+    def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
+        """A corner is seen where its micro-images lie on the sensor."""
+        half = np.array([self.sensor.columns, self.sensor.rows]) / 2.0
+        inside = np.all(np.abs(observed_px[..., 1:]) <= half, axis=-1)
+        return np.repeat(inside[..., np.newaxis], 3, axis=-1)
+
+    def microlenses_seeing(self, distance: FloatArray) -> FloatArray:
+        """Mean number of microlenses that see a point."""
+        radius = self.radius_over_pitch(distance)
+        count = mean_seen_count(np.nan_to_num(radius), layout=self.microlenses.layout)
+        return np.asarray(np.where(np.isnan(radius), np.nan, count))
+
+    @property
+    def total_covering_plane(self) -> float:
+        """Where |v| = 2 on the side of the array that the first type focuses on [m]; NaN where that is nowhere."""
+        side = 1.0 if focuses_before_array(self.microlenses) else -1.0
+        return float(
+            object_distance_of_virtual_depth(
+                side * COVERING_VIRTUAL_DEPTH,
+                mla_distance=self.mla_distance,
+                microlens_gap=self.microlenses.gap,
+                focal_length=self.main_lens.focal_length,
+            )
+        )
+
+    def properties(self) -> Properties:
+        """Distances, microlenses, coverage and field of view; see `properties_of`."""
+        at_infinity = float(self.virtual_depth(math.inf))
+        return properties_of(self.main_lens, self.microlenses, self.sensor, self.mla_distance, at_infinity)
+
+    def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - none of depth
+        """Those of the main lens and of the array."""
+        array = array_contradictions(self.main_lens, self.microlenses, self.mla_distance, stated)
+        return [*lens_contradictions(self.main_lens, self.sensor, stated), *array]

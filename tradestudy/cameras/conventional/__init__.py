@@ -1,0 +1,1 @@
+"""A conventional camera, with a fixed focus or a focus stack."""

@@ -1,0 +1,127 @@
+"""What a study declares of a conventional camera."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStackPlan
+from tradestudy.cameras.declaration import CameraDeclaration, LensPart, SensorPart
+from tradestudy.cameras.depth_camera import DisparityErrorLaw
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
+    DetailSize,
+    ObjectDistance,
+    ObjectDistanceOrInfinity,
+    PositiveCount,
+    PositiveDuration,
+)
+from tradestudy.optics.depth_of_field import object_distance_of_magnification, object_distance_of_working_distance
+
+
+class ReferenceScalePart(Part):
+    """What a data sheet says of one focus: it tells where the principal plane lies behind the front of the lens."""
+
+    working_distance: ObjectDistance = Field(description="From the front of the lens.")
+    image_scale: DetailSize = Field(description="Size that one pixel covers on the object.")
+
+
+class FocusStackPart(Part):
+    """A stack of images at different focus, as few as cover the range but no more than it may have."""
+
+    start: ObjectDistance = Field(alias="from", description="Nearest distance to cover.")
+    stop: ObjectDistanceOrInfinity = Field(alias="to", description="Farthest distance to cover; may be infinity.")
+    images: PositiveCount = Field(description="The most images of one stack.")
+    time_per_image: PositiveDuration | None = Field(
+        default=None, description="From one image to the next, refocusing included."
+    )
+
+    @model_validator(mode="after")
+    def _increasing(self) -> Self:
+        if not self.start < self.stop:
+            raise MistakeAt(("to",), "must lie beyond from")
+        return self
+
+
+class ConventionalFocusPart(Part):
+    """Where a conventional camera is focused: by distance, by image scale, or by a working distance of a data sheet."""
+
+    distance: ObjectDistanceOrInfinity | None = Field(
+        default=None, description="Object to the principal plane of the lens."
+    )
+    image_scale: DetailSize | None = Field(
+        default=None, description="Size that one pixel covers on the object in focus."
+    )
+    working_distance: ObjectDistance | None = Field(
+        default=None, description="Object to the front of the lens; needs a reference."
+    )
+    reference: ReferenceScalePart | None = None
+    stack: FocusStackPart | None = Field(default=None, description="A focus stack instead of a single image.")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        ways = (self.distance, self.image_scale, self.working_distance)
+        if sum(way is not None for way in ways) != 1:
+            raise MistakeAt((), "give exactly one of distance, image_scale and working_distance")
+        if self.working_distance is not None and self.reference is None:
+            raise MistakeAt(
+                ("working_distance",),
+                "counts from the front of the lens; give a reference (working_distance and image_scale at one focus)",
+            )
+        return self
+
+    def resolved(self, by_scale: Callable[[float], float]) -> float:
+        """Distance of the focus from the principal plane [m], whichever way it is given."""
+        if self.distance is not None:
+            return self.distance
+        if self.image_scale is not None:
+            return by_scale(self.image_scale)
+        assert self.working_distance is not None and self.reference is not None  # noqa: PT018 - the schema's promise, for the type checker
+        return float(
+            object_distance_of_working_distance(
+                self.working_distance,
+                reference_working_distance=self.reference.working_distance,
+                reference_object_distance=by_scale(self.reference.image_scale),
+            )
+        )
+
+
+class ConventionalDeclaration(CameraDeclaration):
+    """A conventional camera of fixed focus, or with a mechanism that takes a focus stack; it measures no depth."""
+
+    kind: Literal["conventional"]
+    lens: LensPart
+    sensor: SensorPart
+    focus: ConventionalFocusPart
+
+    def design(self, picture_law: DisparityErrorLaw | None) -> ConventionalCamera:  # noqa: ARG002 - it measures no disparity
+        """The camera in SI, focused by distance, by image scale, or by a data sheet's working distance.
+
+        The scale s of a pixel p gives the magnification p/s and with it the distance of the principal plane; at a
+        reference it tells how far that plane lies behind the front of the lens, which is supposed to stay so.
+        """
+        sensor = self.sensor.sensor()
+        lens = self.lens.lens(sensor)
+        focus = self.focus
+
+        def by_scale(image_scale: float) -> float:
+            return float(object_distance_of_magnification(lens.focal_length, sensor.pixel_pitch / image_scale))
+
+        behind_front = None
+        if focus.reference is not None:
+            behind_front = by_scale(focus.reference.image_scale) - focus.reference.working_distance
+        stack = focus.stack
+        return ConventionalCamera(
+            lens=lens,
+            sensor=sensor,
+            focus_distance=focus.resolved(by_scale),
+            stack=None
+            if stack is None
+            else FocusStackPlan(
+                near=stack.start, far=stack.stop, most_images=stack.images, time_per_image=stack.time_per_image
+            ),
+            front_to_principal_plane=behind_front,
+        )

@@ -1,0 +1,173 @@
+"""A conventional camera: one lens, one sensor, and either a fixed focus or a mechanism that takes a stack of images."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, Final
+
+from tradestudy.cameras.camera import Camera, Properties
+from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
+from tradestudy.cameras.conventional.focus_stack import ImageStackFocus
+from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
+from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.optics.thin_lens import image_distance
+from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
+
+if TYPE_CHECKING:
+    from tradestudy.cameras.declaration import StatedPart
+
+# A thin lens in place of a real one, at a focus rounded to two digits.
+_DEPTH_OF_FIELD_TOLERANCE: Final = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class FocusStackPlan:
+    """How a camera with a focus mechanism takes a stack.
+
+    Parameters
+    ----------
+    near, far
+        Range of distances to cover [m] from the principal plane; far may be infinite.
+    most_images
+        The most images of one stack.
+    time_per_image
+        From one image to the next, refocusing included [s]; None where it is not known.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a time that is not positive.
+    """
+
+    near: float
+    far: float
+    most_images: int
+    time_per_image: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.time_per_image is not None:
+            require_positive("time per image", self.time_per_image, "s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConventionalCamera(Camera):
+    """A camera that measures no depth by triangulation; a focus stack makes it one of extended depth of field.
+
+    Parameters
+    ----------
+    lens, sensor
+        The parts.
+    focus_distance
+        Where a single image is focused [m] from the principal plane; infinity is allowed.
+    stack
+        How it takes a stack instead of a single image; None for a fixed focus.
+    front_to_principal_plane
+        How far the principal plane lies behind the front of the lens [m], from which data sheets count working
+        distances; None where it is not known.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a focus inside the focal length, or a stack that cannot be.
+    """
+
+    family: ClassVar[str] = "conventional"
+
+    lens: Lens
+    focus_distance: float
+    stack: FocusStackPlan | None = None
+    front_to_principal_plane: float | None = None
+
+    def __post_init__(self) -> None:
+        # Both check their arguments: a camera that cannot focus so is refused when it is built.
+        _ = self.single_image, self.focus
+
+    @property
+    def single_image(self) -> SingleLensFocus:
+        """The focus of one image at `focus_distance`."""
+        return SingleLensFocus(lens=self.lens, focus_distance=self.focus_distance, sample_pitch=self.sensor.pixel_pitch)
+
+    @property
+    def focus(self) -> SingleLensFocus | ImageStackFocus:
+        """What one image, or the stack where there is one, keeps sharp."""
+        if self.stack is None:
+            return self.single_image
+        return ImageStackFocus(
+            lens=self.lens,
+            sample_pitch=self.sensor.pixel_pitch,
+            near=self.stack.near,
+            far=self.stack.far,
+            most_images=self.stack.most_images,
+        )
+
+    @property
+    def gathering_lens(self) -> Lens:
+        """The lens."""
+        return self.lens
+
+    @property
+    def makes_depth_map(self) -> bool:
+        """Whether it takes a focus stack."""
+        return self.stack is not None
+
+    @property
+    def takes_stack(self) -> bool:
+        """Whether it takes a focus stack."""
+        return self.stack is not None
+
+    @property
+    def time_per_image(self) -> float | None:
+        """From one image of the stack to the next [s]; None where it is not known."""
+        return None if self.stack is None else self.stack.time_per_image
+
+    def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - its own focus, whatever the scene
+        """Lens to sensor [m], at the nearest focus of the stack where there is one."""
+        focus = self.focus_distance if self.stack is None else min(self.focus_distance, self.stack.near)
+        return float(image_distance(focus, self.lens.focal_length))
+
+    def properties(self) -> Properties:
+        """Lens, focus and field of view."""
+        lens, single = self.lens, self.single_image
+        rows = [
+            ("focal length", pretty(lens.focal_length, LENGTH, 4)),
+            ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
+            ("focused at, from the principal plane", pretty(self.focus_distance, LENGTH, 4)),
+            ("working f-number", pretty(single.working_f_number, NUMBER, 4)),
+            ("field of view across", pretty(lens.field_of_view(self.sensor.width), ANGLE, 4)),
+            ("field of view on the diagonal", pretty(lens.field_of_view(self.sensor.diagonal), ANGLE, 4)),
+        ]
+        if math.isfinite(self.focus_distance):
+            scale = float(single.lateral_resolution(self.focus_distance))
+            rows.insert(3, ("image scale in focus, per pixel", pretty(scale, LENGTH, 4)))
+        if self.front_to_principal_plane is not None:
+            working = self.focus_distance - self.front_to_principal_plane
+            rows.insert(3, ("working distance, from the front of the lens", pretty(working, LENGTH, 4)))
+        if self.stack is not None:
+            ends = " to ".join(pretty(end, LENGTH) for end in (self.stack.near, self.stack.far))
+            rows.append(("focus stack", f"up to {self.stack.most_images} images, {ends}"))
+        return tuple(rows)
+
+    def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - it measures no depth
+        """Those of the lens, and a stated depth of field against that of the thin lens.
+
+        What a data sheet counts as sharp is seldom said.
+        """
+        found = lens_contradictions(self.lens, self.sensor, stated)
+        if stated is None or stated.depth_of_field is None:
+            return found
+        one_pixel = BlurCriterion(blur_px=1.0, measure="none", wavelength=1e-6)  # λ does not enter
+        extent = self.single_image.sharp_range(one_pixel).extent
+        if math.isclose(stated.depth_of_field, extent, rel_tol=_DEPTH_OF_FIELD_TOLERANCE):
+            return found
+        return [
+            *found,
+            Contradiction(
+                what="depth of field against lens and sensor",
+                stated=show(stated.depth_of_field, LENGTH),
+                implied=f"{show(extent, LENGTH)} for a blur of one pixel; {show(stated.depth_of_field, LENGTH)} would "
+                f"be {stated.depth_of_field / extent:.2g} px",
+                used="the blur criteria of the study",
+            ),
+        ]

@@ -1,0 +1,234 @@
+"""What studies declare of every kind of camera: lens, sensor, errors, and how well disparity is measured."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.depth_camera import NO_ERROR, DepthCamera, DisparityError, DisparityErrorLaw, ErrorSource
+from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
+    Angle,
+    Count,
+    FNumber,
+    FocalLength,
+    Length,
+    PixelPitch,
+    PositiveAngle,
+    PositiveCount,
+    PositiveLength,
+    PositivePixels,
+    ThermalExpansion,
+)
+from tradestudy.errors import OutOfRangeError
+
+AttributeName = Annotated[str, Field(pattern=r"^[a-z][\w -]*$", max_length=60)]
+PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
+
+
+class LensPart(Part):
+    """A lens: its focal length, or the field of view that gives it, and its f-number."""
+
+    focal_length: FocalLength | None = Field(default=None, description="Focal length f.")
+    field_of_view: PositiveAngle | None = Field(
+        default=None, description="Full angle when focused at infinity, instead of a focal length."
+    )
+    across: Literal["width", "diagonal"] | None = Field(
+        default=None, description="What of the sensor the field of view covers."
+    )
+    f_number: FNumber = Field(description="Focal length over pupil diameter.")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.focal_length is None) == (self.field_of_view is None):
+            raise MistakeAt((), "give exactly one of focal_length and field_of_view (null takes an inherited one back)")
+        if (self.field_of_view is None) != (self.across is None):
+            raise MistakeAt((), "field_of_view and across (width or diagonal) belong together")
+        if self.field_of_view is not None and not self.field_of_view < math.pi:
+            raise MistakeAt(("field_of_view",), "a flat sensor sees less than 180°")
+        return self
+
+    def lens(self, sensor: Sensor) -> Lens:
+        """In SI, its focal length given or from the field of view on a sensor."""
+        focal_length = self.focal_length
+        if focal_length is None:
+            assert self.field_of_view is not None  # one of the two is given
+            extent = sensor.diagonal if self.across == "diagonal" else sensor.width
+            focal_length = focal_length_of_field_of_view(self.field_of_view, extent)
+        return Lens(focal_length=focal_length, f_number=self.f_number)
+
+
+class SensorPart(Part):
+    """A pixel array."""
+
+    pixels: tuple[PixelCount, PixelCount] = Field(description="Columns and rows.")
+    pixel_pitch: PixelPitch = Field(description="Distance of neighbouring pixel centres.")
+
+    def sensor(self) -> Sensor:
+        """In SI."""
+        return Sensor(columns=self.pixels[0], rows=self.pixels[1], pixel_pitch=self.pixel_pitch)
+
+
+class DisparityPart(Part):
+    """How well disparity is measured."""
+
+    disparity_error: PositivePixels | Literal["derived"] = Field(
+        description="Standard deviation of one measurement; derived: the Cramér–Rao bound of matching in the picture "
+        "of the scene's texture (scene.picture)."
+    )
+    error_of: Literal["disparity", "coordinate"] = Field(
+        default="disparity",
+        description="Whether the error is that of the disparity or of each image coordinate (× √2).",
+    )
+    discrimination_step: PositivePixels = Field(description="Disparity step of the depth discrimination.")
+
+    @model_validator(mode="after")
+    def _derived_is_of_the_disparity(self) -> Self:
+        if self.disparity_error == "derived" and self.error_of == "coordinate":
+            raise MistakeAt(("error_of",), "a derived error is that of the disparity; leave error_of out")
+        return self
+
+    @property
+    def declared_error_px(self) -> float | None:
+        """Of the disparity [px], whichever way it was given; None where it is derived."""
+        if self.disparity_error == "derived":
+            return None
+        return self.disparity_error * (math.sqrt(2.0) if self.error_of == "coordinate" else 1.0)
+
+    def error(self, picture_law: DisparityErrorLaw | None) -> DisparityError:
+        """The declared error of a disparity [px], or the law of its picture.
+
+        Raises
+        ------
+        OutOfRangeError
+            A derived error without a picture to derive it from.
+        """
+        declared = self.declared_error_px
+        if declared is not None:
+            return declared
+        if picture_law is None:
+            raise OutOfRangeError(
+                "a derived disparity error needs the scene's picture",
+                remedy="add picture to scene: texture, light, sensor",
+            )
+        return picture_law
+
+
+class _ErrorPart(Part):
+    @model_validator(mode="after")
+    def _one_shape(self) -> Self:
+        values = self.model_dump()
+        if (values["standard_deviation"] is None) == (values["half_width"] is None):
+            raise MistakeAt((), "give standard_deviation (a normal error) or half_width (a uniform one)")
+        return self
+
+
+class LengthErrorPart(_ErrorPart):
+    """An error of a length: normal by its standard deviation, or uniform by its half width."""
+
+    standard_deviation: PositiveLength | None = None
+    half_width: PositiveLength | None = None
+
+
+class AngleErrorPart(_ErrorPart):
+    """An error of an angle: normal by its standard deviation, or uniform by its half width."""
+
+    standard_deviation: PositiveAngle | None = None
+    half_width: PositiveAngle | None = None
+
+
+class NormalLengthErrorPart(Part):
+    """A normal error of a length."""
+
+    standard_deviation: PositiveLength
+
+
+def error_of(part: LengthErrorPart | AngleErrorPart | NormalLengthErrorPart | None) -> ErrorSource:
+    """A normal error by its standard deviation or a uniform one by its half width h, of deviation h/√3."""
+    if part is None:
+        return NO_ERROR
+    half_width = getattr(part, "half_width", None)
+    if half_width is not None:
+        return ErrorSource(standard_deviation=half_width / math.sqrt(3.0), shape="uniform")
+    return ErrorSource(standard_deviation=part.standard_deviation or 0.0)
+
+
+class StatedPart(Part):
+    """What a data sheet or paper states and the other values already decide: cross-checked, never used."""
+
+    field_of_view: Angle | None = None
+    microlens_gap: Length | None = None
+    mla_distance: Length | None = None
+    hyperfocal_distance: Length | None = None
+    depth_of_field: PositiveLength | None = Field(default=None, description="Of one image of a conventional camera.")
+
+
+class AttributesPart(Part):
+    """What decides a trade besides curves, declared; what is left out is derived where the other inputs allow it."""
+
+    moving_parts: Count | None = Field(
+        default=None, description="Default: one for each lens that is refocused by a mechanism."
+    )
+    bits_per_pixel: PositiveCount | None = Field(default=None, description="Of a raw image; data volumes need it.")
+    envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
+        default=None, description="Length, width and height of the whole instrument."
+    )
+    others: dict[AttributeName, Annotated[str, Field(min_length=1, max_length=200)]] = Field(
+        default={}, description="Anything else worth a row of the comparison, in words."
+    )
+
+
+class CameraDeclaration(Part, ABC):
+    """A camera of a study.
+
+    What a kind adds has a ``kind`` of its own, the name by which studies call it.
+    """
+
+    error_units: ClassVar[Mapping[str, str]] = {}
+    """What can be in error in the exact model of the kind; empty where there is none."""
+    corners_calibrate: ClassVar[bool] = False
+    """Whether the corners of a board in its pictures calibrate it."""
+
+    kind: str
+    title: str = Field(min_length=1, max_length=80, description="Name in figures and tables.")
+    note: str | None = Field(default=None, max_length=2000, description="What a reader should know about it.")
+    stated: StatedPart | None = None
+    attributes: AttributesPart = AttributesPart()
+
+    @abstractmethod
+    def design(self, picture_law: DisparityErrorLaw | None) -> Camera:
+        """The camera in SI.
+
+        Parameters
+        ----------
+        picture_law
+            What a derived disparity error follows; None in a study without a picture.
+
+        Raises
+        ------
+        OutOfRangeError
+            Where the parts do not make a camera.
+        """
+
+
+class DepthCameraDeclaration(CameraDeclaration):
+    """A camera that measures depth by triangulation."""
+
+    pictured_by_microlenses: ClassVar[bool] = False
+    """Whether microlenses blur the picture that is matched."""
+
+    depth: DisparityPart
+    thermal_expansion: ThermalExpansion | None = Field(
+        default=None, description="Of what holds its parts apart; default: that of scene.temperature."
+    )
+
+    @abstractmethod
+    def design(self, picture_law: DisparityErrorLaw | None) -> DepthCamera:
+        """The camera in SI; see `CameraDeclaration.design`."""

@@ -1,0 +1,171 @@
+"""What a study declares of a focused plenoptic camera."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
+from tradestudy.cameras.depth_camera import DisparityErrorLaw
+from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, FocusedPlenoptic
+from tradestudy.cameras.parts import MicrolensArray
+from tradestudy.cameras.plenoptic_declaration import PlenopticCalibrationPart
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
+    FocalLength,
+    LensToSensor,
+    MicrolensPitch,
+    ObjectDistanceOrInfinity,
+)
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.depth_of_field import microlens_focal_length, touching_inverse_virtual_depths
+from tradestudy.optics.thin_lens import image_distance
+
+
+class MicrolensesPart(Part):
+    """The microlens array."""
+
+    layout: Literal["hexagonal", "square"]
+    pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres.")
+    gap: LensToSensor | Literal["f-number-matching"] = Field(
+        description="Array to sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
+    )
+    types: Literal[1, 3] = Field(default=1, description="Kinds of microlenses, by focal length.")
+    focal_lengths: tuple[FocalLength, ...] | None = Field(
+        default=None,
+        description="One per type; left out, they are designed so that their depths of field touch, at one "
+        "pixel of blur, from the total covering plane on.",
+    )
+    aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if self.focal_lengths is not None and len(self.focal_lengths) != self.types:
+            raise MistakeAt(
+                ("focal_lengths",),
+                f"{len(self.focal_lengths)} focal lengths for {self.types} types: give one for each type",
+            )
+        if self.layout == "square" and self.types != 1:
+            raise MistakeAt(("types",), "three types do not tile a square array evenly; use layout: hexagonal")
+        if self.aperture_diameter is not None and self.aperture_diameter > self.pitch:
+            raise MistakeAt(("aperture_diameter",), "the microlenses overlap: at most the pitch")
+        return self
+
+
+class FocusPart(Part):
+    """Where the array stands: directly, or by the plane from which a pair of microlenses sees every point."""
+
+    mla_distance: LensToSensor | None = Field(default=None, description="Main lens to array z.")
+    total_covering_plane: ObjectDistanceOrInfinity | None = Field(
+        default=None, description="Object distance at which |virtual depth| is 2; may be infinity."
+    )
+    relay: Literal["keplerian", "galilean"] | None = Field(
+        default=None, description="Image of the main lens before (keplerian) or behind (galilean) the array."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.mla_distance is None) == (self.total_covering_plane is None):
+            raise MistakeAt((), "give exactly one of mla_distance and total_covering_plane")
+        if (self.total_covering_plane is None) != (self.relay is None):
+            raise MistakeAt((), "total_covering_plane and relay belong together")
+        return self
+
+
+class PlenopticDepthPart(DisparityPart):
+    """Depth by micro-images."""
+
+    estimator: Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
+    lenses: Literal["all", "sharpest-type"] | None = Field(
+        default=None,
+        description="Microlenses that widest-pair and least-squares use; default: sharpest-type.",
+    )
+
+    @model_validator(mode="after")
+    def _choice(self) -> Self:
+        if self.lenses is not None and self.estimator in ("adjacent-pair", "same-type-pair"):
+            raise MistakeAt(("lenses",), f"the estimator {self.estimator} has no choice of lenses; leave it out")
+        return self
+
+
+class FocusedPlenopticDeclaration(DepthCameraDeclaration):
+    """A focused plenoptic camera (plenoptic II), of one or of several microlens types."""
+
+    error_units: ClassVar[Mapping[str, str]] = FocusedPlenoptic.error_units
+    pictured_by_microlenses: ClassVar[bool] = FocusedPlenoptic.pictured_by_microlenses
+
+    kind: Literal["focused-plenoptic"]
+    main_lens: LensPart
+    sensor: SensorPart
+    microlenses: MicrolensesPart
+    focus: FocusPart
+    depth: PlenopticDepthPart
+    calibration: PlenopticCalibrationPart
+
+    def design(self, picture_law: DisparityErrorLaw | None) -> FocusedPlenoptic:
+        """The camera in SI; its array is put where the declared plane is the total covering plane.
+
+        With b_M the image distance of that plane, ``z = b_M ± 2 b_L`` (Keplerian +, Galilean −); with f-number
+        matching, where ``b_L = p z / A``, this is ``z = b_M / (1 ∓ 2p/A)``.
+        """
+        sensor = self.sensor.sensor()
+        lens = self.main_lens.lens(sensor)
+        array = self.microlenses
+        gap_over_z = array.pitch / lens.pupil_diameter
+        sign = -1.0 if self.focus.relay == "galilean" else 1.0
+        if self.focus.mla_distance is not None:
+            z = self.focus.mla_distance
+            gap = gap_over_z * z if array.gap == "f-number-matching" else array.gap
+            sign = math.copysign(1.0, z - lens.focal_length)
+        else:
+            plane = self.focus.total_covering_plane
+            if plane is None or not plane > lens.focal_length:
+                raise OutOfRangeError(
+                    "the total covering plane",
+                    value="none" if plane is None else f"{plane * 1e3:g} mm",
+                    limit=f"beyond the main lens's focal length, {lens.focal_length * 1e3:g} mm",
+                )
+            b = float(image_distance(plane, lens.focal_length))
+            if array.gap == "f-number-matching":
+                z = b / (1.0 - sign * COVERING_VIRTUAL_DEPTH * gap_over_z)
+                gap = gap_over_z * z
+            else:
+                gap = array.gap
+                z = b + sign * COVERING_VIRTUAL_DEPTH * gap
+        if not (z > 0.0 and gap > 0.0):
+            raise OutOfRangeError(
+                "the microlens array would stand before the main lens", value=f"{z * 1e3:g} mm", remedy="reduce the gap"
+            )
+        depth = self.depth
+        pair = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}
+        return FocusedPlenoptic(
+            main_lens=lens,
+            sensor=sensor,
+            microlenses=MicrolensArray(
+                layout=array.layout,
+                pitch=array.pitch,
+                gap=gap,
+                focal_lengths=array.focal_lengths or self._designed_focal_lengths(gap, sign),
+                aperture_diameter=array.aperture_diameter or array.pitch,
+            ),
+            mla_distance=z,
+            estimator=depth.estimator,
+            lenses="all" if pair.get(depth.estimator, depth.lenses) == "all" else "sharpest-type",
+            disparity_error_px=depth.error(picture_law),
+            discrimination_step_px=depth.discrimination_step,
+            calibration=self.calibration.errors(),
+        )
+
+    def _designed_focal_lengths(self, gap: float, sign: float) -> tuple[float, ...]:
+        """Those of types whose depths of field touch, at one pixel of blur, from the total covering plane on [m]."""
+        array = self.microlenses
+        inverse_depths = touching_inverse_virtual_depths(
+            nearest_virtual_depth=COVERING_VIRTUAL_DEPTH,
+            pixels_per_lens=(array.aperture_diameter or array.pitch) / self.sensor.pixel_pitch,
+            types=array.types,
+        )
+        return tuple(float(focal_length) for focal_length in microlens_focal_length(sign * inverse_depths, gap))

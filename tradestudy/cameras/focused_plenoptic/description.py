@@ -1,0 +1,56 @@
+"""What follows from the inputs of a focused plenoptic camera, in words for readers."""
+
+from __future__ import annotations
+
+from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
+from tradestudy.cameras.plenoptic import fill_factor
+from tradestudy.optics.microlens_coverage import covering_microlens_object_distance, covering_radius_over_pitch
+from tradestudy.optics.thin_lens import object_distance
+from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
+
+
+def properties_of(
+    lens: Lens, array: MicrolensArray, sensor: Sensor, mla_distance: float, virtual_depth_at_infinity: float
+) -> Properties:
+    """Distances, microlenses, coverage and field of view."""
+    return (
+        ("main lens to array z", pretty(mla_distance, LENGTH, 5)),
+        ("microlens gap b_L", pretty(array.gap, LENGTH, 4)),
+        ("microlens focal lengths f_L", ", ".join(pretty(f, LENGTH, 4) for f in array.focal_lengths)),
+        ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
+        ("microlens f-number b_L/p", pretty(array.gap / array.pitch, NUMBER, 4)),
+        ("pixels per microlens", pretty(array.pitch / sensor.pixel_pitch, NUMBER, 4)),
+        ("fill factor of the array", fill_factor(array)),
+        ("virtual depth at infinity", pretty(virtual_depth_at_infinity, NUMBER, 4)),
+        ("two lenses see every point from", _covered_from(lens, array, mla_distance)),
+        ("field of view across", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
+        ("field of view on the diagonal", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
+    )
+
+
+def focuses_before_array(array: MicrolensArray) -> bool:
+    """Whether the first type focuses on images before the array, as a Keplerian relay needs it."""
+    return array.gap >= array.focal_lengths[0]
+
+
+def _covered_from(lens: Lens, array: MicrolensArray, mla_distance: float) -> str:
+    """Exact distance from which (Keplerian), or up to which (Galilean), two lenses of any type see every point."""
+    keplerian = focuses_before_array(array)
+    needed = covering_radius_over_pitch(at_least=2, layout=array.layout)
+    if not keplerian and 2.0 * needed * array.pitch > lens.pupil_diameter:
+        return "nowhere"
+    a_L = float(
+        covering_microlens_object_distance(
+            needed,
+            mla_distance=mla_distance,
+            pupil_diameter=lens.pupil_diameter,
+            microlens_pitch=array.pitch,
+            keplerian=keplerian,
+        )
+    )
+    shift = mla_distance - a_L - lens.focal_length
+    if shift <= 0.0:
+        return "nowhere" if keplerian else "everywhere"
+    distance = pretty(float(object_distance(shift, lens.focal_length)), LENGTH, 4)
+    return distance if keplerian else f"the lens to {distance}"

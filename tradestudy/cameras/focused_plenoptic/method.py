@@ -1,0 +1,39 @@
+"""How a focused plenoptic camera finds depth, for the readers of a report."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tradestudy.cameras.method import Law, Method
+
+METHOD: Final = Method(
+    name="plenoptic",
+    title="Depth from a focused plenoptic camera",
+    statements=(
+        "The main lens (focal length *f*~M~) images a point at distance *a*~M~ in front of or behind the "
+        "microlens array at distance *z*; every microlens that sees this image repeats it on the detector, a "
+        "gap *b*~L~ behind the array. The virtual depth *v* = *a*~L~/*b*~L~ is positive for a Keplerian relay "
+        "(image before the array) and negative for a Galilean one. Micro-image coordinates σ count from the "
+        "centre of their own microlens.",
+        Law(
+            typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
+            alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the "
+            "two microlens centres over the difference of the two micro-image coordinates.",
+            reference="paper, eq. 8",
+        ),
+        "It is evaluated through the focus shift *s* = *f*~M~²/(*a*~M~ − *f*~M~), an inverse depth that loses "
+        "no digits at large distances. An error of the virtual depth and errors of *z* and *f*~M~ move depth by",
+        Law(
+            typst="sigma_(a_M) = ((a_M - f_M) / f_M)^2 b_L sigma_v, quad"
+            " (partial a_M) / (partial z) = -((a_M - f_M) / f_M)^2, quad"
+            " (partial a_M) / (partial f_M) = (a_M / f_M)^2",
+            alt="The standard deviation of a M equals the square of a M minus f M over f M, times b L, times the "
+            "standard deviation of v. The derivative of a M with respect to z is minus the square of a M minus f M "
+            "over f M; with respect to f M it is the square of a M over f M.",
+        ),
+        "The last two have opposite signs: what matters is *z* − *f*~M~, so both are drawn jointly. How the "
+        "error of one disparity becomes that of *v* depends on the declared estimator: it grows with *v*² for "
+        "an adjacent pair (of any lenses, or of the same type), with *v* for the widest pair, and stays flat "
+        "for all lenses in least squares.",
+    ),
+)

@@ -1,0 +1,34 @@
+"""Every kind of camera that a study may declare. A new kind is one room beside these, and one entry here."""
+
+from __future__ import annotations
+
+from functools import reduce
+from operator import or_
+from typing import TYPE_CHECKING, Annotated, Final, get_args
+
+from pydantic import Field
+
+from tradestudy.cameras.conventional.declaration import ConventionalDeclaration
+from tradestudy.cameras.declaration import CameraDeclaration
+from tradestudy.cameras.focused_plenoptic.declaration import FocusedPlenopticDeclaration
+from tradestudy.cameras.stereo.declaration import StereoDeclaration
+from tradestudy.cameras.unfocused_plenoptic.declaration import UnfocusedPlenopticDeclaration
+
+KINDS: Final[tuple[type[CameraDeclaration], ...]] = (
+    FocusedPlenopticDeclaration,
+    UnfocusedPlenopticDeclaration,
+    StereoDeclaration,
+    ConventionalDeclaration,
+)
+ERROR_UNITS: Final = {name: unit for kind in KINDS for name, unit in kind.error_units.items()}
+"""Everything that can be in error about some camera, with its SI unit: one name is one quantity for all kinds."""
+
+if TYPE_CHECKING:
+    CameraPart = CameraDeclaration
+else:
+    CameraPart = Annotated[reduce(or_, KINDS), Field(discriminator="kind")]
+
+
+def kind_name(kind: type[CameraDeclaration]) -> str:
+    """What studies call a kind."""
+    return str(get_args(kind.model_fields["kind"].annotation)[0])

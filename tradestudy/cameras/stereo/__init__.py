@@ -1,0 +1,1 @@
+"""A stereo rig of two equal cameras."""

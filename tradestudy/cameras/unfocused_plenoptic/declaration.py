@@ -1,0 +1,100 @@
+"""What a study declares of an unfocused plenoptic camera."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
+from tradestudy.cameras.depth_camera import DisparityErrorLaw
+from tradestudy.cameras.parts import MicrolensArray
+from tradestudy.cameras.plenoptic_declaration import PlenopticCalibrationPart
+from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
+    FNumber,
+    FocalLength,
+    MicrolensPitch,
+    ObjectDistance,
+)
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.thin_lens import image_distance
+
+
+class UnfocusedMicrolensesPart(Part):
+    """The microlens array of an unfocused plenoptic camera, one focal length before the sensor."""
+
+    layout: Literal["hexagonal", "square"]
+    pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres: the lateral sample.")
+    focal_length: FocalLength | Literal["f-number-matching"] = Field(
+        description="Also the distance to the sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
+    )
+    aperture_diameter: MicrolensPitch | None = Field(default=None, description="Of one microlens; default: the pitch.")
+    f_number: FNumber | None = Field(
+        default=None, description="Of one microlens, focal length over aperture diameter, instead of that diameter."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if self.aperture_diameter is not None and self.f_number is not None:
+            raise MistakeAt((), "give at most one of aperture_diameter and f_number")
+        return self
+
+
+class UnfocusedFocusPart(Part):
+    """Where an unfocused plenoptic camera is focused."""
+
+    distance: ObjectDistance = Field(description="Object distance whose image falls on the microlenses.")
+
+
+class UnfocusedDepthPart(DisparityPart):
+    """Depth by the views through parts of the pupil; a px of disparity is one microlens, the sample of a view."""
+
+    estimator: Literal["outermost-views", "least-squares"]
+
+
+class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
+    """An unfocused plenoptic camera (plenoptic I)."""
+
+    kind: Literal["unfocused-plenoptic"]
+    main_lens: LensPart
+    sensor: SensorPart
+    microlenses: UnfocusedMicrolensesPart
+    focus: UnfocusedFocusPart
+    depth: UnfocusedDepthPart
+    calibration: PlenopticCalibrationPart
+
+    def design(self, picture_law: DisparityErrorLaw | None) -> UnfocusedPlenoptic:
+        """The camera in SI; with f-number matching ``f_L = p z/A``."""
+        sensor = self.sensor.sensor()
+        lens = self.main_lens.lens(sensor)
+        array = self.microlenses
+        if not self.focus.distance > lens.focal_length:
+            raise OutOfRangeError(
+                "the main lens cannot focus that close",
+                value=f"{self.focus.distance * 1e3:g} mm",
+                limit=f"beyond the focal length, {lens.focal_length * 1e3:g} mm",
+                remedy="increase the focus distance",
+            )
+        z = float(image_distance(self.focus.distance, lens.focal_length))
+        matching = array.focal_length == "f-number-matching"
+        focal_length = array.pitch * z / lens.pupil_diameter if matching else float(array.focal_length)
+        aperture = array.aperture_diameter or (focal_length / array.f_number if array.f_number else array.pitch)
+        return UnfocusedPlenoptic(
+            main_lens=lens,
+            sensor=sensor,
+            microlenses=MicrolensArray(
+                layout=array.layout,
+                pitch=array.pitch,
+                gap=focal_length,
+                focal_lengths=(focal_length,),
+                aperture_diameter=aperture,
+            ),
+            focus_distance=self.focus.distance,
+            estimator=self.depth.estimator,
+            disparity_error_px=self.depth.error(picture_law),
+            discrimination_step_px=self.depth.discrimination_step,
+            calibration=self.calibration.errors(),
+        )
