@@ -16,7 +16,7 @@ from tradestudy.optics.arrays import FloatArray
 
 if TYPE_CHECKING:  # pydantic is not needed to compute with a camera
     from tradestudy.cameras.contradictions import Contradiction
-    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.cameras.stated_declaration import StatedPart
 
 Properties = tuple[tuple[str, str], ...]
 

@@ -11,7 +11,7 @@ from tradestudy.optics.depth_of_field import hyperfocal_distance
 from tradestudy.units import ANGLE, LENGTH, Dimension, pretty
 
 if TYPE_CHECKING:  # pydantic is not needed to compute with a camera
-    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.cameras.stated_declaration import StatedPart
 
 # Values printed with three or four digits agree better than this.
 PRINTED_TOLERANCE = 5e-3

@@ -12,14 +12,13 @@ from pydantic import Field, model_validator
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import NO_ERROR, DepthCamera, DisparityError, DisparityErrorLaw, ErrorSource
 from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
+from tradestudy.cameras.stated_declaration import StatedPart
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
-    Angle,
     Count,
     FNumber,
     FocalLength,
-    Length,
     PixelPitch,
     PositiveAngle,
     PositiveCount,
@@ -158,16 +157,6 @@ def error_of(part: LengthErrorPart | AngleErrorPart | NormalLengthErrorPart | No
     if half_width is not None:
         return ErrorSource(standard_deviation=half_width / math.sqrt(3.0), shape="uniform")
     return ErrorSource(standard_deviation=part.standard_deviation or 0.0)
-
-
-class StatedPart(Part):
-    """What a data sheet or paper states and the other values already decide: cross-checked, never used."""
-
-    field_of_view: Angle | None = None
-    microlens_gap: Length | None = None
-    mla_distance: Length | None = None
-    hyperfocal_distance: Length | None = None
-    depth_of_field: PositiveLength | None = Field(default=None, description="Of one image of a conventional camera.")
 
 
 class AttributesPart(Part):

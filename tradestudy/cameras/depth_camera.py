@@ -228,6 +228,39 @@ class DepthCamera(Camera):
         """The camera without what its picture does not know of: its calibration, and how its errors are found."""
         return replace(self.without_calibration_errors(), disparity_error_px=1.0, expansion=0.0)
 
+    def noise(self, distance: ArrayLike) -> FloatArray:
+        """Standard deviation of the disparity of one measurement [m on the sensor]."""
+        return disparity_error_at(self, distance) * self.sample_pitch
+
+    def parts_of(
+        self, distance: ArrayLike, slopes: Mapping[str, tuple[ErrorSource, FloatArray]]
+    ) -> tuple[DepthErrorPart, ...]:
+        """The noise, and every error that has a spread times the change of disparity that a unit of it makes."""
+        noise = DepthErrorPart(
+            name="pixel_noise", disparity_error=self.noise(distance), shape="normal", error_class="per measurement"
+        )
+        of_rig = (
+            DepthErrorPart(
+                name=name,
+                disparity_error=source.standard_deviation * slope,
+                shape=source.shape,
+                error_class="per rig",
+            )
+            for name, (source, slope) in slopes.items()
+            if source.standard_deviation > 0.0
+        )
+        return (noise, *of_rig)
+
+    def directions_of(
+        self, distance: ArrayLike, declared: Mapping[str, ErrorSource]
+    ) -> dict[str, tuple[Mapping[str, ArrayLike], ...]]:
+        """The noise and every declared error of some spread alone, by one standard deviation."""
+        of_rig = {name: s.standard_deviation for name, s in declared.items() if s.standard_deviation > 0.0}
+        return {
+            "pixel_noise": ({"pixel_noise": self.noise(distance)},),
+            **{name: ({name: one},) for name, one in of_rig.items()},
+        }
+
     def images(self, distance: ArrayLike) -> BoolArray:
         """Where an object lies beyond the focal length, so that a real image of it is formed."""
         return np.asarray(np.asarray(distance, dtype=np.float64) > self.gathering_lens.focal_length)

@@ -17,7 +17,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.units import FRACTION, LENGTH, pretty
 
 if TYPE_CHECKING:
-    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.cameras.stated_declaration import StatedPart
     from tradestudy.uncertainty.sources import Group
 
 # f-number matching is a rule of thumb of lens design; a few percent neither wastes nor mixes pixels.

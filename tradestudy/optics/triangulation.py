@@ -140,6 +140,14 @@ def stereo_disparity(
     return np.asarray(2.0 * np.asarray(focal_length, dtype=np.float64) * (half - t) / (1.0 + half * t))
 
 
+def depth_of_inverse(inverse_depth: ArrayLike) -> FloatArray:
+    """Depth [m] of an inverse depth [1/m]: +infinity where that is zero or negative, NaN where it is NaN."""
+    inverse = np.asarray(inverse_depth, dtype=np.float64)
+    with np.errstate(over="ignore"):  # beyond the largest number is infinitely far
+        depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
+    return np.asarray(np.where(np.isnan(inverse), np.nan, depth))
+
+
 def inverse_depth_on_ray(
     ray_x: ArrayLike, ray_z: ArrayLike, slope: ArrayLike, moved_x: ArrayLike, moved_z: ArrayLike
 ) -> FloatArray:
@@ -198,10 +206,9 @@ def stereo_depth(
     FloatArray
         Z [m]; +infinity where the rays are parallel or diverge, so that noisy depths keep their rank.
     """
-    inverse = stereo_inverse_depth(disparity, baseline, focal_length, convergence_angle=convergence_angle)
-    with np.errstate(over="ignore"):  # beyond the largest number is infinitely far
-        depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
-    return np.asarray(np.where(np.isnan(inverse), np.nan, depth))
+    return depth_of_inverse(
+        stereo_inverse_depth(disparity, baseline, focal_length, convergence_angle=convergence_angle)
+    )
 
 
 def midpoint_depth(

@@ -7,7 +7,7 @@ import numpy as np
 from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.triangulation import inverse_depth_on_ray
+from tradestudy.optics.triangulation import depth_of_inverse, inverse_depth_on_ray
 
 
 def observe_pair(shared: FloatArray, points: FloatArray) -> FloatArray:
@@ -76,6 +76,4 @@ def depth_of_draws(shared: FloatArray, draws: FloatArray, distances: FloatArray)
         only, no pixel noise.
     """
     points = distances[:, None] * np.array([0.0, 0.0, 1.0])
-    inverse = inverse_depth(draws, observe_pair(shared, points))
-    depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
-    return np.where(np.isnan(inverse), np.nan, depth)
+    return depth_of_inverse(inverse_depth(draws, observe_pair(shared, points)))

@@ -16,7 +16,7 @@ from tradestudy.optics.thin_lens import image_distance
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
 if TYPE_CHECKING:
-    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.cameras.stated_declaration import StatedPart
 
 # A thin lens in place of a real one, at a focus rounded to two digits.
 _DEPTH_OF_FIELD_TOLERANCE: Final = 0.1

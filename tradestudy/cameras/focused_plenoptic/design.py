@@ -18,7 +18,6 @@ from tradestudy.cameras.depth_camera import (
     Limit,
     UsableCriteria,
     declared_disparity_error,
-    disparity_error_at,
 )
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.exact_model import ExactModel
@@ -49,10 +48,10 @@ from tradestudy.optics.microlens_projection import (
     virtual_depth,
 )
 from tradestudy.optics.thin_lens import focus_shift
-from tradestudy.optics.triangulation import plenoptic_depth
+from tradestudy.optics.triangulation import depth_of_inverse, plenoptic_depth
 
 if TYPE_CHECKING:
-    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.cameras.stated_declaration import StatedPart
     from tradestudy.uncertainty.sources import Group
 
 COVERING_VIRTUAL_DEPTH: Final = 2.0
@@ -232,7 +231,7 @@ class FocusedPlenoptic(ExactModel):
         with np.errstate(divide="ignore", invalid="ignore"):  # an image on the array has no disparity: NaN is meant
             per_shift = d / (gap * v)
         parts: tuple[tuple[str, FloatArray, ErrorShape], ...] = (
-            ("pixel_noise", disparity_error_at(self, distance) * self.sensor.pixel_pitch, "normal"),
+            ("pixel_noise", self.noise(distance), "normal"),
             ("mla_distance_and_focal_length", np.abs(per_shift) * np.sqrt(np.maximum(joint, 0.0)), "normal"),
             ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
             ("temperature", np.abs(per_shift) * self.mla_distance * self.expansion, "normal"),
@@ -266,14 +265,11 @@ class FocusedPlenoptic(ExactModel):
         require_known(errors, DECLARED_ERRORS, "a focused plenoptic camera")
         # Of a point on the axis, as `read` gives it, without its limit to what is in front of the lens.
         inverse, _ = self.believe(errors, self.observe({}, 0.0, 0.0, distance), distance)
-        depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
-        return np.asarray(np.where(np.isnan(inverse), np.nan, depth))
+        return depth_of_inverse(inverse)
 
     def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        return self.calibration.error_directions(
-            disparity_error_at(self, distance) * self.sensor.pixel_pitch, self.expansion * self.mla_distance
-        )
+        return self.calibration.error_directions(self.noise(distance), self.expansion * self.mla_distance)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well.

@@ -18,7 +18,6 @@ from tradestudy.cameras.depth_camera import (
     Limit,
     UsableCriteria,
     declared_disparity_error,
-    disparity_error_at,
 )
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.exact_model import ExactModel
@@ -34,11 +33,11 @@ from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
-from tradestudy.optics.triangulation import stereo_depth, stereo_disparity
+from tradestudy.optics.triangulation import depth_of_inverse, stereo_depth, stereo_disparity
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 
 if TYPE_CHECKING:
-    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.cameras.stated_declaration import StatedPart
     from tradestudy.uncertainty.sources import Group
 
 # Ten times that of the strongest objectives of microscopes: no sensor stands so far behind its lens.
@@ -230,25 +229,7 @@ class StereoRig(ExactModel):
                 B * c * inverse * (1.0 + x2) / (1.0 + u2),
             ),
         }
-        noise = DepthErrorPart(
-            name="pixel_noise",
-            disparity_error=disparity_error_at(self, distance) * self.sensor.pixel_pitch,
-            shape="normal",
-            error_class="per measurement",
-        )
-        return (
-            noise,
-            *(
-                DepthErrorPart(
-                    name=name,
-                    disparity_error=source.standard_deviation * slope,
-                    shape=source.shape,
-                    error_class="per rig",
-                )
-                for name, (source, slope) in slopes.items()
-                if source.standard_deviation > 0.0
-            ),
-        )
+        return self.parts_of(distance, slopes)
 
     def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
         """The depth [m] that the declared triangulation reports when calibration and pixels are off by ``errors``.
@@ -271,20 +252,13 @@ class StereoRig(ExactModel):
         inverse, _ = pair_inverse_depth(
             self.pair, _of_both_sides(errors), pair_observation(self.pair, {}, 0.0, 0.0, distance)
         )
-        with np.errstate(over="ignore"):  # beyond the largest number is infinitely far
-            depth = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), np.inf)
-        return np.asarray(np.where(np.isnan(inverse), np.nan, depth))
+        return depth_of_inverse(inverse)
 
     def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
-        """One standard deviation of each error, all independent."""
-        noise = disparity_error_at(self, distance) * self.sensor.pixel_pitch
-        deviations = {f.name: getattr(self.calibration, f.name).standard_deviation for f in fields(self.calibration)}
+        """One standard deviation of each error, all independent; temperature acts on the baseline."""
+        declared = {f.name: getattr(self.calibration, f.name) for f in fields(self.calibration)}
         expanded = {"temperature": ({"baseline": self.expansion * self.baseline},)} if self.expansion > 0.0 else {}
-        return {
-            "pixel_noise": ({"pixel_noise": noise},),
-            **{name: ({name: deviation},) for name, deviation in deviations.items() if deviation > 0.0},
-            **expanded,
-        }
+        return {**self.directions_of(distance, declared), **expanded}
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the parallel rig of this principal distance that measures as well; B for parallel axes."""

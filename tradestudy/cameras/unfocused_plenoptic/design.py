@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
-from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart, ErrorShape, disparity_error_at
+from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart, ErrorShape
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
@@ -34,10 +34,11 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import refocus_distance, view_pupil_diameter
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
+from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
 if TYPE_CHECKING:
-    from tradestudy.cameras.declaration import StatedPart
+    from tradestudy.cameras.stated_declaration import StatedPart
 
 _ERRORS: Final = {"mla_distance": "m", "focal_length": "m", "microlens_gap": "m", "pixel_noise": "m"}
 ViewEstimator = Literal["outermost-views", "least-squares"]
@@ -228,7 +229,7 @@ class UnfocusedPlenoptic(DepthCamera):
         from_f = reach / f**2 * errors.focal_length.standard_deviation
         joint = from_z**2 - 2.0 * errors.correlation * from_z * from_f + from_f**2
         parts: tuple[tuple[str, FloatArray, ErrorShape], ...] = (
-            ("pixel_noise", disparity_error_at(self, distance) * self.microlenses.pitch, "normal"),
+            ("pixel_noise", self.noise(distance), "normal"),
             ("mla_distance_and_focal_length", np.sqrt(np.maximum(joint, 0.0)), "normal"),
             ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
             ("temperature", np.abs(reach * (1.0 / z**2 - 2.0 * (d / reach) / z)) * z * self.expansion, "normal"),
@@ -278,15 +279,11 @@ class UnfocusedPlenoptic(DepthCamera):
         off_z, off_f, off_gap = (value_of(errors, name) for name in ("mla_distance", "focal_length", "microlens_gap"))
         z, f = z0 + off_z, f0 + off_f
         slope = np.asarray(disparity) / (self.estimator_baseline * z0) * ((1.0 + off_gap / gap0) * (z0 / z) ** 2)
-        inverse = 1.0 / self.focus_distance - off_f / (f * f0) + off_z / (z * z0) + slope
-        real = inverse > 0.0
-        return np.asarray(np.where(real, 1.0 / np.where(real, inverse, 1.0), np.inf))
+        return depth_of_inverse(1.0 / self.focus_distance - off_f / (f * f0) + off_z / (z * z0) + slope)
 
     def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
         """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        return self.calibration.error_directions(
-            disparity_error_at(self, distance) * self.microlenses.pitch, self.expansion * self.mla_distance
-        )
+        return self.calibration.error_directions(self.noise(distance), self.expansion * self.mla_distance)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well: ``Δu z/f``."""

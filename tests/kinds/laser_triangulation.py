@@ -1,0 +1,241 @@
+"""Laser triangulation, a kind of camera that the program does not have: one camera, and a line projected beside it.
+
+It lives in one file. `test_new_kind.py` puts it into a copy of the package, with an entry in the tuple of kinds, and
+nothing else changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.camera import Properties
+from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
+from tradestudy.cameras.declaration import (
+    AngleErrorPart,
+    DepthCameraDeclaration,
+    DisparityPart,
+    LengthErrorPart,
+    LensPart,
+    SensorPart,
+    error_of,
+)
+from tradestudy.cameras.depth_camera import (
+    NO_ERROR,
+    DepthErrorPart,
+    DisparityErrorLaw,
+    ErrorSource,
+    declared_disparity_error,
+)
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.exact_model import ExactModel
+from tradestudy.cameras.focus import SingleLensFocus
+from tradestudy.cameras.method import Law, Method
+from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.cameras.picture_geometry import PictureGeometry
+from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
+from tradestudy.cameras.through_lens import picture_through_lens
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import Angle, Baseline, ObjectDistanceOrInfinity
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.thin_lens import blur_diameter
+from tradestudy.optics.triangulation import depth_of_inverse
+from tradestudy.units import ANGLE, LENGTH, pretty
+
+if TYPE_CHECKING:
+    from tradestudy.cameras.stated_declaration import StatedPart
+    from tradestudy.uncertainty.sources import Group
+
+ERRORS: Final = {"baseline": "m", "projector_angle": "rad", "focal_length": "m", "pixel_noise": "m"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaserCalibration:
+    """Errors of a laser scanner, each one draw per rig."""
+
+    baseline: ErrorSource = NO_ERROR
+    projector_angle: ErrorSource = NO_ERROR
+    focal_length: ErrorSource = NO_ERROR
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaserScanner(ExactModel):
+    """A camera that sees the line which a projector, a baseline beside it and turned towards it, draws on the scene.
+
+    The sheet of light is ``X = B − Z tan θ``: the line appears at ``u = f (B/Z − tan θ)``.
+    """
+
+    family: ClassVar[str] = "laser"
+    error_units: ClassVar[Mapping[str, str]] = ERRORS
+    method: ClassVar[Method] = Method(
+        name="laser",
+        title="Depth from a projected line",
+        statements=(
+            "A sheet of light from a projector at a baseline *B*, turned by θ, is seen at *u*.",
+            Law(typst="1 / Z = (u / f + tan theta) / B", alt="one over Z equals u over f plus tangent theta, over B"),
+        ),
+    )
+
+    lens: Lens
+    focus_distance: float
+    baseline: float
+    projector_angle: float
+    calibration: LaserCalibration = field(default_factory=LaserCalibration)
+
+    def __post_init__(self) -> None:
+        require_positive("baseline", self.baseline)
+        super().__post_init__()
+
+    @property
+    def gathering_lens(self) -> Lens:
+        return self.lens
+
+    @property
+    def separation(self) -> float:
+        return self.baseline
+
+    @property
+    def focus(self) -> SingleLensFocus:
+        pitch = self.sensor.pixel_pitch
+        return SingleLensFocus(lens=self.lens, focus_distance=self.focus_distance, sample_pitch=pitch, name="the lens")
+
+    def depth_behind_lens(self, nearest: float) -> float:
+        return self.lens.focal_length
+
+    def disparity(self, distance: ArrayLike) -> FloatArray:
+        inverse = 1.0 / np.asarray(distance, dtype=np.float64)
+        return np.asarray(self.lens.focal_length * (self.baseline * inverse - math.tan(self.projector_angle)))
+
+    def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
+        return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
+
+    def inverse_depth(self, place: ArrayLike, errors: Errors) -> FloatArray:
+        """The one law: ``1/Z = (u/f + tan θ)/B``, read with a calibration that is off by ``errors``."""
+        slope = (np.asarray(place) + value_of(errors, "pixel_noise")) / (
+            self.lens.focal_length + value_of(errors, "focal_length")
+        )
+        turned = np.tan(self.projector_angle + value_of(errors, "projector_angle"))
+        return np.asarray((slope + turned) / (self.baseline + value_of(errors, "baseline")))
+
+    def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
+        return depth_of_inverse(self.inverse_depth(disparity, {}))
+
+    def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
+        require_known(errors, ERRORS, "a laser scanner")
+        return depth_of_inverse(self.inverse_depth(self.disparity(distance), errors))
+
+    def _deviations(self) -> dict[str, ErrorSource]:
+        errors = self.calibration
+        return {name: getattr(errors, name) for name in ("baseline", "projector_angle", "focal_length")}
+
+    def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
+        f = self.lens.focal_length
+        inverse = 1.0 / np.asarray(distance, dtype=np.float64)
+        slopes = {
+            "baseline": f * inverse,
+            "projector_angle": np.full_like(inverse, f / math.cos(self.projector_angle) ** 2),
+            "focal_length": np.abs(self.disparity(distance)) / f,
+        }
+        return self.parts_of(distance, {name: (source, slopes[name]) for name, source in self._deviations().items()})
+
+    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
+        return self.directions_of(distance, self._deviations())
+
+    def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
+        return np.full(np.shape(distance), self.baseline)
+
+    def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
+        lens = self.lens
+        blur = blur_diameter(distance, self.focus_distance, lens.focal_length, lens.pupil_diameter)
+        return np.asarray(blur / self.sensor.pixel_pitch)
+
+    def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
+        a = np.asarray(distance, dtype=np.float64)
+        a = np.where(self.images(a), a, np.nan)
+        return picture_through_lens(a, self.lens, self.sensor, np.full_like(a, self.focus_distance))
+
+    def without_calibration_errors(self) -> LaserScanner:
+        return replace(self, calibration=LaserCalibration())
+
+    def declared_errors(self) -> tuple[Group, ...]:
+        from tradestudy.cameras.error_groups import measured, per_rig
+
+        of_rig = (group for name, source in self._deviations().items() for group in per_rig(name, source))
+        return (*of_rig, measured("pixel_noise", declared_disparity_error(self) * self.sensor.pixel_pitch))
+
+    def read(
+        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+    ) -> InverseDepthReading:
+        require_known(errors, ERRORS, "a laser scanner")
+        require_field(field)
+        place = self.disparity(distance)
+        seen = np.abs(place) <= self.sensor.width / 2.0
+        believed = self.baseline + value_of(errors, "baseline")
+        inverse = self.inverse_depth(place, errors)
+        return InverseDepthReading(inverse_depth=inverse, no_overlap=~seen, out_of_range=np.asarray(believed <= 0.0))
+
+    def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
+        f = self.lens.focal_length + value_of(errors, "focal_length")
+        turned = np.tan(self.projector_angle + value_of(errors, "projector_angle"))
+        return (np.asarray(f * ((self.baseline + value_of(errors, "baseline")) / np.asarray(z) - turned)),)
+
+    def target_noise_px(self, corner_noise_px: float) -> FloatArray:
+        return np.array([corner_noise_px])
+
+    def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
+        return np.asarray(np.abs(observed_px) <= self.sensor.columns / 2.0)
+
+    def properties(self) -> Properties:
+        return (
+            ("focal length", pretty(self.lens.focal_length, LENGTH, 4)),
+            ("baseline", pretty(self.baseline, LENGTH, 4)),
+            ("angle of the projector", pretty(self.projector_angle, ANGLE, 4)),
+        )
+
+    def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:
+        return lens_contradictions(self.lens, self.sensor, stated)
+
+
+class LaserCalibrationPart(Part):
+    """Calibration errors of a laser scanner."""
+
+    projector_angle: AngleErrorPart
+    baseline: LengthErrorPart | None = None
+    focal_length: LengthErrorPart | None = None
+
+
+class LaserDeclaration(DepthCameraDeclaration):
+    """A camera and a projected line."""
+
+    error_units: ClassVar[Mapping[str, str]] = ERRORS
+
+    kind: Literal["laser-triangulation"]
+    lens: LensPart
+    sensor: SensorPart
+    baseline: Baseline
+    projector_angle: Angle
+    focus_distance: ObjectDistanceOrInfinity
+    depth: DisparityPart
+    calibration: LaserCalibrationPart
+
+    def design(self, picture_law: DisparityErrorLaw | None) -> LaserScanner:
+        sensor, errors = self.sensor.sensor(), self.calibration
+        return LaserScanner(
+            lens=self.lens.lens(sensor),
+            sensor=sensor,
+            baseline=self.baseline,
+            projector_angle=self.projector_angle,
+            focus_distance=self.focus_distance,
+            disparity_error_px=self.depth.error(picture_law),
+            discrimination_step_px=self.depth.discrimination_step,
+            calibration=LaserCalibration(
+                projector_angle=error_of(errors.projector_angle),
+                baseline=error_of(errors.baseline),
+                focal_length=error_of(errors.focal_length),
+            ),
+        )
