@@ -21,9 +21,15 @@ ORDER = (
 # Figures and reports are made from results, and from nothing that computes them.
 READ_RESULTS_ONLY = ("figures", "report")
 MAY_BE_READ = ("errors", "units", "light_methods", "wording", "results", "figures", "report")
+# What a study may declare of cameras, of all kinds and of each; a camera itself is computed with without pydantic.
+KINDS = ("stereo", "focused_plenoptic", "unfocused_plenoptic", "conventional")
+DECLARATIONS = (
+    "cameras.kinds", "cameras.declaration", "cameras.stated_declaration", "cameras.plenoptic_declaration",
+    *(f"cameras.{kind}.declaration" for kind in KINDS),
+)  # fmt: skip
 # library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
-    "pydantic": ("declarations", "calibration.declaration", "study"),
+    "pydantic": ("declarations", "calibration.declaration", "study", *DECLARATIONS),
     "xarray": ("results", "run", "cost", "comparison", "figures", "report", "api"),
     "matplotlib": ("figures",),
     "typst": ("report",),
@@ -84,6 +90,25 @@ def test_imports_go_downward() -> None:
         f"{here} imports {there}" for here, there in own_imports() if ORDER.index(top(there)) > ORDER.index(top(here))
     ]
     assert not upward
+
+
+def test_imports_never_go_in_a_circle() -> None:
+    """Inside every package, too, modules stand in an order."""
+    below = {here: {there for there in imports(here) if there in modules()} for here in modules()}
+    while free := [here for here, left in below.items() if not left & below.keys()]:
+        for here in free:
+            del below[here]
+    assert not below, f"circles among or above: {sorted(below)}"
+
+
+def test_only_the_tuple_of_kinds_knows_the_rooms_of_kinds() -> None:
+    rooms = tuple(f"cameras.{kind}" for kind in KINDS)
+    strays = [
+        f"{here} imports {there}"
+        for here, there in own_imports()
+        if there.startswith(rooms) and here != "cameras.kinds" and here.split(".")[:2] != there.split(".")[:2]
+    ]
+    assert not strays
 
 
 def test_figures_and_reports_read_results_only() -> None:

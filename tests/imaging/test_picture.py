@@ -13,7 +13,6 @@ import pytest
 from tests.cameras.builders import F_MAIN, PITCH, r5, stereo
 from tests.cameras.test_unfocused_plenoptic import camera as unfocused
 from tests.imaging.scenes import RAYS, unit_geometry
-from tradestudy.cameras.conventional.design import ConventionalCamera
 from tradestudy.cameras.depth_camera import ErrorSource, declared_disparity_error
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stereo.errors import StereoCalibration
@@ -110,14 +109,6 @@ def test_a_window_on_the_object_is_the_same_there_for_every_camera() -> None:
     for camera, distance in ((hand_lens(), 55e-3), (stereo(), 0.5), (r5(), 0.3)):
         geometry = camera.picture_geometry(np.array([distance]))
         assert window_px(geometry, settings) * geometry.sample_pitch / geometry.magnification == pytest.approx(0.5e-3)
-
-
-def test_other_cameras_are_refused() -> None:
-    camera = ConventionalCamera(
-        lens=Lens(focal_length=0.01, f_number=4), sensor=Sensor(columns=9, rows=9, pixel_pitch=1e-5), focus_distance=1.0
-    )
-    with pytest.raises(OutOfRangeError, match="ConventionalCamera"):
-        camera.picture_geometry(np.array([1.0]))
 
 
 # ---- how the steps combine ------------------------------------------------------------------------------------------

@@ -5,9 +5,14 @@ It is built from the declared table of variables, so that a name which results d
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
+
 import numpy as np
 import xarray as xr
 
+from tradestudy.cameras.focused_plenoptic.method import METHOD as PLENOPTIC
+from tradestudy.cameras.stereo.method import METHOD as STEREO
 from tradestudy.results import dataset
 
 DISTANCE = np.geomspace(0.05, 10.0, 160)
@@ -69,6 +74,7 @@ def _cameras(names: dict[str, str]) -> xr.Dataset:
             "title": list(names.values()),
             "kind": ["focused-plenoptic", "stereo", "stereo"],
             "family": ["plenoptic", "stereo", "stereo"],
+            "method": [json.dumps(asdict(method)) for method in (PLENOPTIC, STEREO, STEREO)],
             "note": ["as in section 6", "as printed", "65.24° taken as right"],
             "property_camera": [keys[0], keys[1], keys[2]],
             "property_name": ["microlens gap", "field of view across", "field of view across"],

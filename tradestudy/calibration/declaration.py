@@ -343,9 +343,8 @@ def _mistakes_of_camera(
                 what = f"{parameter!r} is not among the errors of this camera{nearest_name(parameter, given)}"
                 yield MistakeAt((*at, "joint", name, "parameters", position), what)
     if part.corners is not None and not camera.corners_calibrate:
-        known = ", ".join(kind_name(kind) for kind in KINDS if kind.corners_calibrate)
-        what = f"corners do not calibrate a {camera.kind} camera; kinds that they calibrate: {known}"
-        yield MistakeAt((*at, "corners"), what)
+        pairs = " or ".join(f"a {kind_name(kind)} rig" for kind in KINDS if kind.corners_calibrate)
+        yield MistakeAt((*at, "corners"), f"corners of two cameras calibrate {pairs}")
 
 
 def _named(study: CalibrationStudyPart) -> Iterator[tuple[tuple[str | int, ...], str]]:

@@ -24,7 +24,7 @@ from tradestudy.results.wave_optics import FRESNEL_VALIDITY, IMAGES, POINT_SPREA
 
 __all__ = ["FORMAT_VERSION", "GROUPS", "PAPER", "Variable", "dataset"]
 
-FORMAT_VERSION: Final = 2
+FORMAT_VERSION: Final = 3
 
 GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "cameras": CAMERAS,

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, FocusedPlenoptic
+from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, PlenopticEstimator, UsedLenses
 from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.cameras.plenoptic_declaration import PlenopticCalibrationPart
 from tradestudy.declarations.mistakes import MistakeAt
@@ -79,15 +80,15 @@ class FocusPart(Part):
 class PlenopticDepthPart(DisparityPart):
     """Depth by micro-images."""
 
-    estimator: Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
-    lenses: Literal["all", "sharpest-type"] | None = Field(
+    estimator: PlenopticEstimator
+    lenses: UsedLenses | None = Field(
         default=None,
         description="Microlenses that widest-pair and least-squares use; default: sharpest-type.",
     )
 
     @model_validator(mode="after")
     def _choice(self) -> Self:
-        if self.lenses is not None and self.estimator in ("adjacent-pair", "same-type-pair"):
+        if self.lenses is not None and self.estimator in LENSES_OF_PAIRS:
             raise MistakeAt(("lenses",), f"the estimator {self.estimator} has no choice of lenses; leave it out")
         return self
 
@@ -141,7 +142,6 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
                 "the microlens array would stand before the main lens", value=f"{z * 1e3:g} mm", remedy="reduce the gap"
             )
         depth = self.depth
-        pair = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}
         return FocusedPlenoptic(
             main_lens=lens,
             sensor=sensor,
@@ -154,7 +154,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             ),
             mla_distance=z,
             estimator=depth.estimator,
-            lenses="all" if pair.get(depth.estimator, depth.lenses) == "all" else "sharpest-type",
+            lenses=LENSES_OF_PAIRS.get(depth.estimator, depth.lenses or "sharpest-type"),
             disparity_error_px=depth.error(picture_law),
             discrimination_step_px=depth.discrimination_step,
             calibration=self.calibration.errors(),

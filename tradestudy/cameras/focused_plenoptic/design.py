@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,15 @@ from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cameras.focused_plenoptic.description import focuses_before_array, properties_of
 from tradestudy.cameras.focused_plenoptic.errors import DECLARED_ERRORS, PLENOPTIC_ERRORS
+from tradestudy.cameras.focused_plenoptic.estimator import (
+    LENSES_OF_PAIRS,
+    PlenopticEstimator,
+    UsedLenses,
+    effective_baseline,
+    neighbour_distance,
+    require_choice,
+    share_with_a_pair,
+)
 from tradestudy.cameras.focused_plenoptic.focus import MicrolensTypesFocus
 from tradestudy.cameras.focused_plenoptic.method import METHOD
 from tradestudy.cameras.focused_plenoptic.picture import relayed_picture
@@ -35,13 +44,7 @@ from tradestudy.cameras.reading import Errors, InverseDepthReading, require_fiel
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.depth_of_field.microlens_relay import inverse_focus_virtual_depth, relay_blur_diameter
-from tradestudy.optics.microlens_coverage import (
-    least_squares_baseline,
-    mean_seen_count,
-    projected_radius_over_pitch,
-    seen_count_probability,
-    widest_pair_baseline,
-)
+from tradestudy.optics.microlens_coverage import mean_seen_count, projected_radius_over_pitch
 from tradestudy.optics.microlens_projection import (
     microlens_object_distance,
     object_distance_of_virtual_depth,
@@ -56,7 +59,6 @@ if TYPE_CHECKING:
 
 COVERING_VIRTUAL_DEPTH: Final = 2.0
 """Of the total covering plane: the nearest at which two microlenses of any type see every point."""
-PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,17 +102,13 @@ class FocusedPlenoptic(ExactModel):
     microlenses: MicrolensArray
     mla_distance: float
     estimator: PlenopticEstimator
-    lenses: Literal["all", "sharpest-type"]
+    lenses: UsedLenses
     calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
 
     def __post_init__(self) -> None:
         require_positive("distance from main lens to microlens array", self.mla_distance)
         super().__post_init__()
-        only = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}.get(self.estimator)
-        if only is not None and self.lenses != only:
-            raise OutOfRangeError(
-                f"the estimator {self.estimator} has no choice of lenses", value=self.lenses, limit=only
-            )
+        require_choice(self.estimator, self.lenses)
         if self.microlenses.pitch > self.sensor.width:
             raise OutOfRangeError(
                 "the sensor is smaller than one microlens",
@@ -160,26 +158,11 @@ class FocusedPlenoptic(ExactModel):
         )
         return np.asarray(np.where(real, radius, np.nan))
 
-    @property
-    def _counting(self) -> Literal["all_lenses", "given_type"]:
-        return "given_type" if self.lenses == "sharpest-type" and self.microlenses.types > 1 else "all_lenses"
-
     def estimator_baseline(self, distance: ArrayLike) -> FloatArray:
-        """The distance Δx [m] of two microlenses that would measure as well as the estimator.
-
-        The pitch for neighbours; times √3 for neighbours of the same type of three on a hexagonal array; for the
-        widest pair and for least squares effective in the mean square of the error over the places of a point in the
-        lattice, which grows with the
-        absolute v and with v². NaN where the microlenses it needs are never there.
-        """
-        p, array = self.microlenses.pitch, self.microlenses
-        if self.estimator in ("adjacent-pair", "same-type-pair"):
-            same = self.estimator == "same-type-pair" and array.types > 1
-            return np.full(np.shape(distance), p * (math.sqrt(3.0) if same else 1.0))
-        law = widest_pair_baseline if self.estimator == "widest-pair" else least_squares_baseline
-        radius = self.radius_over_pitch(distance)
-        found = law(np.nan_to_num(radius), layout=array.layout, types=array.types, counting=self._counting)
-        return np.asarray(np.where(np.isfinite(radius), found.over_pitch, np.nan) * p)
+        """The distance Δx [m] of two microlenses that would measure as well as the estimator."""
+        if self.estimator in LENSES_OF_PAIRS:
+            return np.full(np.shape(distance), neighbour_distance(self.estimator, self.microlenses))
+        return effective_baseline(self.estimator, self.lenses, self.microlenses, self.radius_over_pitch(distance))
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """Disparity over the estimator's baseline, ``Δσ = Δx / v`` [m], signed like v."""
@@ -292,16 +275,7 @@ class FocusedPlenoptic(ExactModel):
 
     def availability(self, distance: ArrayLike) -> FloatArray:
         """Share of points seen by at least two of the microlenses that the estimator uses."""
-        radius = self.radius_over_pitch(distance)
-        counting = self._counting
-        found = seen_count_probability(
-            np.nan_to_num(radius),
-            at_least=2,
-            layout=self.microlenses.layout,
-            types=self.microlenses.types,
-            counting=counting,
-        )
-        return np.asarray(np.where(np.isfinite(radius), found, 0.0))
+        return share_with_a_pair(self.lenses, self.microlenses, self.radius_over_pitch(distance))
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
         """Total covering plane and availability of the estimator's microlenses."""

@@ -28,6 +28,7 @@ from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
 from tradestudy.cameras.stereo.errors import DECLARED_ERRORS, STEREO_ERRORS, StereoCalibration
 from tradestudy.cameras.stereo.method import METHOD
+from tradestudy.cameras.stereo.overlap import shared_view
 from tradestudy.cameras.stereo.pair import SIDES, Image, Pair, pair_inverse_depth, pair_observation
 from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
@@ -267,27 +268,8 @@ class StereoRig(ExactModel):
         return np.asarray(self.baseline * (1.0 + x2) / (1.0 + (self.baseline * inverse / 2.0) ** 2))
 
     def overlap(self, distance: ArrayLike) -> FloatArray:
-        """Share of each picture's width at a distance that the other camera sees too; ``1 − B/W`` for parallel axes.
-
-        W = 2 Z tan(FOV/2). Zero where the views do not meet. Converging axes map a plane unevenly; the share is that of
-        the picture, not of the plane.
-        """
-        z = np.asarray(distance, dtype=np.float64)
-        half, t = self.field_of_view / 2.0, self.convergence_angle / 2.0
-
-        def mirrored(edge: float) -> FloatArray:
-            """Direction from the left camera to where the right camera's edge of view meets the plane."""
-            if abs(edge) >= math.pi / 2.0:  # that edge never meets the plane: the view has no end on this side
-                return np.full(z.shape, -math.copysign(math.pi / 2.0, edge))
-            return np.arctan(self.baseline / z - math.tan(edge))
-
-        if abs(t) - half >= math.pi / 2.0:
-            return np.zeros_like(z)
-        low = np.maximum(max(t - half, -math.pi / 2.0), mirrored(t + half))
-        high = np.minimum(min(t + half, math.pi / 2.0), mirrored(t - half))
-        # From directions to the picture, where a direction beyond the picture's own edges does not occur.
-        shared = np.tan(np.clip(high - t, -half, half)) - np.tan(np.clip(low - t, -half, half))
-        return np.asarray(np.clip(shared / (2.0 * math.tan(half)), 0.0, 1.0))
+        """Share of each picture's width at a distance that the other camera sees too; see `shared_view`."""
+        return shared_view(distance, self.baseline, self.field_of_view, self.convergence_angle)
 
     def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
         """That of both lenses; see `blur_px`."""

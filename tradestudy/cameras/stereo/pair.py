@@ -170,7 +170,7 @@ def _unrotate(ray: Ray, errors: Errors) -> Ray:
 def _midpoint_inverse(left: Ray, right: Ray, half: FloatArray, direction: Ray) -> FloatArray:
     """Inverse of the depth by the midpoint rule; zero where the rays do not meet in front."""
     centre = [half * n for n in direction]
-    *components, _ = np.broadcast_arrays(*left, *right, *centre, np.zeros((1, 1)))
+    components = np.broadcast_arrays(*left, *right, *centre)
     rays = [np.stack(components[3 * k : 3 * k + 3], axis=-1) for k in range(3)]
     depth = midpoint_depth(rays[0], rays[1], -rays[2], rays[2])
     return np.asarray(1.0 / depth)

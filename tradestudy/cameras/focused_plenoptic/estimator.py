@@ -1,0 +1,68 @@
+"""Which micro-images depth is measured from, and what that makes of the baseline and of the points it is there for."""
+
+from __future__ import annotations
+
+import math
+from typing import Final, Literal
+
+import numpy as np
+
+from tradestudy.cameras.parts import MicrolensArray
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.microlens_coverage import least_squares_baseline, seen_count_probability, widest_pair_baseline
+
+PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
+UsedLenses = Literal["all", "sharpest-type"]
+LENSES_OF_PAIRS: Final[dict[str, UsedLenses]] = {"adjacent-pair": "all", "same-type-pair": "sharpest-type"}
+"""The microlenses of estimators that leave no choice."""
+
+
+def require_choice(estimator: PlenopticEstimator, lenses: UsedLenses) -> None:
+    """Refuse microlenses that an estimator cannot use."""
+    only = LENSES_OF_PAIRS.get(estimator, lenses)
+    if lenses != only:
+        raise OutOfRangeError(f"the estimator {estimator} has no choice of lenses", value=lenses, limit=only)
+
+
+def neighbour_distance(estimator: PlenopticEstimator, array: MicrolensArray) -> float:
+    """Of the two microlenses of an adjacent or a same-type pair [m]: the pitch, times √3 for types that take turns."""
+    same_of_three = estimator == "same-type-pair" and array.types > 1
+    return array.pitch * (math.sqrt(3.0) if same_of_three else 1.0)
+
+
+def effective_baseline(
+    estimator: PlenopticEstimator, lenses: UsedLenses, array: MicrolensArray, radius_over_pitch: FloatArray
+) -> FloatArray:
+    """The distance [m] of two microlenses that would measure as well as the widest pair, or as least squares over all.
+
+    In the mean square of the error over the places of a point in the lattice, which grows with the absolute v and with
+    v². NaN where the microlenses it needs are never there.
+
+    Parameters
+    ----------
+    estimator, lenses, array
+        What measures.
+    radius_over_pitch
+        Of the disc in which microlenses see a point; NaN where it has no image.
+    """
+    law = widest_pair_baseline if estimator == "widest-pair" else least_squares_baseline
+    radius, counting = radius_over_pitch, _counting(lenses, array)
+    found = law(np.nan_to_num(radius), layout=array.layout, types=array.types, counting=counting)
+    return np.asarray(np.where(np.isfinite(radius), found.over_pitch, np.nan) * array.pitch)
+
+
+def share_with_a_pair(lenses: UsedLenses, array: MicrolensArray, radius_over_pitch: FloatArray) -> FloatArray:
+    """Share of points seen by at least two of the microlenses that an estimator uses; 0 where there is no image."""
+    found = seen_count_probability(
+        np.nan_to_num(radius_over_pitch),
+        at_least=2,
+        layout=array.layout,
+        types=array.types,
+        counting=_counting(lenses, array),
+    )
+    return np.asarray(np.where(np.isfinite(radius_over_pitch), found, 0.0))
+
+
+def _counting(lenses: UsedLenses, array: MicrolensArray) -> Literal["all_lenses", "given_type"]:
+    return "given_type" if lenses == "sharpest-type" and array.types > 1 else "all_lenses"

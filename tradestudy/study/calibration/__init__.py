@@ -1,1 +1,0 @@
-"""Calibration errors of a study: sources and exact models, posteriors, propagation, sensitivity, decisions."""
