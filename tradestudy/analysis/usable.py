@@ -206,12 +206,18 @@ def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray
     return np.asarray(np.min(kept, axis=0))
 
 
-def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> tuple[Interval, ...]:
+def usable_intervals(
+    camera: DepthCamera,
+    criteria: UsableCriteria,
+    distance: FloatArray,
+    limits: Mapping[str, Limit] | None = None,
+) -> tuple[Interval, ...]:
     """The usable intervals within a grid of distances [m], from near to far, each end with the limit that sets it.
 
-    Ends are found to the last digits between grid points; an end at the edge of the grid is named so.
+    Ends are found to the last digits between grid points, whose ``limits`` may be known; an end at the edge of the grid
+    is named so.
     """
-    limits = evaluate_limits(camera, criteria, distance)
+    limits = evaluate_limits(camera, criteria, distance) if limits is None else limits
     near, far = usable_stretches(camera, criteria, distance, limits)
     held = all_met(limits, distance.shape)
     near_limits = [_binding(camera, criteria, end) for end in near[int(held[0]) :]]
