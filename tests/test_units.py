@@ -22,6 +22,12 @@ def test_an_astronomical_unit_is_that_of_2012() -> None:
     assert parse("1 AU", units.LENGTH) == parse("1 au", units.LENGTH) == 149_597_870_700.0
 
 
+@pytest.mark.parametrize("unit", units._USUAL)
+@pytest.mark.parametrize("absolute", [True, False])
+def test_usual_units_are_what_pint_makes_of_them(unit: str, absolute: bool) -> None:
+    assert units._resolve(unit, absolute=absolute) == units._resolve_by_pint(unit, absolute=absolute)
+
+
 @pytest.mark.parametrize(
     ("text", "dimension", "si_unit"),
     [

@@ -80,14 +80,15 @@ class Study:
 
     @property
     def hash(self) -> str:
-        """Of what the study says, with its cameras and overrides in place, and of the data files that it names."""
-        document = self.definition.document
+        """Of what the study says under its overrides and its tolerance, and of the data files that it names."""
+        document, tolerance = self.definition.document, self.definition.tolerance
         notes = {".".join(map(str, path)): [note.basis, note.note] for path, note in document.annotations.items()}
         notes |= {
             ".".join(map(str, one.path)): ["set for this run", one.text, one.before] for one in document.overrides
         }
         files = {name: provenance.file_hash(path) for name, path in self.definition.data_files.items()}
-        return provenance.study_hash({"says": document.tree, "notes": notes, "files": files})
+        says = {"says": document.tree, "notes": notes, "files": files}
+        return provenance.study_hash(says if tolerance is None else {**says, "tolerance": tolerance})
 
     def check_summary(self) -> str:
         """One line on what the study would compute."""
@@ -118,7 +119,7 @@ class Study:
             Where the study forces a model that acts nowhere in it.
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
-        if forced or self.definition.document.entry("accuracy") is not None:
+        if forced or self.definition.under_tolerance.entry("accuracy") is not None:
             from tradestudy.plan.choice import choose
 
             choose(self.definition)
@@ -208,7 +209,7 @@ class Study:
             "study_hash": self.hash,
             "code_hash": provenance.code_hash(),
             "seed": None if self.file.calibration is None else self.file.calibration.seed,
-            "inputs": provenance.flattened(self.definition.document.tree),
+            "inputs": provenance.flattened(self.definition.under_tolerance.tree),
             "file": self.definition.document.locate(()).file,
             "options": list(options(self.definition)),
             "started": started.isoformat(timespec="seconds"),

@@ -49,13 +49,13 @@ def test_a_study_as_it_is_needs_none() -> None:
 
 def test_a_tolerance_is_one_option_whatever_it_takes_back() -> None:
     given = load(STUDIES / "calibration.yaml", tolerance="10 %")
-    assert len(given.definition.document.overrides) == 2
+    assert len(given.definition.under_tolerance.overrides) == 2
     assert options(given.definition) == ("--tolerance", "10 %")
 
 
 def test_pictures_that_a_tolerance_loosens_need_no_option_of_their_own() -> None:
     given = load(STUDIES / "light_spot.yaml", tolerance="10 %")
-    assert len(given.definition.document.overrides) == 2
+    assert len(given.definition.under_tolerance.overrides) == 2
     assert options(given.definition) == ("--tolerance", "10 %")
     finer = load(STUDIES / "light_spot.yaml", ["light_spot.tolerance=3 %"], tolerance="2 %")
     assert options(finer.definition) == ("--set", "light_spot.tolerance=3 %", "--tolerance", "2 %")

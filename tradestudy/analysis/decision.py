@@ -16,6 +16,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.expectations import question_ends
 from tradestudy.study.schema.questions import SolvePart
+from tradestudy.study.sweep import quantity
 from tradestudy.units import Dimension, pretty
 
 _ROOT_TOLERANCE = 1e-10
@@ -148,8 +149,8 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     distance = np.array([question.at])
 
     def log_ratio(log_value: float) -> float:
-        text = f"{math.exp(log_value)!r} {dimension.unit}".strip()
-        cameras = definition.with_values({question.vary: text}).case.cameras
+        value = quantity(math.exp(log_value), dimension)
+        cameras = definition.with_values({question.vary: value}).case.cameras
         first, second = (cameras[name] for name in question.equal)
         ratio = float(_ratio(first, second, distance, question.way)[0])
         return math.log(ratio) if ratio > 0.0 and math.isfinite(ratio) else math.copysign(700.0, ratio - 1.0)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Final
@@ -206,16 +206,22 @@ def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray
     return np.asarray(np.min(kept, axis=0))
 
 
-def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> tuple[Interval, ...]:
+def usable_intervals(
+    camera: DepthCamera,
+    criteria: UsableCriteria,
+    distance: FloatArray,
+    limits: Mapping[str, Limit] | None = None,
+) -> tuple[Interval, ...]:
     """The usable intervals within a grid of distances [m], from near to far, each end with the limit that sets it.
 
-    Ends are found to the last digits between grid points; an end at the edge of the grid is named so.
+    Ends are found to the last digits between grid points, whose ``limits`` may be known; an end at the edge of the grid
+    is named so.
     """
-    limits = evaluate_limits(camera, criteria, distance)
+    limits = evaluate_limits(camera, criteria, distance) if limits is None else limits
     near, far = usable_stretches(camera, criteria, distance, limits)
     held = all_met(limits, distance.shape)
-    near_limits = [_binding(camera, criteria, end) for end in near[int(held[0]) :]]
-    far_limits = [_binding(camera, criteria, end) for end in far[: len(far) - int(held[-1])]]
+    near_limits = _binding(camera, criteria, near[int(held[0]) :])
+    far_limits = _binding(camera, criteria, far[: len(far) - int(held[-1])])
     return tuple(
         Interval(near=start.distance, far=stop.distance, near_limit=near_limit, far_limit=far_limit)
         for start, stop, near_limit, far_limit in zip(
@@ -228,13 +234,15 @@ def usable_intervals(camera: DepthCamera, criteria: UsableCriteria, distance: Fl
     )
 
 
-def _binding(camera: DepthCamera, criteria: UsableCriteria, end: Boundary) -> str:
-    """The limits that are broken just outside an end; of matching, the condition."""
-    outside = end.distance * (1.0 - 1e-9 if end.begins else 1.0 + 1e-9)
-    limits = evaluate_limits(camera, criteria, np.array([outside]))
-    broken = [name for name, limit in limits.items() if not limit.met[0]]
-    law = camera.disparity_error_px
-    if "matching" in broken and not isinstance(law, float | int):
-        conditions = " and ".join(law.broken_conditions(camera, outside))
-        broken[broken.index("matching")] = f"matching: {conditions}"
-    return ", ".join(broken)
+def _binding(camera: DepthCamera, criteria: UsableCriteria, ends: Sequence[Boundary]) -> list[str]:
+    """The limits that are broken just outside each end; of matching, the condition."""
+    outside = np.array([end.distance * (1.0 - 1e-9 if end.begins else 1.0 + 1e-9) for end in ends])
+    limits = evaluate_limits(camera, criteria, outside) if ends else {}
+    law, binding = camera.disparity_error_px, []
+    for number, distance in enumerate(outside.tolist()):
+        broken = [name for name, limit in limits.items() if not limit.met[number]]
+        if "matching" in broken and not isinstance(law, float | int):
+            conditions = " and ".join(law.broken_conditions(camera, distance))
+            broken[broken.index("matching")] = f"matching: {conditions}"
+        binding.append(", ".join(broken))
+    return binding

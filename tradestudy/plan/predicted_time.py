@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from tradestudy.analysis.propagation import FIELDS, WAYS
-from tradestudy.analysis.spot_images import SpotModels, compared_models, without_comparison
 from tradestudy.calibration.declaration import CalibrationStudyPart
 from tradestudy.errors import OutOfRangeError
-from tradestudy.plan.situations.light_spot import NAME as LIGHT_SPOT
-from tradestudy.plan.situations.light_spot import named_spot_models, picture_seconds
+from tradestudy.study.acting import Models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.schema.questions import ImageDifferenceClaim, LitPixelsClaim
@@ -120,8 +117,7 @@ def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
     if file.fresnel_validity is not None:
         yield from _fresnel_validity(file.fresnel_validity)
     if file.light_spot is not None:
-        names = definition.models.get(LIGHT_SPOT)
-        yield from _light_spot(file.light_spot, named_spot_models(file.light_spot, names) if names else None)
+        yield from _light_spot(file.light_spot, definition.models)
     if file.point_spread is not None:
         points = _points(file.point_spread)
         yield _fixed("point spread", f"{points} point-spread functions", {"point spread": points})
@@ -166,6 +162,8 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
 
 def _calibration(part: CalibrationStudyPart) -> Iterator[PredictedStep]:
     """Posteriors, comparisons, propagation and sensitivity; all but the first draws stop when they have converged."""
+    from tradestudy.analysis.propagation import FIELDS, WAYS
+
     distances = len(part.distance_values())
     inferred = [camera.target or camera.corners for camera in part.cameras.values()]
     steps = [one.maximum_steps for one in inferred if one is not None]
@@ -231,10 +229,14 @@ def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
         )
 
 
-def _light_spot(part: LightSpotPart, chosen: SpotModels | None) -> Iterator[PredictedStep]:
+def _light_spot(part: LightSpotPart, models: Mapping[str, Models]) -> Iterator[PredictedStep]:
     """Pictures by the methods that are compared, and by the chosen models where that is another."""
+    from tradestudy.analysis.spot_images import compared_models
+    from tradestudy.plan.situations.light_spot import NAME, named_spot_models, picture_seconds
+
     asked = [compared_models(part, method) for method in part.methods]
-    if chosen is not None and chosen not in asked:
+    names = models.get(NAME)
+    if names and (chosen := named_spot_models(part, names)) not in asked:
         asked.append(chosen)
     seconds = math.fsum(picture_seconds(part, models) for models in asked)
     yield PredictedStep(
@@ -267,27 +269,35 @@ def _hard_cases(names: tuple[str, ...]) -> PredictedStep:
 def _claims(definition: StudyDefinition) -> PredictedStep:
     """Claims about depth under each reading, and images of the spot that a reading asks for anew."""
     file, readings = definition.file, {"": definition, **definition.readings}
-    known: set[tuple[LightSpotPart, float, MethodName]] = set()
+    asked = [
+        (claim, list(readings) if claim.under == "all" else [claim.reading or "", *claim.under])
+        for claim in file.claims.values()
+    ]
+    answers = sum(len(names) for _, names in asked)
+    seconds = _seconds({"claim about depth": answers + len(file.requirements)})
     if file.light_spot is not None:
-        known = {
-            (without_comparison(file.light_spot), file.light_spot.tolerance, method)
-            for method in file.light_spot.methods
-        }
-    answers, seconds = 0, 0.0
-    for claim in file.claims.values():
-        names = list(readings) if claim.under == "all" else [claim.reading or "", *claim.under]
-        answers += len(names)
-        if not isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
-            continue
-        for name, method in itertools.product(names, (claim.method, claim.reference)):
-            spot = readings[name].file.light_spot
-            if spot is None:
-                continue
-            if (without_comparison(spot), spot.tolerance, method) not in known:
-                known.add((without_comparison(spot), spot.tolerance, method))
-                seconds += picture_seconds(spot, compared_models(spot, method))
-    seconds += _seconds({"claim about depth": answers + len(file.requirements)})
+        pictures = (
+            (readings[name].file.light_spot, method)
+            for claim, names in asked
+            if isinstance(claim, ImageDifferenceClaim | LitPixelsClaim)
+            for name, method in itertools.product(names, (claim.method, claim.reference))
+        )
+        seconds += _pictures_beside(file.light_spot, pictures)
     return PredictedStep(name="claims", low=seconds, high=seconds, work=f"{answers} claims under their readings")
+
+
+def _pictures_beside(declared: LightSpotPart, asked: Iterable[tuple[LightSpotPart | None, MethodName]]) -> float:
+    """Seconds of the pictures of spots that are none of those that the study compares, each counted once."""
+    from tradestudy.analysis.spot_images import compared_models, without_comparison
+    from tradestudy.plan.situations.light_spot import picture_seconds
+
+    known = {(without_comparison(declared), declared.tolerance, method) for method in declared.methods}
+    seconds = 0.0
+    for spot, method in asked:
+        if spot is not None and (key := (without_comparison(spot), spot.tolerance, method)) not in known:
+            known.add(key)
+            seconds += picture_seconds(spot, compared_models(spot, method))
+    return seconds
 
 
 def _report(definition: StudyDefinition) -> PredictedStep:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-import itertools
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -40,13 +40,27 @@ def _tables(tree: xr.DataTree) -> Iterator[tuple[str, bytes]]:
 
 
 def _table(data: xr.Dataset, dims: tuple[str, ...], names: list[str]) -> bytes:
-    buffer = io.StringIO(newline="")
-    writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow([_titled(data, name) for name in (*dims, *names)])
-    keys = itertools.product(*([_cell(value) for value in data[dim].values.tolist()] for dim in dims))
-    columns = [[_cell(value) for value in np.ravel(data[name].values).tolist()] for name in names]
-    writer.writerows([*key, *cells] for key, *cells in zip(keys, *columns, strict=True))
-    return buffer.getvalue().encode()
+    columns = [_cells(data[name].values) for name in names]
+    if dims:
+        keys = [""]
+        for number, dim in enumerate(dims):
+            labels = [f",{cell}" if number else cell for cell in _cells(data[dim].values)]
+            keys = [key + label for key in keys for label in labels]
+        columns.insert(0, keys)
+    title = ",".join(_quoted(_titled(data, name)) for name in (*dims, *names))
+    return "\n".join((title, *map(",".join, zip(*columns, strict=True)), "")).encode()
+
+
+def _cells(values: NDArray[Any]) -> list[str]:
+    """Write every value once, however often it stands there: a sweep leaves most of what it computes as it was."""
+    flat = np.ravel(values)
+    if flat.dtype.kind == "f":
+        bits, places = np.unique(flat.astype(np.float64).view(np.int64), return_inverse=True)  # −0 is another text
+        texts = list(map(repr, bits.view(np.float64).tolist()))
+        return [texts[place] for place in places.tolist()]
+    cells = [_cell(value) for value in flat.tolist()]
+    quoted = {cell: _quoted(cell) for cell in set(cells)}
+    return [quoted[cell] for cell in cells]
 
 
 def _titled(data: xr.Dataset, name: str) -> str:
@@ -58,4 +72,11 @@ def _cell(value: object) -> str:
     """Write one value; text that a spreadsheet would run as a formula gets an apostrophe before it."""
     if isinstance(value, str):
         return f"'{value}" if value.startswith(_FORMULA_STARTS) else value
-    return repr(value) if isinstance(value, float) else str(value)
+    return str(value)
+
+
+def _quoted(cell: str) -> str:
+    """Put a cell in quotes where its row could not be read otherwise."""
+    row = io.StringIO(newline="")
+    csv.writer(row, lineterminator="\n").writerow(["", cell])
+    return row.getvalue()[1:-1]

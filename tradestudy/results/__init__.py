@@ -6,10 +6,9 @@ Nothing enters `results.nc` that is not declared here, and nothing is declared w
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-import xarray as xr
 
 from tradestudy.results.calibration import CALIBRATION, DECISION_ADDITIONS, SENSITIVITY
 from tradestudy.results.cost import COST
@@ -21,6 +20,9 @@ from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
 from tradestudy.results.registers import ASSUMPTIONS, CAMERAS, CONTRADICTIONS, CRITERIA
 from tradestudy.results.variable import PAPER, Variable
 from tradestudy.results.wave_optics import FRESNEL_VALIDITY, IMAGES, POINT_SPREAD
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 __all__ = ["FORMAT_VERSION", "GROUPS", "PAPER", "Variable", "dataset"]
 
@@ -72,6 +74,8 @@ def dataset(
     attributes
         Of the group.
     """
+    import xarray as xr  # not above: a plan says some of what results do, and makes none
+
     declared = GROUPS[group]
     variables = {}
     for name, value in values.items():

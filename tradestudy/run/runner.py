@@ -5,24 +5,18 @@ from __future__ import annotations
 import xarray as xr
 
 from tradestudy.execution import Steps
+from tradestudy.execution.progress import Progress
 from tradestudy.execution.timing import Seconds
 from tradestudy.plan.plan import Plan
-from tradestudy.plan.situations import depth_of_field, light_spot, point_spread
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.claims import claims_group, requirements_group
-from tradestudy.run.groups.criteria import criteria_group
 from tradestudy.run.groups.decision import decision_group
 from tradestudy.run.groups.depth import depth_at_places_group, depth_group
-from tradestudy.run.groups.depth_of_field import depth_of_field_group
 from tradestudy.run.groups.disparity_causes import disparity_causes_group
 from tradestudy.run.groups.effects import effects_group
-from tradestudy.run.groups.fresnel_validity import fresnel_validity_group
-from tradestudy.run.groups.hard_cases import hard_cases_group
-from tradestudy.run.groups.images import images_group
-from tradestudy.run.groups.point_spread import point_spread_group
 from tradestudy.run.groups.registers import assumptions_group, cameras_group, contradictions_group
-from tradestudy.run.groups.uncertain import uncertain_groups
 from tradestudy.run.kirchhoff_pictures import compute_kirchhoff_pictures
+from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
 NOMINAL = "as declared"
 
@@ -80,24 +74,31 @@ def compute(
         progress("decision", 0.0)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"])
         progress("decision", 1.0)
+    # What few studies ask for is imported where they do.
     if file.calibration is not None:
+        from tradestudy.run.groups.uncertain import uncertain_groups
+
         groups |= uncertain_groups(definition, file.calibration, groups["/decision"], steps)
     if file.depth_of_field is not None:
-        progress("depth of field", 0.0)
-        selection = plan.selections[depth_of_field.NAME]
-        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, selection)
-        if file.criteria is not None:
-            groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field, selection)
-        progress("depth of field", 1.0)
+        groups |= _depth_of_field(plan, file.depth_of_field, progress)
     if file.fresnel_validity is not None:
+        from tradestudy.run.groups.fresnel_validity import fresnel_validity_group
+
         groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
     if file.light_spot is not None:
+        from tradestudy.plan.situations import light_spot
+        from tradestudy.run.groups.images import images_group
+
         groups["/images"] = images_group(file.light_spot, progress, seconds, plan.selections[light_spot.NAME])
     if file.point_spread is not None:
-        groups["/point_spread"] = point_spread_group(
-            file.point_spread, progress, seconds, plan.selections[point_spread.NAME]
-        )
+        from tradestudy.plan.situations import point_spread
+        from tradestudy.run.groups.point_spread import point_spread_group
+
+        selection = plan.selections[point_spread.NAME]
+        groups["/point_spread"] = point_spread_group(file.point_spread, progress, seconds, selection)
     if file.hard_cases is not None:
+        from tradestudy.run.groups.hard_cases import hard_cases_group
+
         groups["/hard_cases"] = hard_cases_group(file.hard_cases, progress)
     progress("claims", 0.0)
     if file.claims:
@@ -106,3 +107,17 @@ def compute(
         groups["/requirements"] = requirements_group(definition)
     progress("claims", 1.0)
     return xr.DataTree.from_dict(groups)
+
+
+def _depth_of_field(plan: Plan, part: DepthOfFieldPart, progress: Progress) -> dict[str, xr.Dataset]:
+    from tradestudy.plan.situations import depth_of_field
+    from tradestudy.run.groups.criteria import criteria_group
+    from tradestudy.run.groups.depth_of_field import depth_of_field_group
+
+    definition, selection = plan.definition, plan.selections[depth_of_field.NAME]
+    progress("depth of field", 0.0)
+    groups = {"/depth_of_field": depth_of_field_group(definition, part, selection)}
+    if definition.file.criteria is not None:
+        groups["/criteria"] = criteria_group(definition, definition.file.criteria, part, selection)
+    progress("depth of field", 1.0)
+    return groups

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -19,7 +19,9 @@ from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
 from tradestudy.study.assemble import camera_of, criteria_of
-from tradestudy.study.reader import Document, validate, with_values
+from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value
+from tradestudy.study.reader import validate, with_values
+from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
@@ -29,7 +31,7 @@ if TYPE_CHECKING:
     from tradestudy.calibration.uncertain_cameras import UncertainCameras
     from tradestudy.execution import Steps
 
-Value = str | float | bool | None | Sequence["Value"] | Mapping[str, "Value"]
+__all__ = ["Case", "StudyDefinition", "Value"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,18 +67,24 @@ class StudyDefinition:
     ----------
     document
         As read, with the place of every value.
-    file
+    declared
         What the schema made of it.
     models
         The model that acts in each slot of effects, by camera, lens or light path; what is not in it acts as declared.
+    tolerance
+        The one relative error wanted of every quantity, in place of what is declared; None where that counts.
+    before
+        The study that this one was made from by changing it; cameras that both have are built once.
     """
 
     document: Document
-    file: StudyFile
+    declared: StudyFile
     models: Mapping[str, Models] = field(default_factory=dict)
+    tolerance: str | None = None
+    before: StudyDefinition | None = field(default=None, repr=False, compare=False)
 
     @classmethod
-    def of(cls, document: Document, models: Mapping[str, Models] | None = None) -> StudyDefinition:
+    def of(cls, document: Document) -> StudyDefinition:
         """Check a document wholly: against the schema, and that its cameras can be built.
 
         Raises
@@ -84,9 +92,34 @@ class StudyDefinition:
         StudyError
             With every mistake found.
         """
-        definition = cls(document, validate(document, StudyFile), models or {})
+        definition = cls(document, validate(document, StudyFile))
         definition.case  # noqa: B018 - built here so that an impossible camera is refused before anything runs
         return definition
+
+    @cached_property
+    def file(self) -> StudyFile:
+        """What the study says, under the tolerance that was given for it."""
+        if self.tolerance is None:
+            return self.declared
+        return validate_changes(self.under_tolerance, self.document, self.declared)
+
+    @cached_property
+    def under_tolerance(self) -> Document:
+        """The document with the values that the tolerance stands for.
+
+        Pictures of a light spot that are compared need be no better than that: a looser one loosens theirs, too.
+        """
+        if self.tolerance is None:
+            return self.document
+        own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
+        taken_back = {f"accuracy.{name}": None for name in own}
+        asked = with_values(self.document, {"accuracy.relative": self.tolerance, **taken_back})
+        spot, accuracy = self.declared.light_spot, validate_changes(asked, self.document, self.declared).accuracy
+        wanted = accuracy.wanted().relative["pixel_intensity"]
+        if spot is None or not spot.methods or wanted <= spot.tolerance:
+            return asked
+        loosened = ScalarEntry.of(f"{100 * min(wanted, LOOSEST_PICTURE):g} %")
+        return with_values(asked, {"light_spot.tolerance": loosened})
 
     @cached_property
     def case(self) -> Case:
@@ -96,7 +129,11 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         scene = self.file.scene
+        known = self._cameras_built_before()
         for name, part in self.file.cameras.items():
+            if name in known:
+                cameras[name] = known[name]
+                continue
             try:
                 cameras[name] = camera_of(part, scene)
             except TradestudyError as error:
@@ -117,6 +154,16 @@ class StudyDefinition:
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
         )
+
+    def _cameras_built_before(self) -> Mapping[str, Camera]:
+        """Those of the study that this one was made from whose parts are the same, in the same scene."""
+        before = self.before
+        if before is None or before.file.scene is not self.file.scene:
+            return {}
+        parts = self.file.cameras
+        return {
+            name: one for name, one in before.case.all_cameras.items() if before.file.cameras[name] is parts.get(name)
+        }
 
     def _problems_of_derived_errors(self) -> list[Problem]:
         """Disparity errors that nothing says how to derive, or that are asked of what knows only a declared one."""
@@ -143,7 +190,7 @@ class StudyDefinition:
 
     def with_values(
         self,
-        values: Mapping[str, Value],
+        values: Mapping[str, Value | Entry],
         *,
         written_at: tuple[str | int, ...] | None = None,
     ) -> StudyDefinition:
@@ -152,16 +199,20 @@ class StudyDefinition:
         Parameters
         ----------
         values
-            New value for each path: what a study file could hold there, its text or as a number, list or mapping.
+            New value for each path: what a study file could hold there, its text or as a number, list or mapping; or
+            what stands elsewhere in this study.
         written_at
             The mapping of this study that the values stand in, so that their mistakes are reported there.
         """
         for path in values:
             if not isinstance(path, str):
                 raise TypeError(f"a path to a value is a text such as 'scene.distances.to', not {path!r}")
-        texts = {path: _as_yaml(value) for path, value in values.items()}
         places = None if written_at is None else {path: (*written_at, path) for path in values}
-        return StudyDefinition.of(with_values(self.document, texts, written_at=places), self.models)
+        document = with_values(self.document, values, written_at=places)
+        declared = validate_changes(document, self.document, self.declared)
+        changed = replace(self, document=document, declared=declared, before=self)
+        changed.case  # noqa: B018 - built here as for a study that is read
+        return changed
 
     @cached_property
     def data_files(self) -> Mapping[str, Path]:
@@ -192,28 +243,23 @@ class StudyDefinition:
         return uncertain_cameras(part, self.case.cameras, steps, folder=folder, wavelength=wavelength)
 
     def with_tolerance(self, relative: str) -> StudyDefinition:
-        """The same study with one relative error wanted of every quantity, such as ``"1 %"``.
-
-        Pictures of a light spot that are compared need be no better than that: a looser one loosens theirs, too.
+        """The same study with one relative error wanted of every quantity, such as ``"1 %"``, whatever it declares.
 
         Raises
         ------
         StudyError
             Where that is no relative error; reported at ``--tolerance``.
         """
-        own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
+        asked = replace(self, tolerance=relative, before=self)
         try:
-            asked = self.with_values({"accuracy.relative": relative, **{f"accuracy.{name}": None for name in own}})
+            asked.file  # noqa: B018 - made here so that a tolerance that is none is refused where it is given
         except StudyError as error:
             raise StudyError([replace(one, file="--tolerance") for one in error.problems]) from None
-        spot, wanted = self.file.light_spot, asked.file.accuracy.wanted().relative["pixel_intensity"]
-        if spot is None or not spot.methods or wanted <= spot.tolerance:
-            return asked
-        return asked.with_values({"light_spot.tolerance": f"{100 * min(wanted, LOOSEST_PICTURE):g} %"})
+        return asked
 
     def with_models(self, models: Mapping[str, Models]) -> StudyDefinition:
         """The same study, its readings and designs too, with models that act in its slots of effects."""
-        return replace(self, models=models)
+        return replace(self, models=models, before=self)
 
     @cached_property
     def readings(self) -> Mapping[str, StudyDefinition]:
@@ -226,9 +272,14 @@ class StudyDefinition:
         """
         found: dict[str, StudyDefinition] = {}
         problems: list[Problem] = []
-        for name, reading in self.file.readings.items():
+        for name in self.file.readings:
+            written_at = ("readings", name, "set")
+            values = self.document.entry(written_at)
+            assert isinstance(values, MappingEntry)  # it is valid
             try:
-                found[name] = self.with_values(reading.set, written_at=("readings", name, "set"))
+                found[name] = self.with_values(
+                    {path: member.entry for path, member in values.members.items()}, written_at=written_at
+                )
             except StudyError as error:
                 problems += [
                     replace(problem, what=f"in reading '{name}': {problem.what}") for problem in error.problems
@@ -248,19 +299,3 @@ def _leaves(path: tuple[str | int, ...], value: Any) -> Iterator[tuple[tuple[str
             yield from _leaves((*path, number), child)
     else:
         yield path, value
-
-
-def _as_yaml(value: Value) -> str:
-    """Text is YAML already; within lists and mappings it is quoted."""
-    if value is None:
-        return "null"
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_within_brackets, value))}]"
-    if isinstance(value, Mapping):
-        items = (f"{_within_brackets(key)}: {_within_brackets(item)}" for key, item in value.items())
-        return "{" + ", ".join(items) + "}"
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _within_brackets(value: Value) -> str:
-    return "'" + value.replace("'", "''") + "'" if isinstance(value, str) else _as_yaml(value)

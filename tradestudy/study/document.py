@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, cast, get_args
@@ -11,6 +11,7 @@ from tradestudy.errors import Problem
 
 Path = tuple[str | int, ...]
 Scalar = str | int | float | bool | None
+Value = str | float | bool | None | Sequence["Value"] | Mapping[str, "Value"]
 Basis = Literal["paper", "datasheet", "measured", "assumed", "derived"]
 BASES: tuple[str, ...] = get_args(Basis)
 
@@ -25,6 +26,10 @@ class Place(NamedTuple):
     def problem(self, path: Path, what: str) -> Problem:
         """State a mistake made here."""
         return Problem(file=self.file, line=self.line, column=self.column, path=dotted(path), what=what)
+
+
+# Where a value stands that no file holds.
+OUTSIDE = Place("--set", 1, 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +48,11 @@ class ScalarEntry:
     value: Scalar
     text: str
     annotation: Annotation | None = None
+
+    @classmethod
+    def of(cls, value: Scalar) -> ScalarEntry:
+        """Give a value that no file holds."""
+        return cls(place=OUTSIDE, value=value, text=scalar_text(value))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,7 +170,7 @@ class Document:
         entry = self.entry(path)
         if entry is None:
             raise KeyError(dotted(self.path_of(path)))
-        return _text(entry)
+        return text_of(entry)
 
     def entry(self, path: str | Path) -> Entry | None:
         """Find what stands at a path, or None."""
@@ -203,6 +213,22 @@ def dotted(path: Path) -> str:
     """Write a path as a person does in ``--set``; control characters are shown, not sent to a terminal."""
     text = ".".join(str(step) for step in path)
     return "".join(letter if letter.isprintable() else repr(letter)[1:-1] for letter in text)
+
+
+def scalar_text(value: Scalar) -> str:
+    """Write a scalar as a file holds it."""
+    if value is None:
+        return "null"
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def text_of(entry: Entry) -> str:
+    """Give an entry as it was written, without its basis; lists as ``[a, b]``, mappings as ``{a: b}``."""
+    if isinstance(entry, ScalarEntry):
+        return entry.text
+    if isinstance(entry, ListEntry):
+        return f"[{', '.join(text_of(item) for item in entry.items)}]"
+    return "{" + ", ".join(f"{key}: {text_of(member.entry)}" for key, member in entry.members.items()) + "}"
 
 
 def plain(entry: Entry) -> Any:
@@ -269,21 +295,13 @@ def _walk(entry: Entry, path: Path) -> Iterator[tuple[Path, Entry]]:
             yield from _walk(item, (*path, index))
 
 
-def _text(entry: Entry) -> str:
-    if isinstance(entry, ScalarEntry):
-        return entry.text
-    if isinstance(entry, ListEntry):
-        return f"[{', '.join(_text(item) for item in entry.items)}]"
-    return "{" + ", ".join(f"{key}: {_text(member.entry)}" for key, member in entry.members.items()) + "}"
-
-
 def _with_basis(entry: Entry | None) -> str:
     """Write a value and on what it rests: "9.8 (datasheet: section 2)"."""
     if entry is None:
         return ""
     annotation = entry.annotation or Annotation()
     basis = ": ".join(part for part in (annotation.basis, annotation.note) if part)
-    return _text(entry) + (f" ({basis})" if basis else "")
+    return text_of(entry) + (f" ({basis})" if basis else "")
 
 
 def _first_key(entry: MappingEntry, steps: list[str]) -> int | None:

@@ -8,11 +8,12 @@ from pathlib import Path
 
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Entry, Value
 from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
 from tradestudy.study.sweep import sweep_axes
 
-Change = tuple[tuple[str | int, ...], dict[str, str]]
+Change = tuple[tuple[str | int, ...], dict[str, Value | Entry]]
 
 
 def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinition:
@@ -75,8 +76,8 @@ def _changes(definition: StudyDefinition) -> Iterator[Change]:
         file, line, column = definition.document.locate(("sweep",))
         raise StudyError([Problem(file=file, line=line, column=column, path="sweep", what=str(error))]) from error
     for axis in axes:
-        for value in (axis.values[0], axis.values[-1]):
-            yield ("sweep", axis.path), {axis.path: value}
+        for entry in (axis.values[0], axis.values[-1]):
+            yield ("sweep", axis.path), {axis.path: entry}
     for name, question in definition.file.solve.items():
         for value in (question.low, question.high):
             yield ("solve", name, "vary"), {question.vary: value}

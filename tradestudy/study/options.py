@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
-from tradestudy.accuracy import QUANTITIES
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Document, Entry, ListEntry, Path, ScalarEntry, dotted
+from tradestudy.study.document import Entry, ListEntry, ScalarEntry, dotted
 from tradestudy.study.source import UnreadableError, compose
-
-_OF_ALL: Final = "accuracy.relative"
-_OF_PICTURES: Final = "light_spot.tolerance"
 
 
 def options(definition: StudyDefinition) -> tuple[str, ...]:
@@ -23,38 +18,10 @@ def options(definition: StudyDefinition) -> tuple[str, ...]:
 
 
 def _options(definition: StudyDefinition) -> Iterator[str]:
-    document = definition.document
-    covered = _by_tolerance(definition)
-    for one in document.overrides:
-        if one.path not in covered:
-            yield from ("--set", f"{dotted(one.path)}={_value(document.entry(one.path))}")
-    if covered:
-        yield from ("--tolerance", _value(document.entry(_OF_ALL)))
-
-
-def _by_tolerance(definition: StudyDefinition) -> frozenset[Path]:
-    """Values that one tolerance sets: that of all, none of a quantity alone, and a looser one of pictures.
-
-    Nothing where one would set others, or no tolerance of all was given.
-    """
-    document = definition.document
-    of_all, of_pictures = (document.path_of(path) for path in (_OF_ALL, _OF_PICTURES))
-    alone = {of_all, *(document.path_of(f"accuracy.{name}") for name in QUANTITIES)}
-    given = {one.path: one for one in document.overrides}
-    if of_all not in given or any(document.entry(path) for path in alone - {of_all}):
-        return frozenset()
-    if _loosened(definition, document) != _value(document.entry(of_pictures)):
-        return frozenset()
-    if of_pictures not in given:
-        return frozenset(alone)
-    before = definition.with_values({_OF_PICTURES: given[of_pictures].before.partition(" (")[0] or None})
-    implied = _loosened(before, document) == _value(document.entry(of_pictures))
-    return frozenset(alone | {of_pictures} if implied else alone)
-
-
-def _loosened(definition: StudyDefinition, document: Document) -> str:
-    """The tolerance of pictures under the tolerance of all that a document has."""
-    return _value(definition.with_tolerance(_value(document.entry(_OF_ALL))).document.entry(_OF_PICTURES))
+    for one in definition.document.overrides:
+        yield from ("--set", f"{dotted(one.path)}={_value(definition.document.entry(one.path))}")
+    if definition.tolerance is not None:
+        yield from ("--tolerance", definition.tolerance)
 
 
 def _value(entry: Entry | None) -> str:

@@ -12,6 +12,7 @@ from tradestudy.declarations.mistakes import nearest_name
 from tradestudy.errors import Problem, StudyError
 from tradestudy.study import document as tree
 from tradestudy.study.document import (
+    OUTSIDE,
     Document,
     Entry,
     ListEntry,
@@ -19,20 +20,20 @@ from tradestudy.study.document import (
     Member,
     Place,
     ScalarEntry,
+    Value,
     count_values,
     dotted,
     is_null,
     merged,
 )
 from tradestudy.study.schema.validation import validate
-from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
+from tradestudy.study.source import MOST_VALUES, UnreadableError, compose, entry_of
 from tradestudy.units import nearest
 
 __all__ = ["Document", "read", "validate", "with_values"]
 
 MOST_BYTES = 1_000_000
 LONGEST_CHAIN = 50
-COMMAND_LINE = "--set"
 _SHARING = ("from", "like")
 
 
@@ -74,7 +75,7 @@ def read(path: Path, overrides: Sequence[str] = ()) -> Document:
 
 
 def with_values(
-    document: Document, values: Mapping[str, str], *, written_at: Mapping[str, str | tree.Path] | None = None
+    document: Document, values: Mapping[str, Value | Entry], *, written_at: Mapping[str, str | tree.Path] | None = None
 ) -> Document:
     """Lay other values over a document, as a sweep or another reading of the same study does.
 
@@ -83,7 +84,8 @@ def with_values(
     document
         Stays as it is.
     values
-        YAML text for each dotted path; ``null`` takes a value back.
+        For each dotted path a text as a file holds it, in YAML; or what such a text would give, as entries or as Python
+        has it. A null takes a value back.
     written_at
         For a path, where in the document its value comes from; mistakes are then reported there, else at ``--set``.
 
@@ -92,10 +94,10 @@ def with_values(
     Document
         Problems that the values bring are kept in it, for `validate` to report.
     """
-    for number, (path, text) in enumerate(values.items(), start=1):
+    for number, (path, value) in enumerate(values.items(), start=1):
         source = (written_at or {}).get(path)
-        place = Place(COMMAND_LINE, number, 1) if source is None else document.locate(source)
-        document = _with_value(document, path, text, place, place)
+        place = Place(OUTSIDE.file, number, 1) if source is None else document.locate(source)
+        document = _with_value(document, path, value, place, place)
     return document
 
 
@@ -262,27 +264,21 @@ class _Cameras:
 def _overridden(document: Document, override: str, number: int) -> Document:
     """Apply one ``path=value`` of the command line."""
     path, sign, text = override.partition("=")
-    place = Place(COMMAND_LINE, number, 1)
+    place = Place(OUTSIDE.file, number, 1)
     if not sign or not path.strip():
         return document.with_problems(
             place.problem((), f"'{override}' does not read as path=value, such as scene.wavelength=550 nm")
         )
     written = text.lstrip()
-    value_place = Place(COMMAND_LINE, number, len(override) - len(written) + 1)
+    value_place = Place(OUTSIDE.file, number, len(override) - len(written) + 1)
     return _with_value(document, path.strip(), written, place, value_place)
 
 
-def _with_value(document: Document, path: str, text: str, place: Place, value_place: Place) -> Document:
+def _with_value(document: Document, path: str, value: Value | Entry, place: Place, value_place: Place) -> Document:
     """Put a value where a dotted path points."""
     steps = document.path_of(path)
-    if _is_comment(text):
-        return document.with_problems(
-            value_place.problem(
-                steps, f"{text.strip()!r} is a comment in YAML, which gives no value; quote it where the sign is meant"
-            )
-        )
     try:
-        entry, problems = compose(text, value_place) if text.strip() else (_nothing(value_place), [])
+        entry, problems = _read_value(value, value_place)
     except UnreadableError as error:
         return document.with_problems(*(replace(problem, path=dotted(steps)) for problem in error.problems))
     if (sharing := next(_shared(steps, entry), None)) is not None:
@@ -300,8 +296,20 @@ def _with_value(document: Document, path: str, text: str, place: Place, value_pl
         problems.append(place.problem(steps, str(error)))
         return document.with_problems(*problems)
     # What another reading of the study writes itself is the study's own.
-    changed = document.with_root(root, steps) if place.file == COMMAND_LINE else replace(document, root=root)
+    changed = document.with_root(root, steps) if place.file == OUTSIDE.file else replace(document, root=root)
     return changed.with_problems(*problems)
+
+
+def _read_value(value: Value | Entry, place: Place) -> tuple[Entry, list[Problem]]:
+    """Give what is to stand in the tree, and the mistakes that left it standing."""
+    if isinstance(value, Entry):
+        return value, []
+    if not isinstance(value, str):
+        return entry_of(value, place)
+    if _is_comment(value):
+        what = f"{value.strip()!r} is a comment in YAML, which gives no value; quote it where the sign is meant"
+        raise _refused(place, what)
+    return compose(value, place) if value.strip() else (ScalarEntry(place=place, value=None, text=""), [])
 
 
 def _is_comment(text: str) -> bool:
@@ -335,10 +343,6 @@ def _nothing_to_take_back(key: str | int, members: Mapping[str, Member]) -> str:
 
 class _NoSuchPlaceError(Exception):
     """A path leads through something that has nothing below it."""
-
-
-def _nothing(place: Place) -> ScalarEntry:
-    return ScalarEntry(place=place, value=None, text="")
 
 
 def _placed(entry: Entry | None, steps: tree.Path, above: tree.Path, new: Member) -> Entry:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, cast
 
 from ruamel.yaml import YAML
 from ruamel.yaml import events as yaml_events
@@ -24,6 +25,8 @@ from tradestudy.study.document import (
     Place,
     Scalar,
     ScalarEntry,
+    Value,
+    scalar_text,
 )
 from tradestudy.units import nearest
 
@@ -94,6 +97,19 @@ def compose(text: str, start: Place) -> tuple[Entry, list[Problem]]:
     return composer.root, composer.problems
 
 
+def entry_of(value: Value, place: Place) -> tuple[Entry, list[Problem]]:
+    """Turn a value of Python into entries under the rules of `compose`; a text in it is itself and not YAML.
+
+    Raises
+    ------
+    UnreadableError
+        When it holds too many or too deeply nested values.
+    """
+    composer = _Composer(start=place, last=place)
+    composer.take_value(value)
+    return composer.root, composer.problems
+
+
 @dataclass(kw_only=True)
 class _Frame:
     """A mapping or a list that is still open."""
@@ -158,27 +174,50 @@ class _Composer:
             if self.documents > 1:
                 self.fail(place, "a second document begins here; a study is one document")
         elif isinstance(event, yaml_events.MappingStartEvent | yaml_events.SequenceStartEvent):
-            self.open(event, place)
+            is_mapping = isinstance(event, yaml_events.MappingStartEvent)
+            self.open(place, is_mapping=is_mapping, anchor=event.anchor, tag=event.tag)
         elif isinstance(event, yaml_events.MappingEndEvent | yaml_events.SequenceEndEvent):
             self.close()
         elif isinstance(event, yaml_events.ScalarEvent):
-            self.count_values(place, 1)
-            self.tags(event, place)
-            text = self.text(event.value, place)
-            value = _resolved(text) if event.implicit[0] and not event.style else text
-            self.add(ScalarEntry(place=place, value=value, text=text), event.anchor, 1, 0)
+            is_plain = event.implicit[0] and not event.style
+            self.scalar(event.value, place, is_plain=is_plain, anchor=event.anchor, tag=event.tag)
         elif isinstance(event, yaml_events.AliasEvent):
             self.alias(event.anchor, place)
 
-    def open(self, event: Any, place: Place) -> None:
+    def take_value(self, value: Value) -> None:
+        """Go on by a value of Python, all of it at the place where reading began."""
+        if isinstance(value, Mapping):
+            self.open(self.start, is_mapping=True)
+            for key, item in value.items():
+                self.take_value(key)
+                self.take_value(item)
+            self.close()
+        elif isinstance(value, list | tuple):
+            self.open(self.start, is_mapping=False)
+            for item in value:
+                self.take_value(item)
+            self.close()
+        elif isinstance(value, str):
+            self.scalar(value, self.start, is_plain=False)
+        else:  # numbers of other libraries too, as they are written
+            self.scalar(scalar_text(cast(Scalar, value)), self.start, is_plain=True)
+
+    def scalar(self, written: str, place: Place, *, is_plain: bool, anchor: str | None = None, tag: Any = None) -> None:
+        """Add a single value, which is plain where no quotes make it a text."""
+        self.count_values(place, 1)
+        self.tags(tag, place)
+        text = self.text(written, place)
+        self.add(ScalarEntry(place=place, value=_resolved(text) if is_plain else text, text=text), anchor, 1, 0)
+
+    def open(self, place: Place, *, is_mapping: bool, anchor: str | None = None, tag: Any = None) -> None:
         """Begin a mapping or a list."""
         self.count_values(place, 1)
         self.check_depth(place, 0)
-        self.tags(event, place)
-        if event.anchor:
-            self.anchors[event.anchor] = None
-        members: dict[str, Member] | None = {} if isinstance(event, yaml_events.MappingStartEvent) else None
-        self.frames.append(_Frame(place=place, anchor=event.anchor, count_before=self.count - 1, members=members))
+        self.tags(tag, place)
+        if anchor:
+            self.anchors[anchor] = None
+        members: dict[str, Member] | None = {} if is_mapping else None
+        self.frames.append(_Frame(place=place, anchor=anchor, count_before=self.count - 1, members=members))
 
     def close(self) -> None:
         """End the innermost mapping or list."""
@@ -249,9 +288,9 @@ class _Composer:
             return "".join("\ufffd" if "\ud800" <= letter <= "\udfff" else letter for letter in written)
         return written
 
-    def tags(self, event: Any, place: Place) -> None:
+    def tags(self, tag: Any, place: Place) -> None:
         """Refuse tags: the schema knows what each value is."""
-        if event.tag is not None:
+        if tag is not None:
             self.note(place, "tags ('!…') have no meaning in a study; leave it out")
 
     def count_values(self, place: Place, count: int) -> None:

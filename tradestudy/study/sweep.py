@@ -10,6 +10,7 @@ import numpy as np
 
 from tradestudy.errors import UnaffordableError
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Entry, ScalarEntry, text_of
 from tradestudy.study.schema.questions import SweepRangePart
 from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse
 
@@ -19,14 +20,14 @@ MOST_POINTS = 20_000
 
 @dataclass(frozen=True, kw_only=True)
 class SweepAxis:
-    """One swept value: its dotted path, the text of each value, and labels (SI floats, or text for choices).
+    """One swept value: its dotted path, each value, and labels (SI floats, or text for choices).
 
     ``declared`` is the value that the study has without the sweep, as one of the labels; empty text where it has none.
     Numbers stand in increasing order.
     """
 
     path: str
-    values: tuple[str, ...]
+    values: tuple[Entry, ...]
     labels: tuple[float, ...] | tuple[str, ...]
     units: str
     declared: float | str
@@ -40,7 +41,7 @@ def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
     return tuple(
         _axis(
             path,
-            _values_of_range(path, part) if isinstance(part, SweepRangePart) else tuple(map(str, part)),
+            _values_of_range(path, part) if isinstance(part, SweepRangePart) else tuple(map(ScalarEntry.of, part)),
             definition,
         )
         for path, part in definition.file.sweep.items()
@@ -73,12 +74,12 @@ def point_labels(axes: tuple[SweepAxis, ...]) -> list[str]:
     if not axes:
         return ["the study as declared"]
     return [
-        ", ".join(f"{axis.path}={value}" for axis, value in zip(axes, values, strict=True))
+        ", ".join(f"{axis.path}={text_of(value)}" for axis, value in zip(axes, values, strict=True))
         for values in itertools.product(*(axis.values for axis in axes))
     ]
 
 
-def _values_of_range(path: str, part: SweepRangePart) -> tuple[str, ...]:
+def _values_of_range(path: str, part: SweepRangePart) -> tuple[ScalarEntry, ...]:
     dimension = common_dimension(part.start, part.stop)
     if dimension is None:
         raise UnitError(f"{path}: '{part.start}' and '{part.stop}' have no common unit")
@@ -86,22 +87,30 @@ def _values_of_range(path: str, part: SweepRangePart) -> tuple[str, ...]:
     if not math.isfinite(stop - start) or (part.spacing == "log" and not (start > 0.0 and stop > 0.0)):
         raise UnitError(f"{path}: a {part.spacing} range from '{part.start}' to '{part.stop}' is impossible")
     numbers = (np.geomspace if part.spacing == "log" else np.linspace)(start, stop, part.points)
-    return tuple(f"{float(number)!r} {dimension.unit}".strip() for number in numbers)
+    return tuple(quantity(float(number), dimension) for number in numbers)
 
 
-def _axis(path: str, values: tuple[str, ...], definition: StudyDefinition) -> SweepAxis:
+def quantity(number: float, dimension: Dimension) -> ScalarEntry:
+    """A number in SI as a value of a study."""
+    return ScalarEntry.of(f"{number!r} {dimension.unit}" if dimension.unit else number)
+
+
+def _axis(path: str, values: tuple[ScalarEntry, ...], definition: StudyDefinition) -> SweepAxis:
     """An axis of the declared values and of the study's own, so that the study as declared is among its designs."""
     entry = definition.document.entry(path)
-    declared = "" if entry is None else definition.document.text_of(path)
-    dimension = common_dimension(*values, *([declared] if declared else []))
+    declared = "" if entry is None else text_of(entry)
+    texts = [value.text for value in values]
+    dimension = common_dimension(*texts, *([declared] if declared else []))
     if dimension is None:
-        every = values if not declared or declared in values else (*values, declared)
-        return SweepAxis(path=path, values=every, labels=every, units="", declared=declared)
-    labels = {parse(value, dimension): value for value in values}
+        choices: dict[str, Entry] = dict(zip(texts, values, strict=True))
+        if entry is not None and declared:
+            choices.setdefault(declared, entry)
+        return SweepAxis(path=path, values=tuple(choices.values()), labels=tuple(choices), units="", declared=declared)
+    labels: dict[float, Entry] = {parse(value.text, dimension): value for value in values}
     own = parse(declared, dimension) if declared else math.nan
     # The ends of a range lose a digit in their own arithmetic; a value that close is the declared one.
-    if declared and not any(math.isclose(label, own, rel_tol=1e-12) for label in labels):
-        labels[own] = declared
+    if entry is not None and declared and not any(math.isclose(label, own, rel_tol=1e-12) for label in labels):
+        labels[own] = entry
     ordered = sorted(labels)
     return SweepAxis(
         path=path,

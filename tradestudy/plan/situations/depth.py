@@ -38,8 +38,9 @@ from tradestudy.plan.situations.pictures import PictureCase, picture_slots, wors
 from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.acting import acting, in_closed_form
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Entry
 from tradestudy.study.expectations import question_ends
-from tradestudy.study.sweep import SweepAxis, sweep_axes
+from tradestudy.study.sweep import SweepAxis, quantity, sweep_axes
 
 # Bounds are looked for at this many of the study's distances; they change slowly in between, where the disparity error
 # is derived by less than the margin.
@@ -139,10 +140,10 @@ def every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
     for question in definition.file.solve.values():
         dimension, low, high = question_ends(question)
         for value in np.linspace(low, high, _OF_QUESTIONS):
-            yield definition.with_values({question.vary: f"{float(value)!r} {dimension.unit}".strip()})
+            yield definition.with_values({question.vary: quantity(float(value), dimension)})
 
 
-def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[str, ...]]:
+def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
     """Values of each axis, of every design that is weighed."""
     sizes = [len(axis.values) for axis in axes]
     while math.prod(sizes) > _MOST_DESIGNS and max(sizes) > _ENDS:

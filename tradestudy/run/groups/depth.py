@@ -3,39 +3,44 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
 from tradestudy.analysis.depth import QUANTILES, WAYS
 from tradestudy.analysis.depth_points import DepthPoint, DepthTable, depth_table
 from tradestudy.analysis.usable import LIMIT_NAMES, Interval
+from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.sweep import point_labels, sweep_axes, sweep_points
 
 
 def depth_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     """/depth over (swept parameters, camera, distance)."""
     axes = sweep_axes(definition)
-    points = [DepthPoint.of(point.case) for point in sweep_points(definition, axes)]
-    tables = steps.map("depth", depth_table, points, point_labels(axes))
-    part_names = list(dict.fromkeys(name for table in tables for name in table.parts))
-    intervals = max(len(rows) for table in tables for rows in table.intervals)
-    shape = tuple(len(axis.labels) for axis in axes)
-    arrays = [_depth_arrays(table, part_names, max(intervals, 1)) for table in tables]
-    stacked = {
-        name: np.stack([array[name] for array in arrays]).reshape(shape + np.shape(arrays[0][name]))
-        for name in arrays[0]
-    }
+    cases = [design.case for design in sweep_points(definition, axes)]
+    distance = definition.case.distance
+    asked = [(camera, case.criteria) for case in cases for camera in case.cameras.values()]
+    names = [f"{name}, {label}" for case, label in zip(cases, point_labels(axes), strict=True) for name in case.cameras]
+    # A camera that is the same in several designs is computed once; it is called by the first of them.
+    labels: dict[tuple[DepthCamera, UsableCriteria], str] = {}
+    for one, name in zip(asked, names, strict=True):
+        labels.setdefault(one, name)
+    points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
+    tables = dict(zip(labels, steps.map("depth", depth_table, points, list(labels.values())), strict=True))
+    arrays, part_names = _depth_arrays([tables[one] for one in asked])
+    shape = (*(len(axis.labels) for axis in axes), len(definition.case.cameras))
+    stacked = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
     leading = tuple(axis.path for axis in axes)
     coordinates: dict[str, Any] = {axis.path: list(axis.labels) for axis in axes}
-    coordinates |= _coordinates(definition, definition.case.distance, part_names)
+    coordinates |= _coordinates(definition, distance, part_names)
     result = dataset("depth", stacked, coordinates, leading=leading, attributes={"matching_needs": matching_needs()})
     for axis in axes:
         result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
@@ -45,14 +50,8 @@ def depth_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
 def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]) -> xr.Dataset:
     """/depth_at_places: the same at the distances of the decision, between those of the scene, as declared."""
     distance = np.array(sorted(set(places)))
-    point = replace(DepthPoint.of(definition.case), distance=distance)
-    table = depth_table(point)
-    intervals = max(map(len, table.intervals), default=0)
-    return dataset(
-        "depth_at_places",
-        _depth_arrays(table, list(table.parts), max(intervals, 1)),
-        _coordinates(definition, distance, list(table.parts)),
-    )
+    arrays, part_names = _depth_arrays(_tables(definition.case, distance))
+    return dataset("depth_at_places", arrays, _coordinates(definition, distance, part_names))
 
 
 def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
@@ -67,30 +66,41 @@ def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: 
     }
 
 
-def _depth_arrays(table: DepthTable, part_names: list[str], most_intervals: int) -> dict[str, Any]:
-    """The variables of /depth for one case, camera first."""
-    evaluations = table.evaluations
+def _tables(case: Case, distance: FloatArray) -> list[DepthTable]:
+    return [
+        depth_table(DepthPoint(camera=camera, criteria=case.criteria, distance=distance))
+        for camera in case.cameras.values()
+    ]
+
+
+def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """The variables of /depth, camera first, and the names of all parts of the error."""
+    evaluations = [table.evaluation for table in tables]
     distance = evaluations[0].distance
     missing = np.full_like(distance, np.nan)
+    part_names = list(dict.fromkeys(name for one in evaluations for name in one.parts))
+    most_intervals = max(1, *(len(table.intervals) for table in tables))
 
     def over_limits(attribute: str, absent: float) -> FloatArray:
         rows = [
             [
                 np.broadcast_to(
-                    np.asarray(getattr(limits[name], attribute) if name in limits else absent, dtype=np.float64),
+                    np.asarray(
+                        getattr(table.limits[name], attribute) if name in table.limits else absent, dtype=np.float64
+                    ),
                     distance.shape,
                 )
                 for name in LIMIT_NAMES
             ]
-            for limits in table.limits
+            for table in tables
         ]
         return np.moveaxis(np.array(rows), 1, 2)
 
     def over_intervals(attribute: str, absent: Any) -> Any:
-        return np.array([_padded(rows, attribute, absent, most_intervals) for rows in table.intervals])
+        return np.array([_padded(table.intervals, attribute, absent, most_intervals) for table in tables])
 
     uncertainty = np.stack([e.uncertainty for e in evaluations])
-    return {
+    arrays = {
         "depth_discrimination": np.stack([e.discrimination.T for e in evaluations]),
         "depth_uncertainty": uncertainty[:, WAYS.index("both")],
         "depth_uncertainty_error": np.stack([e.uncertainty_error for e in evaluations]),
@@ -104,8 +114,8 @@ def _depth_arrays(table: DepthTable, part_names: list[str], most_intervals: int)
         "disparity_px": np.stack([e.disparity_px for e in evaluations]),
         "disparity_error_px": np.stack([e.disparity_error_px for e in evaluations]),
         "disparity_error_px_error": np.stack([e.disparity_error_px_error for e in evaluations]),
-        "virtual_depth": np.stack(table.virtual_depth),
-        "usable": np.stack(table.usable),
+        "virtual_depth": np.stack([table.virtual_depth for table in tables]),
+        "usable": np.stack([table.usable for table in tables]),
         "limit_value": over_limits("value", math.nan),
         "limit_met": over_limits("met", -1.0).astype(np.int8),
         "limit_bound": over_limits("bound", math.nan)[:, 0],
@@ -114,6 +124,7 @@ def _depth_arrays(table: DepthTable, part_names: list[str], most_intervals: int)
         "near_limit": over_intervals("near_limit", ""),
         "far_limit": over_intervals("far_limit", ""),
     }
+    return arrays, part_names
 
 
 def _padded(rows: tuple[Interval, ...], attribute: str, absent: Any, length: int) -> list[Any]:
@@ -122,5 +133,5 @@ def _padded(rows: tuple[Interval, ...], attribute: str, absent: Any, length: int
 
 def depth_as_declared(definition: StudyDefinition) -> xr.Dataset:
     """/depth of the study as declared, without its sweep."""
-    table = depth_table(DepthPoint.of(definition.case))
-    return dataset("depth", _depth_arrays(table, list(table.parts), 1 + max(map(len, table.intervals))), {})
+    arrays, _ = _depth_arrays(_tables(definition.case, definition.case.distance))
+    return dataset("depth", arrays, {})

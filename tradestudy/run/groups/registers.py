@@ -59,7 +59,8 @@ def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
 
     What was set for this run stands there as such, with what it stands in place of.
     """
-    rows = [*_set_for_this_run(definition.document), *_declared(definition.document)]
+    document = definition.under_tolerance
+    rows = [*_set_for_this_run(document), *_declared(document)]
     return dataset(
         "assumptions",
         {

@@ -86,6 +86,11 @@ class StudyFile(Part):
 
     @model_validator(mode="after")
     def _asks_what_can_be_answered(self) -> Self:
+        if mistakes := self._mistakes_between_parts():
+            raise MistakeAt.several(mistakes)
+        return self
+
+    def _mistakes_between_parts(self) -> list[MistakeAt]:
         mistakes = [
             MistakeAt(path, f"{name!r} is a {self.cameras[name].kind} camera and measures no depth")
             for path, name in self._asked_for_depth()
@@ -113,13 +118,24 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("criteria",), "needs depth_of_field, whose scene it is worked out for"))
         if self.calibration is not None:
             mistakes += calibration_mistakes(self.calibration, self.cameras)
-        if mistakes:
+        return mistakes
+
+    def with_parts(self, parts: Mapping[str, Any]) -> Self:
+        """The same study with other parts, each valid by itself.
+
+        Raises
+        ------
+        MistakeAt
+            Where these and the others ask for what cannot be answered.
+        """
+        changed = self.model_copy(update=dict(parts))
+        if mistakes := changed._mistakes_between_parts():
             raise MistakeAt.several(mistakes)
-        return self
+        return changed
 
     def _asked_for_depth(self) -> list[tuple[Location, str]]:
         asked: list[tuple[Location, str]] = []
-        for path, name in _named_cameras(self.model_dump()):
+        for path, name in _named_cameras(dict(self)):
             claim = self.claims.get(str(path[1])) if path[0] == "claims" else None
             if claim is None or claim.of not in ("depth_of_field", "depth_of_field_ratio"):
                 asked.append((path, name))
@@ -151,6 +167,9 @@ def _named_readings(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
 
 
 def _mapping(value: Any) -> Mapping[Any, Any]:
+    """A mapping of a tree, or the part that it was read into."""
+    if isinstance(value, Part):
+        return dict(value)
     return value if isinstance(value, Mapping) else {}
 
 

@@ -1,0 +1,87 @@
+"""Values laid over a valid study: what is validated anew is what a whole validation finds, and the rest is shared."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from tests.study.conftest import STUDIES
+from tradestudy.api import Study, load
+from tradestudy.errors import Problem, StudyError
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Override
+from tradestudy.study.reader import validate, with_values
+from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.sweep import sweep_axes, sweep_points
+
+
+def variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:
+    yield from definition.readings.values()
+    yield from sweep_points(definition, sweep_axes(definition))[::20]
+
+
+@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.yaml")), ids=lambda path: path.stem)
+def test_every_variant_is_what_a_whole_validation_makes_of_it(path: Any) -> None:
+    for one in variants(load(path).definition):
+        assert one.declared == validate(one.document, StudyFile)
+        assert one.case.all_cameras == StudyDefinition.of(one.document).case.all_cameras
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"accuracy.relative": "2 %"},  # of which the study says nothing
+        {"usable": {"overlap": "70 %"}},
+        {"usable": None, "readings": None},
+        {"raytrix-r5": {"kind": "conventional"}},
+        {"scene.distances": ["1 m", "2 m"], "title": "Another"},
+        {"cameras.third": {"title": "Third"}},
+        {"solve.yaw-at-half-metre": None},
+        {"decision.between": ["raytrix-r5", "nobody"]},
+        {"stereo-short.baseline": "20"},
+        {"stereo-short.depth": {"disparity_error": "derived"}},
+        {"nowhere.at.all": 1},
+    ],
+)
+def test_a_part_that_comes_goes_or_changes_its_kind_is_refused_or_taken_as_in_a_file(
+    headline: Study, values: dict[str, Any]
+) -> None:
+    def answer(make: Callable[[], StudyDefinition]) -> StudyFile | list[Problem]:
+        try:
+            return make().declared
+        except StudyError as error:
+            return error.problems
+
+    document = with_values(headline.definition.document, values)
+    changed = answer(lambda: headline.definition.with_values(values))
+    assert changed == answer(lambda: StudyDefinition.of(document))
+
+
+def test_a_camera_that_does_not_change_is_built_once(headline: Study) -> None:
+    changed = headline.with_values({"stereo-short.baseline": "30 mm"}).definition.case.all_cameras
+    before = headline.definition.case.all_cameras
+    assert [name for name in before if changed[name] is not before[name]] == ["stereo-short"]
+    redder = headline.with_values({"scene.wavelength": "650 nm"}).definition.case.all_cameras
+    assert [name for name in before if redder[name] is before[name]] == []
+
+
+def test_a_tolerance_stays_whatever_is_changed_under_it() -> None:
+    asked = load(STUDIES / "calibration.yaml", tolerance="10 %").definition
+    changed = asked.with_values({"scene.wavelength": "600 nm", "accuracy.depth_uncertainty": "3 %"})
+    assert set(changed.file.accuracy.wanted().relative.values()) == {0.1}
+    assert changed.tolerance == "10 %"
+    assert asked.document.overrides == ()
+    assert changed.with_tolerance("5 %").file.accuracy.wanted() == asked.with_tolerance("5 %").file.accuracy.wanted()
+
+
+def test_a_looser_tolerance_loosens_pictures_that_are_compared_and_a_tighter_one_leaves_them() -> None:
+    study = load(STUDIES / "light_spot.yaml").definition
+    own, pictures = study.file.light_spot, ("light_spot", "tolerance")
+    assert own is not None
+    asked = study.with_tolerance("10 %").with_tolerance("3 %")
+    assert asked.file.light_spot is not None
+    assert asked.file.light_spot.tolerance == max(own.tolerance, 0.03)
+    given = {one.path: one for one in study.with_tolerance("10 %").under_tolerance.overrides}
+    assert given[pictures] == Override(path=pictures, text="10 %", before=study.document.text_of(pictures))

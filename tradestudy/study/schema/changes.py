@@ -1,0 +1,68 @@
+"""A valid study under other values: only what they change is validated again."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import Any
+
+from tradestudy.declarations.part import Part
+from tradestudy.study.document import Document, Entry, MappingEntry, child, plain
+from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.validation import validate
+
+
+class _WhollyNewError(Exception):
+    """What changed is no part that can be validated by itself."""
+
+
+def validate_changes(document: Document, before: Document, valid: StudyFile) -> StudyFile:
+    """Check a document that values were laid over.
+
+    Only the parts that they changed are validated, and what parts ask of each other. Where these do not pass, the whole
+    document is validated: for the messages, or because a part has come, gone or become one of another kind.
+
+    Parameters
+    ----------
+    document
+        With the values.
+    before
+        Without them; what they leave as it was are the same objects in both.
+    valid
+        What the schema made of `before`.
+
+    Raises
+    ------
+    StudyError
+        As of `validate`.
+    """
+    if not document.problems:
+        with suppress(_WhollyNewError, ValueError):  # mistakes that validators find are ValueErrors
+            found = valid.with_parts(_changed_parts(document, before, valid))
+            if not StudyFile.mistakes_of_names(document.tree):
+                return found
+    return validate(document, StudyFile)
+
+
+def _changed_parts(document: Document, before: Document, valid: StudyFile) -> dict[str, Any]:
+    """The parts of a study that changed; where it holds them by name, all of these."""
+    changed: dict[str, Any] = {}
+    for key in _changed_keys(document.root, before.root):
+        part, entry, entry_before = getattr(valid, key, None), child(document.root, key), child(before.root, key)
+        if isinstance(part, dict) and isinstance(entry, MappingEntry) and isinstance(entry_before, MappingEntry):
+            names = _changed_keys(entry, entry_before)
+            changed[key] = part | {name: _validated(part.get(name), child(entry, name)) for name in names}
+        else:
+            changed[key] = _validated(part, entry)
+    return changed
+
+
+def _changed_keys(mapping: MappingEntry, before: MappingEntry) -> list[str]:
+    if not before.members.keys() <= mapping.members.keys():
+        raise _WhollyNewError
+    return [key for key, member in mapping.members.items() if member.entry is not child(before, key)]
+
+
+def _validated(before: object, entry: Entry | None) -> Part:
+    if not isinstance(before, Part) or entry is None:
+        raise _WhollyNewError
+    return type(before).model_validate(plain(entry))
