@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from tests.study.calibration.conftest import STUDIES
 
+from tests.calibration.conftest import STUDIES
 from tradestudy.analysis.propagation import propagate_way
 from tradestudy.calibration.corners.corner_file import CornerFileError
 from tradestudy.calibration.posteriors import CORNER_NOISE_NAMES, infer_from_target

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from tests.study.calibration.conftest import STUDIES
-from tests.study.calibration.test_posteriors import SMALL
 
 import tradestudy
+from tests.calibration.conftest import STUDIES
+from tests.calibration.test_posteriors import SMALL
 from tradestudy.figures import build
 from tradestudy.report.contents import compose
 from tradestudy.report.document import Callout, Paragraph, Table, flattened, spans

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 import pytest
 import xarray as xr
-from tests.study.calibration.conftest import HEAD
 
 import tradestudy
+from tests.calibration.conftest import HEAD
 from tests.execution.execution_points import LoggedPoint, compute, times_computed, workers
 from tradestudy import api
 from tradestudy.errors import OutOfRangeError, ResultsError
