@@ -9,7 +9,6 @@ from tradestudy.uncertainty.decision import (
     crossings,
     half_width,
     log_ratio,
-    range_over_readings,
     rank_probability,
     solve,
 )
@@ -145,14 +144,6 @@ def test_every_crossing_is_found_and_one_that_some_replicates_miss_is_not_resolv
 def test_log_ratio_has_its_limits():
     first, second = np.array([1.0, np.inf, 1.0, np.inf, 0.0, 0.0]), np.array([np.e, 1.0, np.inf, np.inf, 1.0, 0.0])
     np.testing.assert_allclose(log_ratio(first, second), [-1.0, np.inf, -np.inf, np.nan, -np.inf, np.nan])
-
-
-def test_the_range_over_readings_names_its_ends():
-    answer = range_over_readings({"as printed": 1.5, "65° across": 0.39, "65° diagonal": 0.55})
-    assert (answer.low, answer.low_reading) == (0.39, "65° across")
-    assert (answer.high, answer.high_reading) == (1.5, "as printed")
-    with pytest.raises(OutOfRangeError, match="at least one"):
-        range_over_readings({})
 
 
 def test_impossible_draws_are_refused():
