@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.evaluation import Alignment, Model, Replicate, alignment_with
+from tradestudy.uncertainty.evaluation import Model, Replicate, ScoreAlignment, alignment_with
 from tradestudy.uncertainty.outputs import RunningMean, replicate_statistics
 from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import Sampler
@@ -57,7 +57,7 @@ class Draws:
                 remedy="the error comes from the scatter of independent replicates",
             )
 
-    def depths(self, model: Model, sources: Sources, alignment: Alignment, replicate: int) -> Replicate:
+    def depths(self, model: Model, sources: Sources, alignment: ScoreAlignment, replicate: int) -> Replicate:
         """Draw depths of one replicate from a model of inverse depth.
 
         The same replicate and alignment get the same random numbers whatever the model.
@@ -166,7 +166,7 @@ class Solution:
     standard_error: float
 
 
-def solve(
+def solve_in_replicates(
     quantity: Callable[[float, int], float],
     *,
     low: float,

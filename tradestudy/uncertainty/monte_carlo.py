@@ -249,8 +249,8 @@ def propagate(
     -----
     The estimate of a quantile is the mean of the replicates' sample quantiles, each exact: no draw is binned. Its bias
     stays below its standard error because there are never more replicates than a sixteenth of their length. The first
-    coordinates of the points are aligned with what moves the outputs most (:class:`Alignment`), at two evaluations per
-    dimension. Results do not depend on ``batch_draws``, bit for bit.
+    coordinates of the points are aligned with what moves the outputs most (:func:`alignment_with`), at two evaluations
+    per dimension. Results do not depend on ``batch_draws``, bit for bit.
     """
     start = time.perf_counter()
     nominal = evaluate_nominal(model, sources, inverse_depth=inverse_depth)
