@@ -209,7 +209,7 @@ class Study:
             "study_hash": self.hash,
             "code_hash": provenance.code_hash(),
             "seed": None if self.file.calibration is None else self.file.calibration.seed,
-            "inputs": provenance.flattened(self.definition.under_tolerance.tree),
+            "inputs": provenance.values_by_path(self.definition.under_tolerance.tree),
             "file": self.definition.document.locate(()).file,
             "options": list(options(self.definition)),
             "started": started.isoformat(timespec="seconds"),

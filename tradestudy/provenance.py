@@ -28,7 +28,7 @@ def file_hash(path: Path) -> str:
         return ""
 
 
-def flattened(tree: Mapping[str, Any]) -> dict[str, str]:
+def values_by_path(tree: Mapping[str, Any]) -> dict[str, str]:
     """Every value that a study declares, as text by dotted path."""
     flat: dict[str, str] = {}
     pending: list[tuple[str, Any]] = [(key, value) for key, value in reversed(list(tree.items()))]

@@ -20,9 +20,9 @@ import numpy as np
 
 from tradestudy.optics.propagation import (
     LENS_PHASES,
-    Accuracy,
     ApertureField,
     CircularLens,
+    FieldAccuracy,
     KirchhoffKernel,
     LensPhase,
     Method,
@@ -102,7 +102,7 @@ def true_error(source: PointSource, lens: CircularLens, targets: TargetGrid, res
     some = np.concatenate([order[:200], np.random.default_rng(0).choice(order[200:], 200, replace=False)])
     x, y, z = (c[some] for c in targets.coordinates())
     points = TargetPoints(x=x, y=y, distance=z)
-    counts = nodes_for(wave, kernel, points, Accuracy(tolerance=1e-10)).scaled(1.5)
+    counts = nodes_for(wave, kernel, points, FieldAccuracy(tolerance=1e-10)).scaled(1.5)
     exact = np.abs(direct_sum(sample_wave(wave, counts), kernel, x, y, z)) ** 2
     return float(np.linalg.norm(result.intensity.ravel()[some] - exact) / np.linalg.norm(exact))
 
@@ -162,7 +162,7 @@ def timed(
             wavelength=WAVELENGTH,
             method=method,
             obliquity=obliquity,
-            accuracy=Accuracy(tolerance=tolerance),
+            accuracy=FieldAccuracy(tolerance=tolerance),
         )
         seconds.append(result.effort.seconds)
     return seconds, result

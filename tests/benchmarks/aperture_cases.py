@@ -10,9 +10,9 @@ import numpy as np
 from tradestudy.optics.propagation import (
     LENS_PHASES,
     OBLIQUITIES,
-    Accuracy,
     ApertureField,
     CircularLens,
+    FieldAccuracy,
     FresnelKernel,
     KirchhoffKernel,
     LensWave,
@@ -41,7 +41,7 @@ class Case:
     wavelength: float
     method: Method
     obliquity: Obliquity
-    accuracy: Accuracy
+    accuracy: FieldAccuracy
 
 
 def random_case(rng: np.random.Generator, *, most_nodes: int = 12_000) -> Case:
@@ -96,7 +96,7 @@ def _draw(rng: np.random.Generator) -> Case:
         wavelength=wavelength,
         method=method,
         obliquity="paper" if method == "fresnel" else OBLIQUITIES[rng.integers(3)],
-        accuracy=Accuracy(tolerance=10 ** rng.uniform(-8, -2), seed=int(rng.integers(2**31))),
+        accuracy=FieldAccuracy(tolerance=10 ** rng.uniform(-8, -2), seed=int(rng.integers(2**31))),
     )
 
 
@@ -141,7 +141,7 @@ def true_error(case: Case, result: ApertureField) -> float:
     """Relative L2 error of the intensity by direct quadrature at every target, on nodes for rounding accuracy."""
     wave = _wave(case)
     kernel = _kernel(case)
-    counts = nodes_for(wave, kernel, case.targets, Accuracy(tolerance=1e-10)).scaled(1.4)
+    counts = nodes_for(wave, kernel, case.targets, FieldAccuracy(tolerance=1e-10)).scaled(1.4)
     exact = direct_sum(sample_wave(wave, counts), kernel, *case.targets.coordinates())
     intensity = np.abs(exact.reshape(result.field.shape)) ** 2
     return float(np.linalg.norm(result.intensity - intensity) / np.linalg.norm(intensity))

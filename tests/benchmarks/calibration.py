@@ -1,7 +1,7 @@
 """Measures calibration by hand: coverage campaigns, the real rig, and what each tier costs.
 
-    python tests/benchmarks/calibration.py coverage --trials 2000 --sampled 20
-    python tests/benchmarks/calibration.py rig
+    python -m tests.benchmarks.calibration coverage --trials 2000 --sampled 20
+    python -m tests.benchmarks.calibration rig
 
 The campaigns draw every truth from the prior, calibrate on a synthetic target held by hand (poses unknown), and ask
 whether the 95 % depth intervals cover and whether the truths rank uniformly. All cells are judged together (Holm).
@@ -15,17 +15,16 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.calibration.coverage import coverage_verdict, rank_verdict, run_trials
+from tests.calibration.trials import CalibrationTrial, normal_priors
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.corners.relative_pose_posterior import sample_relative_pose
 from tradestudy.calibration.corners.stereo_rig import depth_of_draws, observe_pair
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior.laplace import LaplaceFit
-from tradestudy.calibration.target.priors import normal_priors
 from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid, tilted_poses
-from tradestudy.calibration.target.trials import CalibrationTrial
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.verification.coverage import coverage_verdict, rank_verdict, run_trials
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 PITCH, PIXEL = 126.5e-6, 5.5e-6

@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from aperture import WAVELENGTH, true_error
 from outside_packages import airy, error
 
-from tradestudy.optics.propagation import Accuracy, CircularLens, Method, PointSource, TargetGrid, aperture_field
+from tradestudy.optics.propagation import CircularLens, FieldAccuracy, Method, PointSource, TargetGrid, aperture_field
 from tradestudy.provenance import machine, versions
 
 RECORD = Path(__file__).with_suffix(".json")
@@ -79,7 +79,7 @@ def measured(method: Method, repeat: int) -> list[dict[str, object]]:
                 targets=targets,
                 wavelength=WAVELENGTH,
                 method=method,
-                accuracy=Accuracy(tolerance=tolerance),
+                accuracy=FieldAccuracy(tolerance=tolerance),
             )
             for _ in range(repeat)
         ]

@@ -94,15 +94,12 @@ def _run(case: Case, sampling: Sampling, seed: int = 0):
 
 
 def _speed(case: Case) -> None:
-    for workers in (1, 2):
-        seconds = [_run(case, replace(ALL, workers=workers)).seconds for _ in range(REPEATS)]
-        print(
-            f"{case.name}: 2^20 draws, {workers} worker(s): median {np.median(seconds):.2f} s, min {min(seconds):.2f} s"
-        )
+    seconds = [_run(case, ALL).seconds for _ in range(REPEATS)]
+    print(f"{case.name}: 2^20 draws: median {np.median(seconds):.2f} s, min {min(seconds):.2f} s")
 
 
 def _efficiency(case: Case) -> None:
-    truth = _run(case, replace(ALL, budget_draws=2**22, workers=2), seed=1).quantiles[:, 0]
+    truth = _run(case, replace(ALL, budget_draws=2**22), seed=1).quantiles[:, 0]
 
     def squared_error(sampler, draws):
         sampling = replace(ALL, sampler=sampler, replicates=32, first_draws=draws, budget_draws=32 * draws)
@@ -117,7 +114,7 @@ def _efficiency(case: Case) -> None:
 
 
 def _tiers(case: Case) -> None:
-    truth = _run(case, replace(ALL, budget_draws=2**22, workers=2), seed=1)
+    truth = _run(case, replace(ALL, budget_draws=2**22), seed=1)
     ends, u = truth.symmetric_interval[:, 0], truth.half_width[0]
 
     def report(name, seconds, evaluations, interval):

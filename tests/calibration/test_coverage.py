@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
+from tests.calibration.coverage import coverage_verdict, holm, rank_verdict, run_trials
+from tests.calibration.trials import CalibrationTrial, normal_priors
 from tradestudy.calibration.corners.stereo_rig import depth_of_draws, observe_pair
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
-from tradestudy.calibration.target.priors import normal_priors
 from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid, tilted_poses
-from tradestudy.calibration.target.trials import CalibrationTrial
 from tradestudy.errors import OutOfRangeError
-from tradestudy.verification.coverage import coverage_verdict, holm, rank_verdict, run_trials
 
 DISTANCES = np.array([0.3, 1.0, 3.0, 10.0])
 

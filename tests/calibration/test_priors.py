@@ -79,11 +79,9 @@ def test_an_information_without_an_inverse_names_the_culprits():
 
 
 def test_importance_check_has_the_closed_form_of_two_normals():
-    """Proposal N(0, 1), exact N(m, 1): efficiency exp(−m²), shifted mean m."""
+    """Proposal N(0, 1), exact N(m, 1): efficiency exp(−m²)."""
     draws = np.random.default_rng(0).standard_normal((200_000, 1))
-    check = compare_log_posteriors(draws, -0.5 * (draws[:, 0] - 0.3) ** 2, -0.5 * draws[:, 0] ** 2)
+    check = compare_log_posteriors(-0.5 * (draws[:, 0] - 0.3) ** 2, -0.5 * draws[:, 0] ** 2)
     assert check.efficiency == pytest.approx(np.exp(-0.09), rel=0.01)
-    assert check.mean_shift[0] == pytest.approx(0.3, abs=0.01)
-    assert check.log_ratio_deviation == pytest.approx(0.3, rel=0.01)
     assert check.passed
-    assert not compare_log_posteriors(draws, -0.5 * (draws[:, 0] - 0.6) ** 2, -0.5 * draws[:, 0] ** 2).passed
+    assert not compare_log_posteriors(-0.5 * (draws[:, 0] - 0.6) ** 2, -0.5 * draws[:, 0] ** 2).passed

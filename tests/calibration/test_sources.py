@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.calibration.calibration_files import write_calibration
 from tradestudy.calibration.calibration_file import (
     CalibrationCovariance,
     CalibrationDraws,
-    write_calibration,
 )
 from tradestudy.calibration.uncertain_camera import sources_of
 from tradestudy.errors import OutOfRangeError, StudyError

@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 from matplotlib.axes import Axes
 
-from tradestudy.cost.entries import Entry, Measured, nothing_measured
+from tradestudy.cost.entries import CostTable, Entry, nothing_measured
 from tradestudy.cost.study_cost import _dataset
 from tradestudy.figures.cost import _ARROW, _RING, _next_digit, cost_drawing, cost_figure
 from tradestudy.report.document import Bullets, Callout, Paragraph, Table, plain
@@ -42,7 +42,7 @@ def tree(
     ways: Mapping[str, str] | None = None,
     of_a_run: bool = True,
 ) -> xr.DataTree:
-    measured = Measured(
+    measured = CostTable(
         name="q",
         title="Quantity",
         says="Seconds for all.",
@@ -58,7 +58,7 @@ def tree(
     return as_tree(measured)
 
 
-def as_tree(*measured: Measured) -> xr.DataTree:
+def as_tree(*measured: CostTable) -> xr.DataTree:
     return xr.DataTree.from_dict({"/depth": xr.Dataset(), "/cost": _dataset(list(measured), budget=30.0)})
 
 
@@ -210,7 +210,7 @@ def test_the_digits_of_an_error_tell_a_tenth_of_it_from_more() -> None:
 def test_the_caption_names_what_has_no_panel() -> None:
     drawn = tree(entry("1 %", 1e-2, 1.0), floor=1e-6)
     assert "panel, as" not in cost_drawing(drawn).caption
-    measured = Measured(
+    measured = CostTable(
         name="q", title="Quantity", says="", reference="", reference_error=1e-6, reference_seconds=1.0,
         entries=(entry("1 %", 1e-2, 1.0),),
     )  # fmt: skip

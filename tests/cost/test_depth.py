@@ -10,11 +10,11 @@ from scipy.special import ndtri
 
 from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost import depth_reference, measuring
-from tradestudy.cost.case import Case
 from tradestudy.cost.depth import INVERSE, LINEAR, QUADRATURE, propagation_cost
+from tradestudy.cost.depth_case import DepthCase
 from tradestudy.cost.depth_reference import reference_of
 from tradestudy.cost.draws_saved import PLAIN, SOBOL, DrawsSaved, draws_saved
-from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.entries import CostTable, Entry
 from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
@@ -27,7 +27,7 @@ BASELINE_TIMES_FOCAL_LENGTH = 0.1 * 8e-3
 SPREAD = 1.5e-5  # of disparity, at 5 m a tenth of it
 
 
-def stereo(distance: FloatArray = DISTANCE) -> Case:
+def stereo(distance: FloatArray = DISTANCE) -> DepthCase:
     """Depth f B/(d + e), e normal."""
 
     def model(values: dict[str, FloatArray]) -> Outcome:
@@ -36,7 +36,7 @@ def stereo(distance: FloatArray = DISTANCE) -> Case:
 
     normal = Normal(mean=0.0, standard_deviation=SPREAD)
     sources = Sources(groups=(Source(name="e", distribution=normal, error_class=ErrorClass.RIG),))
-    return Case(name="s", title="S", model=model, sources=sources, distance=distance, closed_form=None)  # type: ignore[arg-type]
+    return DepthCase(name="s", title="S", model=model, sources=sources, distance=distance, closed_form=None)  # type: ignore[arg-type]
 
 
 def exact_half_width() -> FloatArray:
@@ -49,7 +49,7 @@ def exact_half_width() -> FloatArray:
 
 
 @pytest.fixture(scope="module")
-def table() -> Measured:
+def table() -> CostTable:
     patch = pytest.MonkeyPatch()
     patch.setattr(measuring, "_LONG_ENOUGH", 0.0)  # three times each are enough
     try:
@@ -67,11 +67,11 @@ def table() -> Measured:
         patch.undo()
 
 
-def of(table: Measured, model: str) -> list[Entry]:
+def of(table: CostTable, model: str) -> list[Entry]:
     return [entry for entry in table.entries if entry.model == model]
 
 
-def test_the_line_in_depth_errs_by_what_the_closed_form_says(table: Measured) -> None:
+def test_the_line_in_depth_errs_by_what_the_closed_form_says(table: CostTable) -> None:
     (line,) = of(table, LINEAR)
     standard = DISTANCE**2 / BASELINE_TIMES_FOCAL_LENGTH * SPREAD
     expected = np.max(np.abs(standard / exact_half_width() - 1.0))
@@ -79,7 +79,7 @@ def test_the_line_in_depth_errs_by_what_the_closed_form_says(table: Measured) ->
     assert line.error == pytest.approx(expected, rel=1e-6)  # the line's difference quotients cost it some digits
 
 
-def test_the_line_in_inverse_depth_is_exact_here_and_chosen(table: Measured) -> None:
+def test_the_line_in_inverse_depth_is_exact_here_and_chosen(table: CostTable) -> None:
     (line,) = of(table, INVERSE)
     assert line.error < 1e-8
     assert line.chosen
@@ -105,7 +105,7 @@ def test_without_time_for_draws_nothing_is_measured() -> None:
         reference_of([stereo()], Allowance(seconds=1e-9), 2**12)
 
 
-def test_plain_draws_err_by_the_standard_error_of_their_quantiles(table: Measured) -> None:
+def test_plain_draws_err_by_the_standard_error_of_their_quantiles(table: CostTable) -> None:
     """Of a half-width of n normal draws: √(p (1 − p) − p²)/(φ √(2 n)) of it, p = 15.87 %; near enough in depth."""
     density = math.exp(-0.5) / math.sqrt(2.0 * math.pi)
     p = ONE_SIGMA[0]
@@ -140,14 +140,14 @@ def test_places_without_a_far_end_are_left_out_and_counted(
     assert [note for note in found.notes if "errs most" in note] == said * bool(found.entries)
 
 
-def test_sobol_draws_need_at_least_eight_times_fewer_evaluations(table: Measured) -> None:
+def test_sobol_draws_need_at_least_eight_times_fewer_evaluations(table: CostTable) -> None:
     saved = draws_saved(table.entries, table.reference_error)
     assert saved is not None
     assert saved.factor >= 8.0
     assert any("times fewer" in note for note in table.notes)
 
 
-def test_every_entry_was_timed_and_its_memory_traced(table: Measured) -> None:
+def test_every_entry_was_timed_and_its_memory_traced(table: CostTable) -> None:
     assert {entry.model for entry in table.entries} == {LINEAR, INVERSE, QUADRATURE, SOBOL, PLAIN}
     for entry in table.entries:
         assert 0.0 < entry.least_seconds <= entry.seconds

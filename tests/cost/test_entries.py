@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from tradestudy.cost.entries import (
+    CostTable,
     Entry,
-    Measured,
     a_tenth_of_what_is_asked,
     cheapest_within,
     most_accurate,
@@ -30,8 +30,8 @@ def entry(model: str, error: float, seconds: float, *, chosen: bool = False) -> 
     )
 
 
-def measured(*entries: Entry, floor: float = 1e-9, asked: float = math.nan) -> Measured:
-    return Measured(
+def measured(*entries: Entry, floor: float = 1e-9, asked: float = math.nan) -> CostTable:
+    return CostTable(
         name="q",
         title="Q",
         says="",

@@ -13,9 +13,9 @@ from scipy.special import ndtr
 
 from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost import depth_reference
-from tradestudy.cost.case import Case
+from tradestudy.cost.depth_case import DepthCase
 from tradestudy.cost.depth_reference import reference_of
-from tradestudy.cost.interval_quadrature import half_width
+from tradestudy.cost.interval_quadrature import half_width_by_quadrature
 from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
@@ -34,8 +34,8 @@ def sources(**laws: Distribution) -> Sources:
     )
 
 
-def case(model: Model, **laws: Distribution) -> Case:
-    return Case(
+def case(model: Model, **laws: Distribution) -> DepthCase:
+    return DepthCase(
         name="c", title="C", model=model, sources=sources(**laws), distance=1.0 / INVERSE_DEPTH, closed_form=None
     )
 
@@ -91,7 +91,14 @@ def exact() -> dict[str, FloatArray]:
 
 def test_few_nodes_across_the_steepest_direction_are_enough(exact: dict[str, FloatArray]) -> None:
     errors = [
-        float(np.max(np.abs(half_width(product, sources(a=STANDARD, b=STANDARD), ONE_SIGMA, n) / exact["product"] - 1)))
+        float(
+            np.max(
+                np.abs(
+                    half_width_by_quadrature(product, sources(a=STANDARD, b=STANDARD), ONE_SIGMA, n) / exact["product"]
+                    - 1
+                )
+            )
+        )
         for n in (1, 3, 5, 9)
     ]
     assert 1e-5 < errors[0] < 1e-2
@@ -100,7 +107,7 @@ def test_few_nodes_across_the_steepest_direction_are_enough(exact: dict[str, Flo
 
 
 def test_uniform_errors_are_integrated_too(exact: dict[str, FloatArray]) -> None:
-    found = half_width(with_uniform, sources(a=STANDARD, u=Uniform(low=-1.0, high=1.0)), ONE_SIGMA, 33)
+    found = half_width_by_quadrature(with_uniform, sources(a=STANDARD, u=Uniform(low=-1.0, high=1.0)), ONE_SIGMA, 33)
     assert found == pytest.approx(exact["uniform"], rel=1e-11)
 
 
@@ -119,7 +126,7 @@ def test_an_interval_without_a_far_end_is_infinite_in_one_and_none_in_the_other(
     def model(values: dict[str, FloatArray]) -> Outcome:
         return Outcome(values=np.maximum(np.array([1.0, 0.2]) + 0.25 * values["a"], 0.0))
 
-    found = half_width(model, sources(a=STANDARD), ONE_SIGMA, 3)
+    found = half_width_by_quadrature(model, sources(a=STANDARD), ONE_SIGMA, 3)
     expected = (1.0 / 0.75 - 1.0 / 1.25) / 2.0
     assert found.tolist() == [pytest.approx(expected, rel=1e-11), math.inf]
     reference = reference_of([case(model, a=STANDARD)], ALLOWED, 2**12)
@@ -141,10 +148,10 @@ def test_what_cannot_be_integrated_is_drawn_for_reference_and_refused_as_an_entr
     drawn = Empirical(draws=np.linspace(-1.0, 1.0, 200))
     assert "draws in 8 scrambles" in reference_of([case(with_uniform, a=STANDARD, u=drawn)], ALLOWED, 2**12).words
     with pytest.raises(OutOfRangeError, match=r"u .*normal or uniform"):
-        half_width(with_uniform, sources(a=STANDARD, u=drawn), ONE_SIGMA, 3)
+        half_width_by_quadrature(with_uniform, sources(a=STANDARD, u=drawn), ONE_SIGMA, 3)
     with pytest.raises(OutOfRangeError, match="effect of the normal errors"):
-        half_width(
+        half_width_by_quadrature(
             lambda v: with_uniform({**v, "a": 0.0 * v["u"]}), sources(u=Uniform(low=-1.0, high=1.0)), ONE_SIGMA, 3
         )
     with pytest.raises(OutOfRangeError, match=r"100000 in each of 1 dim"):
-        half_width(product, sources(a=STANDARD, b=STANDARD), ONE_SIGMA, 100_000)
+        half_width_by_quadrature(product, sources(a=STANDARD, b=STANDARD), ONE_SIGMA, 100_000)

@@ -15,7 +15,7 @@ from tradestudy.analysis.spot_images import RAYS, SpotModels
 from tradestudy.cameras.focus import SharpRange
 from tradestudy.cost import measuring, spot
 from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
-from tradestudy.cost.entries import Entry, Measured, a_tenth_of_what_is_asked
+from tradestudy.cost.entries import CostTable, Entry, a_tenth_of_what_is_asked
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.pace import Pace
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
@@ -29,7 +29,7 @@ STUDIES = Path(__file__).parents[2] / "studies"
 
 
 @pytest.fixture(scope="module")
-def points() -> Measured:
+def points() -> CostTable:
     part = tradestudy.load(STUDIES / "light_spot.yaml").definition.file.point_spread
     assert part is not None
     one = part.model_copy(
@@ -85,11 +85,11 @@ def test_what_is_not_begun_says_what_it_would_take_and_what_is_left() -> None:
     assert words.endswith(" s are left for this quantity")
 
 
-def of(table: Measured, model: str) -> list[Entry]:
+def of(table: CostTable, model: str) -> list[Entry]:
     return [entry for entry in table.entries if entry.model == model]
 
 
-def test_kirchhoff_keeps_every_tolerance_against_direct_quadrature(points: Measured) -> None:
+def test_kirchhoff_keeps_every_tolerance_against_direct_quadrature(points: CostTable) -> None:
     assert points.reference_error < 1e-12
     for entry in of(points, "Kirchhoff"):
         tolerance = float(entry.setting.removeprefix("tolerance "))
@@ -97,20 +97,20 @@ def test_kirchhoff_keeps_every_tolerance_against_direct_quadrature(points: Measu
         assert entry.error <= 3.0 * tolerance
 
 
-def test_of_the_laws_that_a_run_computes_the_one_it_answers_with_is_chosen(points: Measured) -> None:
+def test_of_the_laws_that_a_run_computes_the_one_it_answers_with_is_chosen(points: CostTable) -> None:
     assert [entry.words for entry in points.entries if entry.chosen] == ["Kirchhoff, tolerance 1e-04"]
     assert [entry.setting for entry in of(points, "Kirchhoff")] == ["tolerance 1e-03", "tolerance 1e-04"]
     assert set(points.ways) == {"Fresnel", "Kirchhoff"}
     assert "A run computes Fresnel and Kirchhoff" in points.notes[0]
 
 
-def test_fresnel_errs_by_its_law_at_any_tolerance(points: Measured) -> None:
+def test_fresnel_errs_by_its_law_at_any_tolerance(points: CostTable) -> None:
     loose, tight = of(points, "Fresnel")
     assert 1e-3 < tight.error < 1e-1
     assert loose.error == pytest.approx(tight.error, rel=0.05)
 
 
-def test_node_by_node_is_what_the_reference_is(points: Measured) -> None:
+def test_node_by_node_is_what_the_reference_is(points: CostTable) -> None:
     (entry,) = of(points, DIRECT)
     assert entry.error < 1e-5
     assert entry.evaluations > 100
@@ -217,7 +217,7 @@ def as_accurate_as_asked(seconds_per_tolerance: float, monkeypatch: pytest.Monke
     return asked
 
 
-def measured_spot(seconds: float) -> Measured:
+def measured_spot(seconds: float) -> CostTable:
     definition = tradestudy.load(STUDIES / "light_spot.yaml").definition
     part = definition.file.light_spot
     assert part is not None
@@ -296,7 +296,7 @@ def slow_pictures(pace: float, monkeypatch: pytest.MonkeyPatch) -> tuple[Clock, 
     return clock, made
 
 
-def of_spot(kind: str, allowance: Allowance, pace: Pace | None = None) -> Measured:
+def of_spot(kind: str, allowance: Allowance, pace: Pace | None = None) -> CostTable:
     part = tradestudy.load(STUDIES / "light_spot.yaml").definition.file.light_spot
     assert part is not None
     if kind == "point":

@@ -12,7 +12,7 @@ from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS, hand_lens
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cost import depth, measuring, picture
-from tradestudy.cost.entries import Entry, Measured
+from tradestudy.cost.entries import CostTable, Entry
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.picture import TITLES, picture_cost
 from tradestudy.cost.picture_reference import reference_error_px
@@ -131,7 +131,7 @@ def situation(study: StudyDefinition) -> Situation:
     return depth_situations(study, {})[0]
 
 
-def measured(study: StudyDefinition, situation: Situation, seconds: float = 1e4) -> Measured:
+def measured(study: StudyDefinition, situation: Situation, seconds: float = 1e4) -> CostTable:
     found = picture_cost(
         study,
         situation,
@@ -145,7 +145,7 @@ def measured(study: StudyDefinition, situation: Situation, seconds: float = 1e4)
 
 
 @pytest.fixture(scope="module")
-def table(study: StudyDefinition, situation: Situation) -> Measured:
+def table(study: StudyDefinition, situation: Situation) -> CostTable:
     patch = pytest.MonkeyPatch()
     patch.setattr(measuring, "_LONG", 0.0)  # once is enough
     patch.setattr(picture, "MOST_PLACES", 3)
@@ -155,17 +155,17 @@ def table(study: StudyDefinition, situation: Situation) -> Measured:
         patch.undo()
 
 
-def entry(table: Measured, model: str, setting: str = "") -> Entry:
+def entry(table: CostTable, model: str, setting: str = "") -> Entry:
     return next(one for one in table.entries if (one.model, one.setting) == (model, setting))
 
 
-def test_everything_at_once_errs_by_what_the_reference_does(table: Measured) -> None:
+def test_everything_at_once_errs_by_what_the_reference_does(table: CostTable) -> None:
     assert entry(table, "Kirchhoff").error < 3.0 * table.reference_error < 3e-3
     assert entry(table, "Fresnel").error < 5e-3
     assert entry(table, "no diffraction").error > 3.0 * entry(table, "Fresnel").error
 
 
-def test_every_omission_errs_by_less_than_it_said_beforehand(table: Measured, situation: Situation) -> None:
+def test_every_omission_errs_by_less_than_it_said_beforehand(table: CostTable, situation: Situation) -> None:
     slots = {slot.name: slot for slot in situation.slots}
     seen = 0
     for one in table.entries:
@@ -179,7 +179,7 @@ def test_every_omission_errs_by_less_than_it_said_beforehand(table: Measured, si
     assert seen >= 5
 
 
-def test_the_choice_is_that_of_the_plan(table: Measured, study: StudyDefinition, situation: Situation) -> None:
+def test_the_choice_is_that_of_the_plan(table: CostTable, study: StudyDefinition, situation: Situation) -> None:
     (chosen,) = [one for one in table.entries if one.chosen]
     selection = situation.select(study.file.accuracy.wanted(), {})
     assert chosen.model == TITLES[selection.name_of("main_lens_diffraction")]

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tradestudy.accuracy import Accuracy
-from tradestudy.effects.base import Bound, Criterion, Model, Slot, SlotName
+from tradestudy.effects.base import Bound, EffectCriterion, Model, Slot, SlotName
 from tradestudy.effects.selection import Chosen, select, sum_of_seconds
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 
 
 def bound(change: float) -> Bound:
-    ratio = Criterion(words="a ratio", definition="one over the other", value=change)
+    ratio = EffectCriterion(words="a ratio", definition="one over the other", value=change)
     return Bound(relative_change=change, criterion=ratio, reason="because")
 
 

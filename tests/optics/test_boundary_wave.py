@@ -10,8 +10,8 @@ import pytest
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.boundary_wave import edge_field
 from tradestudy.optics.propagation import (
-    Accuracy,
     CircularLens,
+    FieldAccuracy,
     KirchhoffKernel,
     Limits,
     NodeCounts,
@@ -110,7 +110,7 @@ def test_defocused_microlens_image_agrees_with_kirchhoff(phase, obliquity, toler
             wavelength=WAVELENGTH,
             method=method,
             obliquity=obliquity,
-            accuracy=Accuracy(tolerance=t),
+            accuracy=FieldAccuracy(tolerance=t),
         )
         for method, t in (("boundary_wave", tolerance), ("kirchhoff", 1e-7))
     )
@@ -131,7 +131,7 @@ def test_near_focus_everything_is_handed_over_and_right():
             targets=targets,
             wavelength=WAVELENGTH,
             method=method,
-            accuracy=Accuracy(tolerance=1e-5),
+            accuracy=FieldAccuracy(tolerance=1e-5),
         )
         for method in ("boundary_wave", "kirchhoff")
     )
@@ -149,7 +149,7 @@ def test_interpolated_grid_equals_points():
             targets=targets,
             wavelength=WAVELENGTH,
             method="boundary_wave",
-            accuracy=Accuracy(tolerance=0.1),
+            accuracy=FieldAccuracy(tolerance=0.1),
         ).field.ravel()
         for targets in (grid, TargetPoints(x=x, y=y, distance=z))
     ]
@@ -164,7 +164,7 @@ def test_what_the_leading_term_cannot_give_is_refused():
             targets=detector("parabolic", 0.568e-3),
             wavelength=WAVELENGTH,
             method="boundary_wave",
-            accuracy=Accuracy(tolerance=1e-6),
+            accuracy=FieldAccuracy(tolerance=1e-6),
         )
 
 
@@ -186,7 +186,9 @@ def test_a_looser_tolerance_costs_a_microlens_image_no_more_than_it_allows(phase
     """Against Kirchhoff's integral; what is left at the tightest tolerance is the leading term's own error."""
     targets = detector(phase, distance, pitch, count)
     settings = {"source": OBJECT, "lens": micro(phase), "wavelength": WAVELENGTH}
-    exact = aperture_field(targets=targets, method="kirchhoff", accuracy=Accuracy(tolerance=1e-7), **settings).field
+    exact = aperture_field(
+        targets=targets, method="kirchhoff", accuracy=FieldAccuracy(tolerance=1e-7), **settings
+    ).field
     wave = lens_wave(**settings)
     errors = {}
     for tolerance in (0.1, 0.05, 0.02, 0.01, 1e-3):
@@ -230,7 +232,7 @@ def test_a_looser_tolerance_costs_a_main_lens_field_no_more_than_it_allows(x, le
     ends = np.array([0, count - 1, count * (count - 1), count**2 - 1])
     pick = np.concatenate([ends, np.random.default_rng(3).integers(count**2, size=120)])
     points = TargetPoints(**{name: c[pick] for name, c in zip(("x", "y", "distance"), grid.coordinates(), strict=True)})
-    nodes = nodes_for(wave, kernel, points, Accuracy(tolerance=1e-5))
+    nodes = nodes_for(wave, kernel, points, FieldAccuracy(tolerance=1e-5))
     exact = direct_sum(sample_wave(wave, nodes), kernel, *points.coordinates())
     common = {"wave": wave, "kernel": kernel, "limits": Limits()}
     own = relative_intensity(unchecked_hybrid_field(targets=points, tolerance=1e-4, **common).field, exact)
@@ -249,7 +251,7 @@ def test_too_few_edge_nodes_show_in_the_stated_error():
             wavelength=WAVELENGTH,
             method="boundary_wave",
             obliquity="textbook",
-            accuracy=Accuracy(tolerance=1e-3),
+            accuracy=FieldAccuracy(tolerance=1e-3),
             counts=NodeCounts(radial=1, angular=nodes),
         ).error.intensity
         for nodes in (64, 16, 8)
@@ -271,7 +273,7 @@ def test_error_falls_with_the_number_of_fresnel_zones():
                 wavelength=wavelength,
                 method=method,
                 obliquity="textbook",
-                accuracy=Accuracy(tolerance=t),
+                accuracy=FieldAccuracy(tolerance=t),
             ).field
             for method, t in (("boundary_wave", 0.05), ("kirchhoff", 1e-8))
         )

@@ -30,7 +30,7 @@ from tradestudy.optics.chain.sources import moved, moved_image
 from tradestudy.optics.propagation import aperture_field
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 from tradestudy.optics.propagation.targets import TargetPoints
-from tradestudy.optics.propagation.wave_optics import Accuracy
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 
 IMAGE = 24e-3 * 2e-3 / 22e-3  # thin lens, of every source below
 FAST = ChainAccuracy(tolerance=1e-3)
@@ -128,7 +128,7 @@ def test_a_fully_lit_microlens_is_a_lens_that_the_main_image_lights() -> None:
         targets=TargetPoints(x=x, y=y, distance=1e-4),
         wavelength=WAVELENGTH,
         method="kirchhoff",
-        accuracy=Accuracy(tolerance=1e-6),
+        accuracy=FieldAccuracy(tolerance=1e-6),
     )
     shadow = 0.1e-3 * depth / IMAGE
     truth = alone.intensity * (WAVELENGTH * depth) ** 2 / (np.pi * shadow**2) * 4e-12

@@ -13,7 +13,7 @@ from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table
 from tradestudy.optics.chain.arriving_light import table_reader
-from tradestudy.optics.chain.detector_transfer import choose_transfer, propagate, response
+from tradestudy.optics.chain.detector_transfer import choose_transfer, patch_fields, response
 from tradestudy.optics.chain.microlens_nodes import cell_node_count, cell_nodes
 from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.point_image import count_point, plan_point
@@ -217,7 +217,7 @@ def test_transfer_is_the_plain_sum_of_kernels(paraxial: bool) -> None:
         kept_reach=120e-6,
         spacing=0.15e-6,
     )
-    fields = propagate(
+    fields = patch_fields(
         transfer,
         x=x,
         y=y,
@@ -253,7 +253,7 @@ def test_carrier_only_moves_the_band() -> None:
     distance, start, shape = 0.1e-3, np.array([[12e-6, -19e-6]]), (60, 60)
     common = {"wavelength": WAVELENGTH, "distance": distance, "paraxial": False, "spacing": 0.3e-6}
     wide = choose_transfer(node_reach=8e-6, target_reach=40e-6, kept_reach=80e-6, **common)
-    plain = propagate(
+    plain = patch_fields(
         wide,
         x=x,
         y=y,
@@ -267,7 +267,7 @@ def test_carrier_only_moves_the_band() -> None:
     narrow = choose_transfer(node_reach=8e-6, target_reach=40e-6, kept_reach=45e-6, tilt=math.hypot(0.2, 0.1), **common)
     steps = np.rint(np.array(f) / narrow.frequency_step).astype(int)
     f = tuple(narrow.frequency_step * steps)
-    over = propagate(
+    over = patch_fields(
         narrow,
         x=x,
         y=y,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from prysm import propagation
 
-from tradestudy.optics.propagation import Accuracy, CircularLens, PointSource, TargetGrid, aperture_field
+from tradestudy.optics.propagation import CircularLens, FieldAccuracy, PointSource, TargetGrid, aperture_field
 
 WAVELENGTH, PITCH, COUNT = 550e-9, 0.5e-6, 96
 SOURCE = PointSource(x=0.03e-3, y=-0.05e-3, distance=0.15)
@@ -45,7 +45,7 @@ def test_fresnel_pattern_is_prysms_as_its_pupil_samples_grow(defocus: float) -> 
         targets=targets,
         wavelength=WAVELENGTH,
         method="fresnel",
-        accuracy=Accuracy(tolerance=1e-6),
+        accuracy=FieldAccuracy(tolerance=1e-6),
     ).intensity
     differences = []
     for samples in (128, 512):

@@ -9,9 +9,9 @@ import pytest
 from scipy.special import fresnel, j0, j1, jv
 
 from tradestudy.optics.propagation import (
-    Accuracy,
     ApertureSamples,
     CircularLens,
+    FieldAccuracy,
     FresnelKernel,
     KirchhoffKernel,
     NodeCounts,
@@ -42,7 +42,7 @@ def run(method: str, targets, *, source=SOURCE, lens=None, tolerance=1e-7, wavel
         targets=targets,
         wavelength=wavelength,
         method=method,
-        accuracy=Accuracy(tolerance=tolerance),
+        accuracy=FieldAccuracy(tolerance=tolerance),
         **options,
     )
 
@@ -103,7 +103,7 @@ def test_rayleigh_sommerfeld_on_the_axis_of_a_bare_aperture():
         counts=NodeCounts(radial=60, angular=8),
         kernel=KirchhoffKernel(wavelength=WAVELENGTH, obliquity="rayleigh-sommerfeld-1"),
         targets=TargetPoints(x=0.0, y=0.0, distance=z),
-        accuracy=Accuracy(tolerance=1e-9),
+        accuracy=FieldAccuracy(tolerance=1e-9),
     )
     np.testing.assert_allclose(result.field, exact, atol=1e-9)
 
@@ -121,7 +121,7 @@ def test_square_aperture_by_fresnel_is_the_product_of_fresnel_integrals():
         counts=NodeCounts(radial=40, angular=40),
         kernel=FresnelKernel(wavelength=WAVELENGTH),
         targets=grid,
-        accuracy=Accuracy(tolerance=1e-8),
+        accuracy=FieldAccuracy(tolerance=1e-8),
     )
     scale = math.sqrt(2 / (WAVELENGTH * z))
 

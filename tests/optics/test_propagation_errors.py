@@ -12,9 +12,9 @@ import pytest
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError, UnaffordableError
 from tradestudy.optics.propagation import (
-    Accuracy,
     ApertureSamples,
     CircularLens,
+    FieldAccuracy,
     KirchhoffKernel,
     Limits,
     NodeCounts,
@@ -81,7 +81,7 @@ def test_nodes_follow_from_the_slope_and_are_refused_when_too_many():
             targets=far,
             wavelength=550e-9,
             method="kirchhoff",
-            accuracy=Accuracy(tolerance=1e-3),
+            accuracy=FieldAccuracy(tolerance=1e-3),
             limits=Limits(nodes=1_000_000),
         )
     assert refusal.value.exit_status == 2
@@ -91,7 +91,7 @@ def test_nodes_follow_from_the_slope_and_are_refused_when_too_many():
     wave = lens_wave(source=SOURCE, lens=MAIN, wavelength=550e-9)
     # k R sin θ turns of a ring, per the steepest ray: the count grows in proportion.
     counts = [
-        nodes_for(wave, kernel, TargetPoints(x=x, y=0.0, distance=13.7e-3), Accuracy(tolerance=1e-6))
+        nodes_for(wave, kernel, TargetPoints(x=x, y=0.0, distance=13.7e-3), FieldAccuracy(tolerance=1e-6))
         for x in (1e-3, 2e-3)
     ]
     expected = 2 * math.pi / 550e-9 * MAIN.radius * 1e-3 / math.hypot(13.7e-3, 1.5e-3)
@@ -108,7 +108,7 @@ def test_limits_of_memory_and_time_are_kept_too():
                 targets=targets,
                 wavelength=550e-9,
                 method="kirchhoff",
-                accuracy=Accuracy(tolerance=1e-6),
+                accuracy=FieldAccuracy(tolerance=1e-6),
                 limits=limits,
             )
 
@@ -120,7 +120,7 @@ def attempt(**changes):
         "targets": TargetPoints(x=0.0, y=0.0, distance=13.6e-3),
         "wavelength": 550e-9,
         "method": "kirchhoff",
-        "accuracy": Accuracy(tolerance=1e-3),
+        "accuracy": FieldAccuracy(tolerance=1e-3),
     }
     return aperture_field(**(arguments | changes))
 
@@ -155,8 +155,8 @@ def attempt(**changes):
         (lambda: TargetPoints(x=[], y=[], distance=1.0), "targets"),
         (lambda: TargetGrid.centred(centre=(0.0, 0.0), pitch=1.0, count=0, distance=1.0), "grid"),
         (lambda: TargetGrid.centred(centre=(0.0, 0.0), pitch=0.0, count=2, distance=1.0), "pitch"),
-        (lambda: Accuracy(tolerance=1e-12), "tolerance"),
-        (lambda: Accuracy(tolerance=1e-3, check_targets=0), "check_targets"),
+        (lambda: FieldAccuracy(tolerance=1e-12), "tolerance"),
+        (lambda: FieldAccuracy(tolerance=1e-3, check_targets=0), "check_targets"),
         (lambda: NodeCounts(radial=0, angular=4), "node counts"),
     ],
 )
@@ -167,7 +167,7 @@ def test_what_has_no_meaning_is_refused(make, word: str):
 
 def test_arrays_on_an_aperture_are_checked():
     nodes = disc_nodes(radius=1e-4, radial_count=4, angular_count=8)
-    targets, accuracy = TargetPoints(x=0.0, y=0.0, distance=1e-3), Accuracy(tolerance=1e-3)
+    targets, accuracy = TargetPoints(x=0.0, y=0.0, distance=1e-3), FieldAccuracy(tolerance=1e-3)
     with pytest.raises(OutOfRangeError, match="shape"):
         ApertureSamples(nodes=nodes, field=np.ones(3, dtype=complex))
     with pytest.raises(OutOfRangeError, match="finite"):
@@ -186,7 +186,7 @@ def test_an_array_and_its_wave_give_the_same_field():
     lens = CircularLens(radius=50e-6, focal_length=0.43e-3, lens_phase="perfect", centre=(126e-6, -40e-6))
     source = PointSource(x=0.2e-3, y=0.0, distance=-1.6e-3)  # light that converges behind the lens
     grid = TargetGrid.centred(centre=(126e-6, -40e-6), pitch=1e-6, count=30, distance=0.5e-3)
-    accuracy = Accuracy(tolerance=1e-7)
+    accuracy = FieldAccuracy(tolerance=1e-7)
     whole = aperture_field(
         source=source, lens=lens, targets=grid, wavelength=550e-9, method="kirchhoff", accuracy=accuracy
     )
@@ -230,7 +230,7 @@ def test_rays_carry_the_power_of_the_aperture():
         targets=grid,
         wavelength=550e-9,
         method="geometric",
-        accuracy=Accuracy(tolerance=1e-8),
+        accuracy=FieldAccuracy(tolerance=1e-8),
     )
     # Counting pixels of a hard-edged disc of 130 pixels' radius: 1e-3 at worst.
     assert float(result.intensity.sum()) * 0.25e-6**2 == pytest.approx(through, rel=1e-3)
@@ -261,7 +261,7 @@ def test_rays_behind_a_caustic_are_all_found():
         lens=lens,
         targets=TargetPoints(x=x, y=0.0, distance=z),
         method="geometric",
-        accuracy=Accuracy(tolerance=1e-3),
+        accuracy=FieldAccuracy(tolerance=1e-3),
     )
     assert crossings.size == 3
     assert float(found.intensity) == pytest.approx(expected, rel=1e-3)
@@ -287,5 +287,5 @@ def test_darkness_is_not_sold_as_a_result():
             source=source,
             lens=lens,
             targets=TargetPoints(x=[0.31e-3, 0.32e-3], y=0.0, distance=lens.image_of(source)[2]),
-            accuracy=Accuracy(tolerance=1e-10),
+            accuracy=FieldAccuracy(tolerance=1e-10),
         )

@@ -12,9 +12,9 @@ import pytest
 from tradestudy.optics.propagation import (
     LENS_PHASES,
     OBLIQUITIES,
-    Accuracy,
     ApertureSamples,
     CircularLens,
+    FieldAccuracy,
     FresnelKernel,
     KirchhoffKernel,
     NodeCounts,
@@ -47,7 +47,7 @@ def test_fields_agree_with_thirty_digits(row: dict):
         wavelength=row["wavelength"],
         method=row["method"],
         obliquity=row["obliquity"],
-        accuracy=Accuracy(tolerance=1e-9),
+        accuracy=FieldAccuracy(tolerance=1e-9),
     )
     exact = complex(float(row["real"]), float(row["imag"]))
     # The phase of 1.7e6 radians over 0.15 m keeps ten digits in double precision; the magnitude more.
@@ -92,11 +92,11 @@ def test_fast_path_equals_direct_quadrature_at_every_target(method: str, phase: 
         wavelength=550e-9,
         method=method,
         obliquity=obliquity,
-        accuracy=Accuracy(tolerance=1e-7),
+        accuracy=FieldAccuracy(tolerance=1e-7),
     )
     assert result.effort.rank > 0  # the fast path did run
     assert result.field.shape == targets.shape
-    counts = nodes_for(wave, kernel, targets, Accuracy(tolerance=1e-9))
+    counts = nodes_for(wave, kernel, targets, FieldAccuracy(tolerance=1e-9))
     exact = direct_sum(sample_wave(wave, counts), kernel, *targets.coordinates()).reshape(targets.shape)
     intensity = np.abs(exact) ** 2
     error = np.linalg.norm(result.intensity - intensity) / np.linalg.norm(intensity)
@@ -110,7 +110,7 @@ def test_direct_quadrature_itself_converges_to_rounding():
     kernel = KirchhoffKernel(wavelength=550e-9, obliquity="paper")
     x, y, b = element.image_of(source)
     targets = TargetPoints(x=x + np.asarray([-40e-6, 0.0, 40e-6]), y=y + 40e-6, distance=b)
-    needed = nodes_for(wave, kernel, targets, Accuracy(tolerance=1e-10))
+    needed = nodes_for(wave, kernel, targets, FieldAccuracy(tolerance=1e-10))
     fields = {
         share: direct_sum(sample_wave(wave, needed.scaled(share)), kernel, *targets.coordinates())
         for share in (0.6, 0.7, 0.8, 1.0, 1.5)
@@ -131,7 +131,7 @@ def test_wide_targets_are_split_and_still_right():
         targets=grid,
         wavelength=550e-9,
         method="kirchhoff",
-        accuracy=Accuracy(tolerance=1e-5),
+        accuracy=FieldAccuracy(tolerance=1e-5),
     )
     assert result.effort.tiles > 1
     wave = lens_wave(source=source, lens=element, wavelength=550e-9)
@@ -146,7 +146,7 @@ def test_forward_and_reversed_propagation_are_adjoint():
     """⟨A x, y⟩ = ⟨x, A* y⟩ with A* y = conj(Kᵀ conj y): the same code run from the targets to the aperture."""
     rng = np.random.default_rng(5)
     kernel = KirchhoffKernel(wavelength=550e-9, obliquity="rayleigh-sommerfeld-1")
-    distance, accuracy = 0.6e-3, Accuracy(tolerance=1e-9)
+    distance, accuracy = 0.6e-3, FieldAccuracy(tolerance=1e-9)
     near = rectangle_nodes(width=80e-6, height=60e-6, counts=(24, 20), centre=(10e-6, 5e-6))
     far = rectangle_nodes(width=50e-6, height=90e-6, counts=(22, 25), centre=(-20e-6, 30e-6))
     x = rng.normal(size=near.count) + 1j * rng.normal(size=near.count)

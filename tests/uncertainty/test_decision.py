@@ -9,9 +9,8 @@ from tradestudy.uncertainty.decision import (
     crossings,
     half_width,
     log_ratio,
-    range_over_readings,
     rank_probability,
-    solve,
+    solve_in_replicates,
 )
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.evaluation import Outcome
@@ -91,7 +90,7 @@ def test_an_inverse_question_is_solved():
         width = half_width(stereo(np.array([distance])), sources(yaw=yaw), DRAWS, replicate)
         return float(np.log(width[0] / target))
 
-    answer = solve(quantity, low=1e-5, high=1e-1, replicates=8)
+    answer = solve_in_replicates(quantity, low=1e-5, high=1e-1, replicates=8)
     exact = 0.1 * (-1.0 + np.sqrt(1.0 + 4.0 * target**2 / distance**2)) / (2.0 * target)
     assert answer.value == pytest.approx(exact, abs=3.0 * answer.standard_error)
     assert answer.standard_error < 1e-3 * exact
@@ -99,11 +98,11 @@ def test_an_inverse_question_is_solved():
 
 def test_a_question_without_answer_in_the_bracket_is_refused_with_both_ends():
     with pytest.raises(OutOfRangeError, match=r"not reached in the bracket.* at 1 and .* at 2.*widen the bracket"):
-        solve(lambda x, replicate: x + replicate, low=1.0, high=2.0, replicates=8)
+        solve_in_replicates(lambda x, replicate: x + replicate, low=1.0, high=2.0, replicates=8)
 
 
 def test_a_root_beside_an_infinite_width_is_found():
-    answer = solve(lambda x, replicate: np.inf if x > 3.0 else x - 2.0, low=0.0, high=10.0, replicates=2)
+    answer = solve_in_replicates(lambda x, replicate: np.inf if x > 3.0 else x - 2.0, low=0.0, high=10.0, replicates=2)
     assert answer.value == pytest.approx(2.0, abs=1e-8)
     assert answer.standard_error == pytest.approx(0.0, abs=1e-12)
 
@@ -145,14 +144,6 @@ def test_every_crossing_is_found_and_one_that_some_replicates_miss_is_not_resolv
 def test_log_ratio_has_its_limits():
     first, second = np.array([1.0, np.inf, 1.0, np.inf, 0.0, 0.0]), np.array([np.e, 1.0, np.inf, np.inf, 1.0, 0.0])
     np.testing.assert_allclose(log_ratio(first, second), [-1.0, np.inf, -np.inf, np.nan, -np.inf, np.nan])
-
-
-def test_the_range_over_readings_names_its_ends():
-    answer = range_over_readings({"as printed": 1.5, "65° across": 0.39, "65° diagonal": 0.55})
-    assert (answer.low, answer.low_reading) == (0.39, "65° across")
-    assert (answer.high, answer.high_reading) == (1.5, "as printed")
-    with pytest.raises(OutOfRangeError, match="at least one"):
-        range_over_readings({})
 
 
 def test_impossible_draws_are_refused():

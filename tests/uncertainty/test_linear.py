@@ -6,7 +6,7 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
 from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.linear import linear, numerical_tolerance, second_order_uncertainty, validity
+from tradestudy.uncertainty.linear import linear, numerical_tolerance, validity
 from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
@@ -128,41 +128,10 @@ def test_a_model_that_fails_beside_the_nominal_point_gives_nan():
     assert line.standard_uncertainty[1] == pytest.approx(1e-3, rel=1e-6)
 
 
-def test_second_order_uncertainty_of_polynomials_is_exact():
-    # x normal: var(x²) = 2 s⁴ + 4 m² s²; var(x y) = m² t² + n² s² + s² t²; var(x³) to second order at zero mean: 9·0.
-    def sources(**given):
-        return Sources(
-            groups=tuple(
-                Source(name=n, distribution=Normal(mean=m, standard_deviation=s), error_class=RIG)
-                for n, (m, s) in given.items()
-            )
-        )
-
-    square = second_order_uncertainty(lambda v: Outcome(values=v["x"] ** 2), sources(x=(3.0, 0.5)))
-    assert square[0] == pytest.approx(np.sqrt(2.0 * 0.5**4 + 4.0 * 9.0 * 0.25), rel=1e-8)
-    product = second_order_uncertainty(lambda v: Outcome(values=v["x"] * v["y"]), sources(x=(3.0, 0.5), y=(-2.0, 0.3)))
-    assert product[0] == pytest.approx(np.sqrt(9.0 * 0.09 + 4.0 * 0.25 + 0.25 * 0.09), rel=1e-8)
-    # x³ about m: c = 3m², f'' = 6m, f''' = 6: u² = 9m⁴s² + 18m²s⁴ + 18m²s⁴.
-    cube = second_order_uncertainty(lambda v: Outcome(values=v["x"] ** 3), sources(x=(2.0, 0.1)))
-    assert cube[0] == pytest.approx(np.sqrt(144.0 * 0.01 + 36.0 * 4.0 * 1e-4), rel=1e-7)
-    # x y²: f_xyy = 2: u² = n⁴s² + 4m²n²t² + ½(2m)²t⁴ + (2n)²s²t² + n²·2·s²t².
-    mixed = second_order_uncertainty(
-        lambda v: Outcome(values=v["x"] * v["y"] ** 2), sources(x=(3.0, 0.5), y=(2.0, 0.3))
-    )
-    m, n, s2, t2 = 3.0, 2.0, 0.25, 0.09
-    exact = n**4 * s2 + 4 * m**2 * n**2 * t2 + 2 * m**2 * t2**2 + 4 * n**2 * s2 * t2 + 2 * n**2 * s2 * t2
-    assert mixed[0] == pytest.approx(np.sqrt(exact), rel=1e-7)
-
-
 def test_linear_methods_refuse_what_they_cannot_do():
     t = Source(name="t", distribution=StudentT(location=0.0, scale=1.0, degrees_of_freedom=2.0), error_class=RIG)
     with pytest.raises(OutOfRangeError, match=r"t has none.*Monte Carlo"):
         linear(lambda v: Outcome(values=v["t"]), Sources(groups=(t,)), inverse_depth=False)
-    group = JointNormal(
-        name="j", parameters=("a", "b"), mean=np.zeros(2), covariance=np.array([[1, 0.5], [0.5, 1]]), error_class=RIG
-    )
-    with pytest.raises(OutOfRangeError, match="independent"):
-        second_order_uncertainty(lambda v: Outcome(values=v["a"]), Sources(groups=(group,)))
     line = linear(lambda v: Outcome(values=v["yaw"]), independent(yaw=1.0), inverse_depth=False)
     with pytest.raises(OutOfRangeError, match="inverse_depth=True"):
         line.mapped_quantiles([0.5])

@@ -6,15 +6,13 @@ import pytest
 from scipy.special import ndtri
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.uncertainty.adaptive import jcgm_adaptive
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.evaluation import Outcome, alignment_with
 from tradestudy.uncertainty.joint import JointNormal
-from tradestudy.uncertainty.monte_carlo import Sampling, propagate, propagate_parts
+from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import PROBABILITIES
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Source, Sources
 from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
-from tradestudy.verification.published_uncertainty import STEREO_YAW
 
 ALL = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14)
 
@@ -47,7 +45,7 @@ def assert_identical(first, second):
 
 
 @pytest.mark.parametrize("sampler", [scrambled_sobol, plain_random])
-def test_results_do_not_depend_on_batches_or_workers_bit_for_bit(sampler):
+def test_results_do_not_depend_on_batches_bit_for_bit(sampler):
     correlated = JointNormal(
         name="rig",
         parameters=("left", "right"),
@@ -58,9 +56,9 @@ def test_results_do_not_depend_on_batches_or_workers_bit_for_bit(sampler):
     sources = Sources(groups=(*STEREO.groups[:2], correlated))
     sampling = replace(ALL, sampler=sampler)
     reference = run(stereo, sources, sampling, inverse_depth=True)
-    for batch, workers in ((1, 1), (8, 3), (2**9, 2), (2**20, 1)):
+    for batch in (1, 8, 2**9, 2**20):
         small = replace(sampling, budget_draws=2**12) if batch == 1 else sampling
-        other = run(stereo, sources, replace(small, batch_draws=batch, workers=workers), inverse_depth=True)
+        other = run(stereo, sources, replace(small, batch_draws=batch), inverse_depth=True)
         expected = run(stereo, sources, small, inverse_depth=True) if batch == 1 else reference
         assert_identical(other, expected)
 
@@ -233,65 +231,16 @@ def test_noise_calibration_and_both_are_kept_apart():
             normal("pixel", 4e-3, ErrorClass.MEASUREMENT),
         )
     )
-    parts = propagate_parts(
-        lambda v: Outcome(values=sum(v.values())), sources, ALL, seed=0, point="parts", inverse_depth=False
-    )
-    assert parts.noise.half_width[0] == pytest.approx(4e-3, rel=5e-3)
-    assert parts.calibration.half_width[0] == pytest.approx(np.sqrt(14.0) * 1e-3, rel=5e-3)
-    assert parts.both.half_width[0] == pytest.approx(np.sqrt(30.0) * 1e-3, rel=5e-3)
+    for classes, variance in ((NOISE, 16.0), (CALIBRATION, 14.0), ((*NOISE, *CALIBRATION), 30.0)):
+        part = run(lambda v: Outcome(values=sum(v.values())), sources.of_class(classes))
+        assert part.half_width[0] == pytest.approx(np.sqrt(variance) * 1e-3, rel=5e-3)
 
 
 def test_a_part_without_sources_is_a_point_without_error():
-    parts = propagate_parts(stereo, STEREO, ALL, seed=0, point="parts", inverse_depth=True)
-    np.testing.assert_array_equal(parts.noise.half_width, 0.0)
-    np.testing.assert_allclose(parts.noise.median, DISTANCES, rtol=1e-12)
-    assert np.all(parts.noise.status == "converged")
-
-
-def test_the_adaptive_rule_reproduces_a_normal_and_is_fooled_where_no_variance_exists():
-    """Yaw of 0.2° at 10 m: the rule is content with a standard deviation that does not exist."""
-
-    def depth(v):
-        return Outcome(values=1.0 / (0.1 + v["yaw"] / 0.1))
-
-    fine = jcgm_adaptive(
-        lambda v: Outcome(values=v["x"]),
-        independent(x=2.0),
-        significant_digits=2,
-        budget_draws=10**6,
-        seed=0,
-        point="n",
-    )
-    assert fine.status == "converged"
-    assert fine.standard_uncertainty == pytest.approx(2.0, abs=0.05)
-    assert np.ptp(fine.shortest) == pytest.approx(7.84, abs=0.1)
-    fooled = [
-        jcgm_adaptive(
-            depth,
-            independent(yaw=STEREO_YAW.yaw_standard_deviation),
-            significant_digits=1,
-            budget_draws=2 * 10**6,
-            seed=seed,
-            point="no variance",
-        )
-        for seed in range(4)
-    ]
-    assert any(result.status == "converged" for result in fooled)
-    deviations = [result.standard_uncertainty for result in fooled if result.status == "converged"]
-    assert max(deviations) > 20.0  # linear theory: 3.5 m
-
-
-def test_the_adaptive_rule_knows_no_infinite_draw():
-    result = jcgm_adaptive(
-        lambda v: Outcome(values=np.where(v["u"] < 0.5, np.inf, v["u"])),
-        UNIT,
-        significant_digits=1,
-        budget_draws=40_000,
-        seed=0,
-        point="inf",
-    )
-    assert result.status == "budget"
-    assert np.isnan(result.estimate)
+    noise = run(stereo, STEREO.of_class(NOISE), inverse_depth=True)
+    np.testing.assert_array_equal(noise.half_width, 0.0)
+    np.testing.assert_allclose(noise.median, DISTANCES, rtol=1e-12)
+    assert np.all(noise.status == "converged")
 
 
 @pytest.mark.parametrize(
@@ -299,8 +248,7 @@ def test_the_adaptive_rule_knows_no_infinite_draw():
     [
         ({"first_draws": 100}, "power of two"),
         ({"batch_draws": 3}, "power of two"),
-        ({"replicates": 4}, "replicates >= 8"),
-        ({"workers": 0}, "workers >= 1"),
+        ({"replicates": 4}, ">= 8"),
         ({"budget_draws": 100}, "raise the budget"),
         ({"absolute_tolerance": -1.0}, ">= 0"),
         ({"relative_tolerance": np.nan}, ">= 0"),

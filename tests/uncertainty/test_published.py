@@ -8,13 +8,7 @@ import pytest
 from scipy import integrate, optimize
 from scipy.special import ndtr
 
-from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.linear import linear, second_order_uncertainty, validity
-from tradestudy.uncertainty.monte_carlo import Sampling, propagate
-from tradestudy.uncertainty.sensitivity import sobol_indices
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
-from tradestudy.verification.published_uncertainty import (
+from tests.uncertainty.published_cases import (
     ISHIGAMI,
     LOGARITHM,
     MASS_CALIBRATION,
@@ -25,6 +19,12 @@ from tradestudy.verification.published_uncertainty import (
     SUM_WITH_A_DOMINANT_UNIFORM,
     NormalInput,
 )
+from tradestudy.uncertainty.distributions import Normal, Uniform
+from tradestudy.uncertainty.evaluation import Outcome
+from tradestudy.uncertainty.linear import linear, validity
+from tradestudy.uncertainty.monte_carlo import Sampling, propagate
+from tradestudy.uncertainty.sensitivity import sobol_indices
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 
 SAMPLING = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**17)
 
@@ -115,12 +115,6 @@ def test_the_dominant_rectangle_invalidates_the_linear_interval(propagated):
     assert judged.verdict[0] == "invalid"
     assert judged.tolerance[0] == pytest.approx(0.5)
     assert judged.low_difference[0] == pytest.approx(19.9 - 17.0, abs=0.1)
-
-
-def test_second_order_terms_explain_the_mass():
-    mine = second_order_uncertainty(model_of(MASS_CALIBRATION), sources_of(MASS_CALIBRATION))
-    printed = MASS_CALIBRATION.second_order
-    assert mine[0] == pytest.approx(printed.standard_uncertainty, abs=printed.rounding)
 
 
 def test_the_mass_agrees_with_direct_integration(propagated):

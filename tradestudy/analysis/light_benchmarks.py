@@ -12,8 +12,8 @@ from tradestudy.execution.timing import timed
 from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, chain_image
 from tradestudy.optics.propagation import (
     LENS_PHASES,
-    Accuracy,
     CircularLens,
+    FieldAccuracy,
     LensPhase,
     PointSource,
     TargetGrid,
@@ -71,6 +71,6 @@ def _aperture(part: LightSpotPart, phase: LensPhase, x: float) -> tuple[float, f
         ),
         wavelength=part.mean_wavelength,
         method="kirchhoff",
-        accuracy=Accuracy(tolerance=_APERTURE_TOLERANCE),
+        accuracy=FieldAccuracy(tolerance=_APERTURE_TOLERANCE),
     )
     return field.effort.seconds, field.error.intensity

@@ -22,8 +22,8 @@ from tradestudy.optics.point_spread import (
     strehl_ratio,
 )
 from tradestudy.optics.propagation import (
-    Accuracy,
     CircularLens,
+    FieldAccuracy,
     LensPhase,
     PointSource,
     TargetGrid,
@@ -184,7 +184,7 @@ def point_spread_of(case: LensAndPoint, *, method: SpreadMethod, window: float, 
         targets=grid,
         wavelength=case.wavelength,
         method=method,
-        accuracy=Accuracy(tolerance=tolerance),
+        accuracy=FieldAccuracy(tolerance=tolerance),
     )
     wave = lens_wave(source=case.source, lens=case.lens, wavelength=case.wavelength, paraxial=method == "fresnel")
     nodes = disc_nodes(radius=case.radius, radial_count=12, angular_count=24)

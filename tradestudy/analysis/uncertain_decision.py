@@ -23,7 +23,7 @@ from tradestudy.uncertainty.decision import (
     half_width,
     log_ratio,
     rank_probability,
-    solve,
+    solve_in_replicates,
 )
 from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import scrambled_sobol
@@ -151,7 +151,7 @@ def stability(question: StabilityQuestionPart, cameras: Mapping[str, UncertainCa
     reason = ""
     answer = Solution(value=np.nan, standard_error=np.nan)
     try:
-        answer = solve(quantity, low=np.log(_SCALES[0]), high=np.log(_SCALES[1]), replicates=_REPLICATES)
+        answer = solve_in_replicates(quantity, low=np.log(_SCALES[0]), high=np.log(_SCALES[1]), replicates=_REPLICATES)
     except OutOfRangeError:
         reached = without > float(np.mean(wanted_widths))
         reason = "not even without this error" if reached else "whatever its spread"

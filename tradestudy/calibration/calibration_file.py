@@ -11,7 +11,6 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -103,32 +102,6 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
         _check_draws(path, names, table)
         return CalibrationDraws(names=names, draws=table)
     return CalibrationCovariance(names=names, mean=mean, covariance=_checked_covariance(path, names, table))
-
-
-def write_calibration(path: str | Path, calibration: CalibrationCovariance | CalibrationDraws) -> None:
-    """Write a calibration so that ``read_calibration`` reads the same numbers bit for bit.
-
-    Parameters
-    ----------
-    path : path
-        Ends in .csv or .nc.
-    calibration : CalibrationCovariance or CalibrationDraws
-        What to write.
-
-    Raises
-    ------
-    CalibrationFileError
-        The suffix is neither.
-    """
-    path = Path(path)
-    if path.suffix == ".csv":
-        _write_csv(path, calibration)
-    elif path.suffix == ".nc":
-        _write_netcdf(path, calibration)
-    else:
-        raise CalibrationFileError(
-            f"{path.name} has no known format", value=path.suffix, limit=".csv, .nc", remedy="choose one of them"
-        )
 
 
 def _read_csv(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatArray]:
@@ -263,37 +236,3 @@ def _checked_covariance(path: Path, names: tuple[str, ...], covariance: FloatArr
             remedy="write it with all digits; correlations beyond ±1 mean a wrong unit in one row",
         )
     return (covariance + covariance.T) / 2.0
-
-
-def _write_csv(path: Path, calibration: CalibrationCovariance | CalibrationDraws) -> None:
-    """Numbers in the shortest form that reads back alike."""
-    with path.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream)
-        if isinstance(calibration, CalibrationDraws):
-            writer.writerow(calibration.names)
-            writer.writerows(calibration.draws.tolist())
-            return
-        writer.writerow(["parameter", "mean", *calibration.names])
-        for name, mean, row in zip(
-            calibration.names, calibration.mean.tolist(), calibration.covariance.tolist(), strict=True
-        ):
-            writer.writerow([name, mean, *row])
-
-
-def _write_netcdf(path: Path, calibration: CalibrationCovariance | CalibrationDraws) -> None:
-    """NetCDF4 with the names as text."""
-    import h5netcdf
-    import h5py  # type: ignore[import-not-found,import-untyped,unused-ignore]  # ships no types
-
-    with h5netcdf.File(path, "w") as file:
-        count = len(calibration.names)
-        file.dimensions = {"parameter": count}
-        text: Any = h5py.string_dtype()
-        file.create_variable("parameter", ("parameter",), dtype=text)[...] = np.array(calibration.names, dtype=object)
-        if isinstance(calibration, CalibrationDraws):
-            file.dimensions["draw"] = len(calibration.draws)
-            file.create_variable("draws", ("draw", "parameter"), data=calibration.draws)
-            return
-        file.dimensions["parameter_"] = count
-        file.create_variable("mean", ("parameter",), data=calibration.mean)
-        file.create_variable("covariance", ("parameter", "parameter_"), data=calibration.covariance)

@@ -20,6 +20,7 @@ INTRINSIC_NAMES = (
 )
 
 
+_MOST_NEWTON_STEPS = 20
 _RADIUS_TOLERANCE = 1e-13  # focal lengths: far below a thousandth of a pixel
 
 
@@ -100,7 +101,7 @@ def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[
     return image, by_intrinsics, by_points
 
 
-def ray_slopes(intrinsics: FloatArray, image: FloatArray, *, iterations: int = 20) -> FloatArray:
+def ray_slopes(intrinsics: FloatArray, image: FloatArray) -> FloatArray:
     """Slopes (X/Z, Y/Z) of the ray that a camera images at a place: the inverse of ``project``.
 
     Newton's method on the radius, r_d = r (1 + k1 r² + k2 r⁴).
@@ -111,8 +112,6 @@ def ray_slopes(intrinsics: FloatArray, image: FloatArray, *, iterations: int = 2
         As for ``project``.
     image : array (..., N, 2)
         Image coordinates [px].
-    iterations : int
-        Newton steps.
 
     Returns
     -------
@@ -126,7 +125,7 @@ def ray_slopes(intrinsics: FloatArray, image: FloatArray, *, iterations: int = 2
     distorted = np.hypot(x, y)
     radius = distorted
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where there is no inverse, which ends as NaN
-        for _ in range(iterations):
+        for _ in range(_MOST_NEWTON_STEPS):
             r2 = radius * radius
             slope = 1.0 + r2 * (3.0 * k1 + 5.0 * r2 * k2)
             step = (radius * (1.0 + r2 * (k1 + r2 * k2)) - distorted) / slope

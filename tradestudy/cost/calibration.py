@@ -13,10 +13,10 @@ from tradestudy.analysis.propagation import sampling_of
 from tradestudy.calibration.declaration import CalibrationStudyPart
 from tradestudy.calibration.uncertain_camera import UncertainCamera
 from tradestudy.calibration.uncertain_cameras import UncertainCameras
-from tradestudy.cost.case import Case
 from tradestudy.cost.depth import propagation_cost
+from tradestudy.cost.depth_case import DepthCase
 from tradestudy.cost.draws_saved import SOBOL
-from tradestudy.cost.entries import Measured, nothing_measured
+from tradestudy.cost.entries import CostTable, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance
 from tradestudy.execution.progress import Progress
 from tradestudy.optics.arrays import FloatArray
@@ -34,7 +34,7 @@ def calibration_cost(
     titles: Mapping[str, str],
     allowance: Allowance,
     progress: Progress,
-) -> Measured:
+) -> CostTable:
     """Cost of the depth uncertainty of every camera of the calibration part, on the axis, noise and calibration.
 
     Cameras whose interval of depth is bounded at none of its distances are left out and named.
@@ -68,7 +68,7 @@ def calibration_cost(
     return replace(measured, left_out=(*unbounded, *measured.left_out), ways=ways)
 
 
-def _case(camera: UncertainCamera, title: str, places: FloatArray) -> Case | None:
+def _case(camera: UncertainCamera, title: str, places: FloatArray) -> DepthCase | None:
     """The camera where its interval is bounded: a line in inverse depth, three deviations to infinity, tells."""
     if camera.sources.covariance() is None:
         return None
@@ -80,7 +80,7 @@ def _case(camera: UncertainCamera, title: str, places: FloatArray) -> Case | Non
     seen = places[bounded & np.isfinite(depth_from_inverse(line.inverse_estimate))]
     if seen.size == 0 or not math.isfinite(float(seen[0])):
         return None
-    return Case(
+    return DepthCase(
         name=camera.name,
         title=title,
         model=camera.model(seen, 0.0),

@@ -14,11 +14,11 @@ from numpy.typing import ArrayLike
 from tradestudy.analysis.depth import ONE_SIGMA, depth_uncertainty
 from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cost.case import Case
+from tradestudy.cost.depth_case import DepthCase
 from tradestudy.cost.depth_reference import SUPERSCRIPTS, reference_of
 from tradestudy.cost.draws_saved import PLAIN, SOBOL, gain
-from tradestudy.cost.entries import NOWHERE_USABLE, Entry, Measured, nothing_measured
-from tradestudy.cost.interval_quadrature import half_width
+from tradestudy.cost.entries import NOWHERE_USABLE, CostTable, Entry, nothing_measured
+from tradestudy.cost.interval_quadrature import half_width_by_quadrature
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
 from tradestudy.effects.calibration import LINEAR as EFFECT_LINEAR
 from tradestudy.errors import OutOfRangeError, UnaffordableError
@@ -42,7 +42,7 @@ _RULES_AFTER: Final = 13  # power of two of the draws, after which draws by othe
 _UNTIL_CONVERGED: Final = 8.0  # times as many draws as those, which such a rule is expected to take
 
 
-def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Progress) -> Measured:
+def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Progress) -> CostTable:
     """Cost of the depth uncertainty of the study's cameras as declared; those usable nowhere are left out and named."""
     cameras = definition.case.cameras
     cases = [case for name, camera in cameras.items() for case in _declared(definition, name, camera)]
@@ -93,7 +93,7 @@ _ORDER: Final = (LINEAR, INVERSE, IN_DISPARITY, QUADRATURE, SOBOL, PLAIN)
 
 
 def propagation_cost(
-    cases: Sequence[Case],
+    cases: Sequence[DepthCase],
     allowance: Allowance,
     progress: Progress,
     *,
@@ -104,7 +104,7 @@ def propagation_cost(
     asked: float = math.nan,
     more: Sequence[tuple[str, str, Sampling]] = (),
     most_draws: int = 2**19,
-) -> Measured:
+) -> CostTable:
     """Measure every way of propagation.
 
     Parameters
@@ -144,7 +144,7 @@ def propagation_cost(
     if endless := int(np.count_nonzero(np.isnan(reference))):
         left_out.append(f"{endless} of {reference.size} places: the interval there has no far end by the reference")
     if endless == reference.size:
-        return Measured(
+        return CostTable(
             name=name,
             title=title,
             says=says,
@@ -212,7 +212,7 @@ def propagation_cost(
             if model == chosen:
                 notes.append(_where_worst(cases, f"{model} {setting}", timed, reference))
     progress(f"cost: {name}", 1.0)
-    return Measured(
+    return CostTable(
         name=name,
         title=title,
         says=says,
@@ -230,7 +230,7 @@ def _spent(allowance: Allowance) -> float:
     return min(1.0, 1.0 - allowance.left / allowance.seconds) if allowance.seconds > 0.0 else 1.0
 
 
-def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> Iterator[Case]:
+def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> Iterator[DepthCase]:
     """The camera at some of the distances where it is usable and its uncertainty finite; nothing where there is none.
 
     Its errors are those that it declares, each direction drawn independently, through its exact model.
@@ -269,7 +269,7 @@ def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> It
         return Outcome(values=np.broadcast_to(1.0 / depth, shape))
 
     known = _with_known_errors(camera, distance)
-    yield Case(
+    yield DepthCase(
         name=name,
         title=definition.file.cameras[name].title,
         model=model,
@@ -304,11 +304,11 @@ def _with_known_errors(camera: DepthCamera, distance: FloatArray) -> DepthCamera
     return replace(camera, disparity_error_px=known)
 
 
-def _analytic(cases: Sequence[Case]) -> Iterator[tuple[str, Callable[[int], FloatArray]]]:
-    def lines(case: Case) -> FloatArray:
+def _analytic(cases: Sequence[DepthCase]) -> Iterator[tuple[str, Callable[[int], FloatArray]]]:
+    def lines(case: DepthCase) -> FloatArray:
         return linear(case.model, case.sources, inverse_depth=True).standard_uncertainty
 
-    def mapped(case: Case) -> FloatArray:
+    def mapped(case: DepthCase) -> FloatArray:
         low, high = linear(case.model, case.sources, inverse_depth=True).mapped_quantiles(ONE_SIGMA)
         return np.asarray((high - low) / 2.0)
 
@@ -335,11 +335,11 @@ def fixed_sampling(sampler: Sampler, draws: int) -> Sampling:
     )
 
 
-def _by_quadrature(cases: Sequence[Case], nodes: int, _run: int) -> FloatArray:
-    return _joined(half_width(case.model, case.sources, ONE_SIGMA, nodes) for case in cases)
+def _by_quadrature(cases: Sequence[DepthCase], nodes: int, _run: int) -> FloatArray:
+    return _joined(half_width_by_quadrature(case.model, case.sources, ONE_SIGMA, nodes) for case in cases)
 
 
-def _sampled(cases: Sequence[Case], sampling: Sampling, run: int) -> FloatArray:
+def _sampled(cases: Sequence[DepthCase], sampling: Sampling, run: int) -> FloatArray:
     return _joined(
         propagate(
             case.model, case.sources, sampling, seed=run, point=f"cost/{case.name}", inverse_depth=True
@@ -378,7 +378,7 @@ def _errors(timed: Timed[FloatArray], reference: FloatArray) -> FloatArray:
     return np.asarray(np.sqrt(np.mean(relative**2, axis=0)))
 
 
-def _where_worst(cases: Sequence[Case], words: str, timed: Timed[FloatArray], reference: FloatArray) -> str:
+def _where_worst(cases: Sequence[DepthCase], words: str, timed: Timed[FloatArray], reference: FloatArray) -> str:
     """Where what is chosen errs most, and how uncertain depth is there."""
     places = [(case.title, float(distance)) for case in cases for distance in case.distance]
     worst = int(np.nanargmax(_errors(timed, reference)))

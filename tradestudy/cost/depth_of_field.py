@@ -9,7 +9,7 @@ from typing import Final, get_args
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
-from tradestudy.cost.entries import Measured
+from tradestudy.cost.entries import CostTable
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.effects.base import OFF
 from tradestudy.effects.selection import Selection
@@ -34,7 +34,7 @@ def depth_of_field_cost(
     selection: Selection,
     allowance: Allowance,
     progress: Progress,
-) -> Measured:
+) -> CostTable:
     """Cost of the depth of field of every camera of the study under the widest blur that the study calls sharp.
 
     Where the selection leaves diffraction out, a run computes all criteria without it.
@@ -74,7 +74,7 @@ def depth_of_field_cost(
             )
         )
     progress(step, 1.0)
-    return Measured(
+    return CostTable(
         name="depth_of_field",
         title="Depth of field",
         says=f"What {len(cameras)} cameras keep sharp within {widest:g} lateral samples, between the ends of the "

@@ -20,7 +20,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.special import erfc, ndtri
 
 from tradestudy.analysis.depth import ONE_SIGMA
-from tradestudy.cost.case import Case
+from tradestudy.cost.depth_case import DepthCase
 from tradestudy.cost.measuring import REFERENCE_SEED, Allowance
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
@@ -50,7 +50,7 @@ _MOST_APART: Final = 6.0  # standard errors of the draws that integration may be
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Reference:
+class DepthReference:
     """Half-widths [m] at all places of all cases, NaN where the interval has no far end, and what they are.
 
     ``relative_error`` is the worst of all places, NaN where there is none.
@@ -63,8 +63,8 @@ class Reference:
 
 
 def reference_of(
-    cases: Sequence[Case], allowance: Allowance, most_draws: int, alive: Callable[[], None] = lambda: None
-) -> Reference:
+    cases: Sequence[DepthCase], allowance: Allowance, most_draws: int, alive: Callable[[], None] = lambda: None
+) -> DepthReference:
     """The more exact one of integration, where the errors are few and independent, and of many draws.
 
     Integration is believed only where it agrees with draws to six of their standard errors.
@@ -100,7 +100,7 @@ def reference_of(
         value, error = integrated
         apart = _apart(drawn[0], value)
         if apart <= _MOST_APART and error <= _LARGEST_ERROR:
-            return Reference(
+            return DepthReference(
                 half_width=value,
                 relative_error=error,
                 seconds=time.perf_counter() - begin,
@@ -111,7 +111,7 @@ def reference_of(
     return _by_draws(cases, drawn, allowance, most_draws, alive)
 
 
-def _predicted_seconds(cases: Sequence[Case]) -> float:
+def _predicted_seconds(cases: Sequence[DepthCase]) -> float:
     """Of the fewest draws, by a few at the middle of all errors."""
     taken = []
     for case in cases:
@@ -135,12 +135,12 @@ def _apart(scrambles: FloatArray, value: FloatArray) -> float:
 
 
 def _by_draws(
-    cases: Sequence[Case],
+    cases: Sequence[DepthCase],
     drawn: tuple[FloatArray, float],
     allowance: Allowance,
     most_draws: int,
     alive: Callable[[], None],
-) -> Reference:
+) -> DepthReference:
     draws = _FEWEST_DRAWS
     while draws < min(_MOST_DRAWS, 8 * most_draws) and allowance.allows(2.5 * drawn[1]):
         draws *= 2
@@ -148,7 +148,7 @@ def _by_draws(
     widths = np.where(np.isfinite(drawn[0]).all(axis=0), drawn[0], np.nan)
     mean = widths.mean(axis=0)
     errors = widths.std(axis=0, ddof=1) / math.sqrt(_SCRAMBLES) / mean
-    return Reference(
+    return DepthReference(
         half_width=mean,
         relative_error=math.nan if np.isnan(errors).all() else float(np.nanmax(errors)),
         seconds=drawn[1],
@@ -157,7 +157,7 @@ def _by_draws(
     )
 
 
-def _scrambles(cases: Sequence[Case], draws: int, alive: Callable[[], None]) -> tuple[FloatArray, float]:
+def _scrambles(cases: Sequence[DepthCase], draws: int, alive: Callable[[], None]) -> tuple[FloatArray, float]:
     """Half-widths of every scramble, shape (scrambles, places), and the seconds they took."""
     from scipy.stats.qmc import Sobol
 
@@ -181,7 +181,7 @@ def _scrambles(cases: Sequence[Case], draws: int, alive: Callable[[], None]) -> 
     return np.stack(rows), time.perf_counter() - begin
 
 
-def _integrated(cases: Sequence[Case], alive: Callable[[], None]) -> tuple[FloatArray, float] | None:
+def _integrated(cases: Sequence[DepthCase], alive: Callable[[], None]) -> tuple[FloatArray, float] | None:
     """Half-widths by integration and their worst relative error; None where a case cannot be integrated."""
     values, errors = [], []
     for case in cases:
@@ -227,7 +227,7 @@ class _Integral:
     of the one that is solved for.
     """
 
-    case: Case
+    case: DepthCase
     solved: str
     others: tuple[str, ...]
     normal: frozenset[str]
@@ -298,7 +298,7 @@ class _Integral:
         raise NotConvergedError("place where depth is a given one", value=f"{_MOST_STEPS} steps of Newton's method")
 
 
-def _integral(case: Case) -> _Integral | None:
+def _integral(case: DepthCase) -> _Integral | None:
     """The case for integration; None for errors of other kinds, draws that are refused, or no normal one that acts."""
     laws = {group.name: group.distribution for group in case.sources.active_groups if isinstance(group, Source)}
     nominal = case.model(case.sources.nominal())

@@ -59,7 +59,7 @@ class Entry:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class CostTable:
     """All entries for one quantity of a study.
 
     Parameters
@@ -145,7 +145,7 @@ class NextDigit:
     quicker: Entry | None
 
 
-def cheapest_within(measured: Measured, error: float) -> Entry | None:
+def cheapest_within(measured: CostTable, error: float) -> Entry | None:
     """The entry that takes least of those that err by at most so much; None where nothing measured does.
 
     No entry errs by less than the reference, as far as anybody can tell. Nothing is read between entries: two models
@@ -155,13 +155,13 @@ def cheapest_within(measured: Measured, error: float) -> Entry | None:
     return min(within, key=lambda entry: (entry.seconds, entry.error), default=None)
 
 
-def most_accurate(measured: Measured, entries: Sequence[Entry] | None = None) -> Entry | None:
+def most_accurate(measured: CostTable, entries: Sequence[Entry] | None = None) -> Entry | None:
     """The one of some entries, else of all, that errs least, of equals the quickest; None where none has an answer."""
     among = _answers(measured) if entries is None else entries
     return min(among, key=lambda entry: (measured.told(entry), entry.seconds), default=None)
 
 
-def next_digit(measured: Measured) -> NextDigit | None:
+def next_digit(measured: CostTable) -> NextDigit | None:
     """What a tenth of the error of the most accurate chosen entry costs; None where nothing is chosen."""
     answers = _answers(measured)
     own = most_accurate(measured, [entry for entry in answers if entry.chosen])
@@ -177,12 +177,12 @@ def next_digit(measured: Measured) -> NextDigit | None:
     )
 
 
-def a_tenth_of_what_is_asked(measured: Measured) -> Entry | None:
+def a_tenth_of_what_is_asked(measured: CostTable) -> Entry | None:
     """The cheapest entry within a tenth of what the study asks for; None where nothing is, or nothing is asked."""
     return None if math.isnan(measured.asked) else cheapest_within(measured, measured.asked / NEXT_FACTOR)
 
 
-def _answers(measured: Measured) -> list[Entry]:
+def _answers(measured: CostTable) -> list[Entry]:
     """The entries whose errors are those of an answer."""
     return [entry for entry in measured.entries if entry.error <= NO_ANSWER]
 
@@ -190,9 +190,9 @@ def _answers(measured: Measured) -> list[Entry]:
 NOWHERE_USABLE: Final = "everything: usable at no distance of the study; other distances or looser limits measure it"
 
 
-def nothing_measured(name: str, title: str, says: str, why: str) -> Measured:
+def nothing_measured(name: str, title: str, says: str, why: str) -> CostTable:
     """A table without entries, and why."""
-    return Measured(
+    return CostTable(
         name=name,
         title=title,
         says=says,

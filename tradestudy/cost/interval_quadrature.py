@@ -27,7 +27,7 @@ _ROUNDED: Final = 16.0 * np.finfo(float).eps  # of an inverse depth, by the mode
 _SHARES: Final = (1e-300, 1.0 - 1e-16)
 
 
-def half_width(model: Model, sources: Sources, interval: tuple[float, float], nodes: int) -> FloatArray:
+def half_width_by_quadrature(model: Model, sources: Sources, interval: tuple[float, float], nodes: int) -> FloatArray:
     """Half the interval between two quantiles of depth, by quadrature over all errors.
 
     Parameters

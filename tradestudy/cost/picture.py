@@ -14,7 +14,7 @@ from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cost.entries import NOWHERE_USABLE, Measured, nothing_measured
+from tradestudy.cost.entries import NOWHERE_USABLE, CostTable, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, entry_of, measure
 from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.effects.base import OFF, SlotName
@@ -61,7 +61,7 @@ def picture_cost(
     *,
     progress: Progress,
     name: str,
-) -> Measured:
+) -> CostTable:
     """Measure the sets of picture models that a selection could take for one camera, against all at their best.
 
     Parameters
@@ -79,7 +79,7 @@ def picture_cost(
 
     Returns
     -------
-    Measured
+    CostTable
         Without entries where the camera is usable at no distance of the study, or the time does not allow a reference.
     """
     camera = definition.case.cameras[situation.name]
@@ -130,7 +130,7 @@ def picture_cost(
         )
     progress(step, 1.0)
     order = list(TITLES.values())
-    return Measured(
+    return CostTable(
         name=name,
         title=title,
         says=says,

@@ -11,13 +11,13 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.point_spreads import LensAndPoint
-from tradestudy.cost.entries import Entry, Measured, nothing_measured
+from tradestudy.cost.entries import CostTable, Entry, nothing_measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.execution.progress import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import (
-    Accuracy,
+    FieldAccuracy,
     KirchhoffKernel,
     Method,
     TargetGrid,
@@ -63,7 +63,7 @@ def point_spread_cost(
     allowance: Allowance,
     progress: Progress,
     tolerances: tuple[float, ...] = TOLERANCES,
-) -> Measured:
+) -> CostTable:
     """Cost of the point-spread functions of the study's lenses as they stand, together, at some tolerances.
 
     ``law`` is the one that a run answers with.
@@ -125,7 +125,7 @@ def point_spread_cost(
         )
     progress(step, 1.0)
     order = [(model, setting) for model, setting, _, _ in runs]
-    return Measured(
+    return CostTable(
         name="point_spread",
         title=title,
         says=says,
@@ -186,7 +186,7 @@ def _direct(
     """Intensity by plain quadrature of Kirchhoff's integral, and its nodes."""
     wave = lens_wave(source=case.source, lens=case.lens, wavelength=case.wavelength, paraxial=False, obliquity="paper")
     kernel = KirchhoffKernel(wavelength=case.wavelength, obliquity="paper")
-    counts = nodes_for(wave, kernel, grid, Accuracy(tolerance=tolerance)).scaled(factor)
+    counts = nodes_for(wave, kernel, grid, FieldAccuracy(tolerance=tolerance)).scaled(factor)
     x, y = np.meshgrid(grid.x_axis[::every], grid.y_axis[::every])
     z = np.full(x.size, case.image_distance)
     field = direct_sum(sample_wave(wave, counts), kernel, x.ravel(), y.ravel(), z)
@@ -212,7 +212,7 @@ def _runs(lenses: list[_Lens], law: str, standing: float, wanted: tuple[float, .
                         targets=lens.grid,
                         wavelength=lens.case.wavelength,
                         method=method,
-                        accuracy=Accuracy(tolerance=tolerance),
+                        accuracy=FieldAccuracy(tolerance=tolerance),
                     )
                     for lens in lenses
                 ]

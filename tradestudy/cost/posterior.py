@@ -18,7 +18,7 @@ from tradestudy.calibration.target.target_inference import TargetProblem, fit_ta
 from tradestudy.calibration.uncertain_camera import UncertainCamera
 from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cost.depth import fixed_sampling
-from tradestudy.cost.entries import Entry, Measured, nothing_measured
+from tradestudy.cost.entries import CostTable, Entry, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, entry_of, measure
 from tradestudy.execution.progress import Progress
 from tradestudy.optics.arrays import FloatArray
@@ -44,7 +44,7 @@ def posterior_cost(
     progress: Progress,
     *,
     inferring: float,
-) -> Measured:
+) -> CostTable:
     """Cost of the posterior of one camera that is shown a target, by the depth uncertainty that follows from it.
 
     Parameters
@@ -119,7 +119,7 @@ def posterior_cost(
             )
         )
     progress(step, 1.0)
-    return Measured(
+    return CostTable(
         name="posterior",
         title=title,
         says=f"Half the central 68.27 % interval of depth of {words} on the axis at {int(seen.sum())} distances "

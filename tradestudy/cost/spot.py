@@ -12,7 +12,7 @@ from typing import Final, get_args
 import numpy as np
 
 from tradestudy.analysis.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
-from tradestudy.cost.entries import Entry, Measured, nothing_measured
+from tradestudy.cost.entries import CostTable, Entry, nothing_measured
 from tradestudy.cost.measuring import Allowance, Timed, entry_of, measure
 from tradestudy.cost.pace import Pace
 from tradestudy.errors import NotConvergedError, UnaffordableError
@@ -43,7 +43,7 @@ _LARGEST_SHARE: Final = 0.5  # of what is left, for a reference that is not the 
 
 def point_cost(
     part: LightSpotPart, allowance: Allowance, progress: Progress, *, speed: float, pace: Pace | None = None
-) -> Measured:
+) -> CostTable:
     """Cost of the picture of one point, halfway between the middle and the rim of the spot; see `spot_cost`.
 
     Rays and a coarse Kirchhoff come first; the reference is the finest one that takes at most half of what is left.
@@ -100,7 +100,7 @@ def point_cost(
     for one in sorted(others, key=lambda other: other.predicted):
         taking.take_beside(one, coarser=one.tolerance > finest)
     progress("cost: spot_point", 1.0)
-    return Measured(
+    return CostTable(
         name="spot_point",
         title=title,
         says=says,
@@ -136,7 +136,7 @@ def spot_cost(
     speed: float,
     asked: float,
     pace: Pace | None = None,
-) -> Measured:
+) -> CostTable:
     """Cost of the picture of the whole spot, as far as the time allows.
 
     Rays come first, then the picture of the study, which tells how fast this machine is just now; then the finest
@@ -224,7 +224,7 @@ def spot_cost(
         taking.take_beside(one, coarser=one.tolerance > finest or (one.tolerance == finest and finer > 1.0))
     progress("cost: spot", 1.0)
     entries = taking.entries(reference.pixels)
-    return Measured(
+    return CostTable(
         name="spot",
         title=title,
         says=says,

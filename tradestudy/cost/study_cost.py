@@ -22,8 +22,8 @@ from tradestudy.cost.depth_of_field import depth_of_field_cost
 from tradestudy.cost.entries import (
     DIGITS,
     NOWHERE_USABLE,
+    CostTable,
     Entry,
-    Measured,
     a_tenth_of_what_is_asked,
     cheapest_within,
     most_accurate,
@@ -125,7 +125,7 @@ def study_cost(
     return _dataset(found, budget=budget)
 
 
-def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iterator[Callable[[Allowance], Measured]]:
+def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iterator[Callable[[Allowance], CostTable]]:
     """What the study asks for, the quickest first, so that the dear ones get what is left."""
     definition, file = plan.definition, declared.file
     if (asked := file.depth_of_field) is not None:
@@ -162,7 +162,7 @@ def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Ite
             )
 
 
-def _pictures(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iterator[Callable[[Allowance], Measured]]:
+def _pictures(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iterator[Callable[[Allowance], CostTable]]:
     """One question for every camera whose disparity error is derived."""
     cameras = declared.case.cameras
     laws = {name: camera.disparity_error_px for name, camera in cameras.items()}
@@ -172,7 +172,7 @@ def _pictures(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iter
         yield partial(picture_cost, declared, situation, selection, progress=progress, name=name)
 
 
-def _dataset(found: list[Measured], *, budget: float) -> xr.Dataset:
+def _dataset(found: list[CostTable], *, budget: float) -> xr.Dataset:
     entries = [(measured, entry) for measured in found for entry in measured.entries]
     frontier = [
         on_frontier([e.error for e in one.entries], [e.seconds for e in one.entries], one.reference_error)

@@ -33,7 +33,7 @@ NOTHING_LEFT_OUT: Final = "nothing is left out"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Criterion:
+class EffectCriterion:
     """The number that tells how strong an effect is.
 
     Parameters
@@ -54,7 +54,7 @@ class Criterion:
     at: float = math.nan
 
 
-COMPLETE: Final = Criterion(words="left out", definition="", value=0.0)
+COMPLETE: Final = EffectCriterion(words="left out", definition="", value=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,7 +77,7 @@ class Bound:
     """
 
     relative_change: float
-    criterion: Criterion
+    criterion: EffectCriterion
     reason: str
 
     def __post_init__(self) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tradestudy.effects.base import OFF, Bound, Criterion, Model, Slot
+from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot
 
 LINEAR = "linear"
 
@@ -31,7 +31,7 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
     )
     off = Bound(
         relative_change=share_of_uncertainty,
-        criterion=Criterion(
+        criterion=EffectCriterion(
             words="share of calibration errors in the depth uncertainty",
             definition="1 − u/u₀; u the depth uncertainty without them, u₀ with them, the largest at any distance; "
             "twice that where the disparity error is derived, at most 1",
@@ -41,7 +41,7 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
     )
     linear = Bound(
         relative_change=linear_error,
-        criterion=Criterion(
+        criterion=EffectCriterion(
             words="departure from the exact camera model, over the uncertainty",
             definition="stated error of the depth uncertainty in closed form over that uncertainty, the largest at "
             "usable distances",

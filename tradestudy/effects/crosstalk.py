@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import OFF, Criterion, Model, Slot
+from tradestudy.effects.base import OFF, EffectCriterion, Model, Slot
 from tradestudy.effects.interference import interference_change, light_behind_neighbours
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import bound_of, complete
@@ -28,7 +28,7 @@ def crosstalk_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     change,
-                    criterion=Criterion(
+                    criterion=EffectCriterion(
                         words="pixels between the outermost ray and the neighbour's cell",
                         definition="least distance of a ray on the detector from the border of its microlens's cell, "
                         "over the pixel pitch; negative behind a neighbour",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from tradestudy.effects.base import OFF, Criterion, Model, Slot
+from tradestudy.effects.base import OFF, EffectCriterion, Model, Slot
 from tradestudy.effects.interference import interference_change
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
@@ -48,7 +48,7 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     rays,
-                    criterion=Criterion(
+                    criterion=EffectCriterion(
                         words="Fresnel number of the pupil from the array",
                         definition="N = R²/λ |1/z − 1/b|; R the radius of the pupil, z from the main lens to the "
                         "array, b to the main image",
@@ -63,7 +63,7 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     leading * wave,
-                    criterion=Criterion(
+                    criterion=EffectCriterion(
                         words="waves of aberration per Fresnel zone of the pupil",
                         definition="W/N; W the change of path in waves, exact against paraxial, from the rim of the "
                         "pupil against that of the ray, root mean square; N the Fresnel number of the pupil",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tradestudy.effects.base import OFF, Criterion, Model, Slot
+from tradestudy.effects.base import OFF, EffectCriterion, Model, Slot
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     aperture_transfer,
@@ -85,7 +85,7 @@ def _boundary_wave(scene: LightScene) -> Model:
         bounds=bound_of(
             scene,
             0.0 if in_focus else 2.0 * leading * edge_wave(max(scene.microlens_fresnel_number, LEAST_ZONES)),
-            criterion=Criterion(
+            criterion=EffectCriterion(
                 words="waves of aberration per Fresnel zone of a microlens",
                 definition="W/N; W the change of path in waves, exact against paraxial, from the rim of a microlens "
                 "against that of the ray, root mean square; N = (w/2)²/λ |1/a + 1/b − 1/f|, w the width that is lit, "

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.special import j0, j1
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, Criterion
+from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, EffectCriterion
 from tradestudy.effects.light_scene import LawDifference, LightScene
+from tradestudy.imaging.transfer import disc_transfer
 from tradestudy.optics.arrays import FloatArray
 
 _POINTS: Final = 600
@@ -46,12 +47,6 @@ def aperture_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
     return np.asarray(2.0 / math.pi * (np.arccos(s) - s * np.sqrt(1.0 - s**2)))
 
 
-def disc_transfer(f: FloatArray, radius: float) -> FloatArray:
-    """2 J₁(x)/x, x = 2π f r: of a uniform disc."""
-    x = np.maximum(2.0 * math.pi * f * radius, 1e-9)
-    return np.asarray(2.0 * j1(x) / x)
-
-
 def disc_envelope(x: FloatArray | float) -> FloatArray:
     """What |2 J₁(x)/x| never exceeds: 1 and c/x^{3/2}; far out c = 2 √(2/π) = 1.596 would do, x = 2.17 needs 1.651."""
     return np.asarray(np.minimum(1.0, _ENVELOPE / np.maximum(x, 1e-9) ** 1.5))
@@ -59,12 +54,12 @@ def disc_envelope(x: FloatArray | float) -> FloatArray:
 
 def pixel_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
     """Of a pixel, for all directions alike: that of a disc of its area."""
-    return disc_transfer(f, scene.path.pixels.pitch / math.sqrt(math.pi))
+    return disc_transfer(f, 2.0 * scene.path.pixels.pitch / math.sqrt(math.pi))
 
 
 def source_transfer(scene: LightScene, f: FloatArray) -> FloatArray:
     """Of the image of the source behind one microlens."""
-    return disc_transfer(f, scene.spot_radius)
+    return disc_transfer(f, 2.0 * scene.spot_radius)
 
 
 def lit_transfer(scene: LightScene, *, source: bool = True, pixels: bool = True) -> FloatArray:
@@ -114,7 +109,7 @@ def _norm(scene: LightScene) -> float:
     law = math.hypot(_finite(scene.main_law.displacement), _finite(scene.detector_law.displacement))
     aberration = np.exp(-(np.minimum(math.pi * f * law, 10.0) ** 2))
     picture = aperture_transfer(scene, f) * source_transfer(scene, f) * pixel_transfer(scene, f)
-    picture = picture * disc_transfer(f, scene.blur_on_detector) * aberration
+    picture = picture * disc_transfer(f, 2.0 * scene.blur_on_detector) * aberration
     # what lies below the first frequency is a whole disc of them
     return math.sqrt(float(np.trapezoid(f**2 * picture**2, np.log(f)) + f[0] ** 2 / 2.0))
 
@@ -162,7 +157,7 @@ def law_change(scene: LightScene, law: LawDifference) -> float:
     return picture_change(scene, turned * lit_transfer(scene)) + law.brightness
 
 
-def bound_of(scene: LightScene, change: float, *, criterion: Criterion, reason: str) -> Mapping[Quantity, Bound]:
+def bound_of(scene: LightScene, change: float, *, criterion: EffectCriterion, reason: str) -> Mapping[Quantity, Bound]:
     """The bound on pixels; infinite, with why, where rays and widths say nothing."""
     why = scene.why_unbounded
     change = math.inf if why or not math.isfinite(change) else change
@@ -174,9 +169,9 @@ def complete() -> Mapping[Quantity, Bound]:
     return {"pixel_intensity": Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)}
 
 
-def ray_displacement(scene: LightScene, law: LawDifference, of: str) -> Criterion:
+def ray_displacement(scene: LightScene, law: LawDifference, of: str) -> EffectCriterion:
     """By what Fresnel's law leaves out of the paths of a lens."""
-    return Criterion(
+    return EffectCriterion(
         words=f"displacement of rays by the {of} over pixel",
         definition="δ/p; δ the root mean square by which rays land elsewhere on the detector by exact than by "
         "parabolic paths, p the pixel pitch",
@@ -184,9 +179,9 @@ def ray_displacement(scene: LightScene, law: LawDifference, of: str) -> Criterio
     )
 
 
-def diffraction_width(scene: LightScene) -> Criterion:
+def diffraction_width(scene: LightScene) -> EffectCriterion:
     """Of the image that diffraction at a microlens makes of a point."""
-    return Criterion(
+    return EffectCriterion(
         words="width of a diffraction image over pixel",
         definition="λ b/(w p); b from the array to the detector, w the width of a microlens that is lit, p the pixel "
         "pitch",

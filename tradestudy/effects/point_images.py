@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, Criterion, Model, Slot
+from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, EffectCriterion, Model, Slot
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
@@ -116,7 +116,7 @@ def diffraction_of_points(images: Sequence[PointImage]) -> Slot:
                 bounds={
                     "psf_width": Bound(
                         relative_change=worst.fresnel_change(),
-                        criterion=Criterion(
+                        criterion=EffectCriterion(
                             words="displacement of rays over the diffraction radius",
                             definition="δ/(0.535 λ N); δ the root mean square by which rays land elsewhere by exact "
                             "than by parabolic paths, N the working f-number: the worst of the declared cases",

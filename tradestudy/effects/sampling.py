@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import Bound, Criterion, Model, Slot
+from tradestudy.effects.base import Bound, EffectCriterion, Model, Slot
 
 TOLERANCES: Final = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
@@ -29,7 +29,7 @@ def sampling(quantity: Quantity, tolerances: Sequence[float] = TOLERANCES) -> Sl
                 bounds={
                     quantity: Bound(
                         relative_change=tolerance,
-                        criterion=Criterion(
+                        criterion=EffectCriterion(
                             words="numerical tolerance",
                             definition="relative error that the nodes of all integrals are placed for",
                             value=tolerance,

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, Focus
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, OFF, Bound, Criterion, Model, Slot
+from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, OFF, Bound, EffectCriterion, Model, Slot
 from tradestudy.optics.arrays import FloatArray
 
 _COMPLETE: Final = Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)
@@ -33,7 +33,7 @@ def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCr
                 bounds={
                     "depth_of_field": Bound(
                         relative_change=change,
-                        criterion=Criterion(
+                        criterion=EffectCriterion(
                             words="largest change of a near or far end",
                             definition="|end without the diffraction spot/end with it − 1|, the largest over cameras, "
                             "criteria and both ends; infinite where an end appears or vanishes",

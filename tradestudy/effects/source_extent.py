@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from tradestudy.effects.base import OFF, Criterion, Model, Slot
+from tradestudy.effects.base import OFF, EffectCriterion, Model, Slot
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     bound_of,
@@ -41,7 +41,7 @@ def source_extent_in_picture(scene: LightScene) -> Slot:
                 bounds=bound_of(
                     scene,
                     _SAFETY * (picture_change(scene, blur * point) + picture_change(scene, shadow * point)),
-                    criterion=Criterion(
+                    criterion=EffectCriterion(
                         words="image of the source over pixel",
                         definition="diameter of the source's image behind one microlens by rays, no wider than that of "
                         "the pupil, over the pixel pitch",

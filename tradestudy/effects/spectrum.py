@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import OFF, Criterion, Model, Slot
+from tradestudy.effects.base import OFF, EffectCriterion, Model, Slot
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     aperture_transfer,
@@ -55,7 +55,7 @@ def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: 
                 bounds=bound_of(
                     scene,
                     _SAFETY * picture_change(scene, change),
-                    criterion=Criterion(
+                    criterion=EffectCriterion(
                         words="width of the spectrum over its mean wavelength",
                         definition="√(Σ s (λ/λ_mean − 1)²); s the share of the light at the wavelength λ",
                         value=width,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tradestudy.effects.base import OFF, Bound, Criterion, Model, Slot
+from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot
 
 EXPANSION = "expansion"
 
@@ -29,7 +29,7 @@ def temperature_slot(
         reason = "the study declares no change of temperature"
     else:
         reason = "the uncertainty without it falls short of that with it by at most this share, at any distance"
-    criterion = Criterion(
+    criterion = EffectCriterion(
         words="relative expansion",
         definition="coefficient of expansion times the deviation of temperature: relative change, one standard "
         "deviation, of the baseline or of the distance from main lens to array",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import OFF, Bound, Criterion, Model, Slot, SlotName
+from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot, SlotName
 
 
 def declared_reason(disparity_error_px: float) -> str:
@@ -19,7 +19,7 @@ def declared_reason(disparity_error_px: float) -> str:
 def unused_slots(
     *,
     reason: str,
-    numbers: Mapping[SlotName, Criterion],
+    numbers: Mapping[SlotName, EffectCriterion],
     quantities: Sequence[Quantity] = ("depth_uncertainty",),
 ) -> tuple[Slot, ...]:
     """Slots that can only be off, each with the number that tells how strong the effect would be in a picture.

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, Final
 from tradestudy.errors import TradestudyError
 from tradestudy.execution.dask_connection import SAME_CODE, connected
 from tradestudy.execution.environment import environment
-from tradestudy.execution.executor import LostPointError, UnavailableError
-from tradestudy.execution.outcome import Point, Raised, Value, attempt
+from tradestudy.execution.executor import LostPointError, Point, Raised, UnavailableError, Value, attempt
 
 if TYPE_CHECKING:
     from distributed import Client, Future

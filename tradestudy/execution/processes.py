@@ -4,23 +4,32 @@ from __future__ import annotations
 
 import multiprocessing
 import os
-import pickle
 import signal
+import sys
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from threading import Thread
 from typing import Any, Final
 
-from tradestudy.execution.executor import MOST_DEATHS, LostPointError, UnavailableError, refuse_fewer_than_one
-from tradestudy.execution.outcome import Point, Raised, Value, attempt
+from tradestudy.execution.executor import (
+    LostPointError,
+    Point,
+    Raised,
+    UnavailableError,
+    Value,
+    attempt,
+    refuse_fewer_than_one,
+)
 
-_READY: Final = -1
-_IDLE: Final = None
-_PATIENCE: Final = 2.0  # s, for a worker told to end
+MOST_DEATHS: Final = 3
+"""Workers that may die over one point before the run gives it up."""
+_BEGINNING: Final = -1  # the place of no point: the worker is being started
+_NO_COMPLAINT: Final = "ignore:resource_tracker"
 
 
 @dataclass(frozen=True)
@@ -44,129 +53,85 @@ class Processes:
     def map_unordered(
         self, function: Callable[[Point], Value], points: Sequence[Point]
     ) -> Generator[tuple[int, Value | Raised], None, None]:
-        """As `Executor` says; points go out one at a time, so a death costs the one point that it interrupts."""
+        """As `Executor` says; a worker has one point at a time, so a death costs the one point that it interrupts."""
         waiting = deque(range(len(points)))
         deaths: Counter[int] = Counter()
-        workers = [_Worker.start(function) for _ in range(min(self.count, len(points)))]
-        left = len(points)
+        pools: list[ProcessPoolExecutor] = []
+        underway: dict[Future[Any], tuple[ProcessPoolExecutor, int]] = {}
+        watched, run = multiprocessing.Pipe(duplex=False)
+
+        def start() -> None:
+            with _started_quietly():
+                # Of one process: a death breaks the whole pool, and does not tell over which of its points.
+                pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _end_with, (watched,))
+                pools.append(pool)
+                underway[pool.submit(os.getpid)] = pool, _BEGINNING
+
+        def employ(pool: ProcessPoolExecutor) -> None:
+            if waiting:
+                try:
+                    future = pool.submit(attempt, function, points[waiting[0]])
+                except BrokenProcessPool:  # its process died between two points
+                    start()
+                else:
+                    underway[future] = pool, waiting.popleft()
+
         try:
-            while left:
-                for worker in _heard(workers):
+            for _ in range(min(self.count, len(points))):
+                start()
+            while underway:
+                for future in wait(underway, return_when=FIRST_COMPLETED).done:
+                    pool, index = underway.pop(future)
                     try:
-                        index, outcome = worker.connection.recv()
-                    except (EOFError, OSError):
-                        workers.remove(worker)
-                        _bury(worker, deaths, waiting)
-                        workers.append(_Worker.start(function))
+                        outcome = future.result()
+                    except BrokenProcessPool:
+                        if index == _BEGINNING:
+                            raise UnavailableError(
+                                "a worker process died before it could begin",
+                                remedy="compute serially; a script that asks for processes needs "
+                                "'if __name__ == \"__main__\":'",
+                            ) from None
+                        deaths[index] += 1
+                        if deaths[index] >= MOST_DEATHS:
+                            raise LostPointError(index, deaths[index]) from None
+                        waiting.appendleft(index)
+                        start()
                         continue
-                    worker.ready, worker.underway = True, _IDLE
-                    # Before the result is handed on, so that the worker does not wait for whoever takes it.
-                    _employ(worker, waiting, points)
-                    if index != _READY:
-                        left -= 1
+                    except Exception as error:  # not of the point, whose errors are values
+                        outcome = Raised(TypeError(f"the value of a point cannot be sent: {error}"))
+                    employ(pool)  # before the result is handed on: no worker waits for whoever takes it
+                    if index != _BEGINNING:
                         yield index, outcome
-                for worker in workers:  # a point taken back from the dead goes to whoever is idle
-                    if worker.ready and worker.underway is _IDLE:
-                        _employ(worker, waiting, points)
         finally:
-            for worker in workers:
-                worker.process.terminate()
-            for worker in workers:
-                worker.end()
-
-
-@dataclass(eq=False)
-class _Worker:
-    """A process, the pipe to it, and the point that it is computing."""
-
-    process: BaseProcess
-    connection: Connection
-    ready: bool = False
-    underway: int | None = field(default=_IDLE)
-
-    @classmethod
-    def start(cls, function: Callable[[Any], Any]) -> _Worker:
-        context = multiprocessing.get_context("spawn")
-        here, there = context.Pipe()
-        process = context.Process(target=_work, args=(there, function), daemon=True)
-        with _deaf_to_control_c():
-            process.start()
-        there.close()  # or its end would never be seen here
-        return cls(process, here)
-
-    def end(self) -> None:
-        self.connection.close()
-        self.process.join(_PATIENCE)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
-        self.process.close()
-
-
-def _heard(workers: list[_Worker]) -> list[_Worker]:
-    """Wait for workers that have something to say, or have died."""
-    speaking = wait([worker.connection for worker in workers])
-    return [worker for worker in workers if worker.connection in speaking]
-
-
-def _employ(worker: _Worker, waiting: deque[int], points: Sequence[Any]) -> None:
-    if not waiting:
-        return
-    worker.underway = waiting.popleft()
-    with suppress(BrokenPipeError):  # it has died: its end of the pipe will tell so next
-        worker.connection.send((worker.underway, points[worker.underway]))
-
-
-def _bury(worker: _Worker, deaths: Counter[int], waiting: deque[int]) -> None:
-    """Take back the point of a worker that has died."""
-    worker.end()
-    if not worker.ready:
-        raise UnavailableError(
-            "a worker process died before it could begin",
-            remedy="compute serially; a script that asks for processes needs 'if __name__ == \"__main__\":'",
-        )
-    if worker.underway is _IDLE:
-        return
-    deaths[worker.underway] += 1
-    if deaths[worker.underway] >= MOST_DEATHS:
-        raise LostPointError(worker.underway, deaths[worker.underway])
-    waiting.appendleft(worker.underway)
+            run.close()  # ends the workers, whatever they are at
+            for pool in pools:
+                pool.shutdown()
 
 
 @contextmanager
-def _deaf_to_control_c() -> Iterator[None]:
-    """Processes started here never see Ctrl-C, which a terminal sends to all: the run ends them itself."""
-    if not hasattr(signal, "pthread_sigmask"):
+def _started_quietly() -> Iterator[None]:
+    """Nothing that is started here sees Ctrl-C, which a terminal sends to all: the run ends its workers itself.
+
+    Nor does the tracker of semaphores complain that a run which was killed has left it some to remove.
+    """
+    if os.name != "posix":
         yield
         return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    sys.warnoptions.append(_NO_COMPLAINT)
     try:
         yield
     finally:
+        sys.warnoptions.remove(_NO_COMPLAINT)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(connection: Connection, function: Callable[[Any], Any]) -> None:
-    """What a worker process does: take a point, compute it, give its value back."""
-    Thread(target=_end_with_the_run, daemon=True).start()
-    with suppress(EOFError, OSError):  # the run has gone
-        connection.send((_READY, None))
-        while True:
-            index, point = connection.recv()
-            outcome = attempt(function, point)
-            connection.send_bytes(_message(index, outcome))
+def _end_with(watched: Connection) -> None:
+    """Have a worker end itself as soon as its run closes the other end of the pipe, or is killed."""
 
-
-def _message(index: int, outcome: object) -> bytes:
-    try:
-        return pickle.dumps((index, outcome), protocol=pickle.HIGHEST_PROTOCOL)
-    except Exception as error:
-        return pickle.dumps((index, Raised(TypeError(f"the value of a point cannot be sent: {error}"))))
-
-
-def _end_with_the_run() -> None:
-    """A run that is killed cannot end its workers; they do it themselves."""
-    run = multiprocessing.parent_process()
-    if run is not None:
-        wait([run.sentinel])
+    def watch() -> None:
+        with suppress(EOFError):
+            watched.recv()
         os._exit(1)
+
+    Thread(target=watch, daemon=True).start()

@@ -10,9 +10,8 @@ from typing import Any
 from tradestudy.errors import TradestudyError
 from tradestudy.execution.checkpoints import Checkpoints
 from tradestudy.execution.environment import environment
-from tradestudy.execution.executor import Executor, LostPointError, Serial
+from tradestudy.execution.executor import Executor, LostPointError, Point, Raised, Serial, Value
 from tradestudy.execution.fingerprint import fingerprint
-from tradestudy.execution.outcome import Point, Raised, Value
 from tradestudy.execution.progress import Progress
 
 

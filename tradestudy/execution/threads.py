@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 from threading import Thread
 
-from tradestudy.execution.executor import refuse_fewer_than_one
-from tradestudy.execution.outcome import Point, Raised, Value, attempt
+from tradestudy.execution.executor import Point, Raised, Value, attempt, refuse_fewer_than_one
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from tradestudy.cameras.parts import require_positive
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.noise import Light, SensorNoise, SensorNoiseModel
 from tradestudy.imaging.texture import Texture
-from tradestudy.imaging.vignetting import require_field
+from tradestudy.imaging.vignetting import require_field_and_stops
 
 DefocusModel = Literal["off", "disc"]
 DiffractionModel = Literal["none", "airy", "fresnel", "kirchhoff"]
@@ -77,7 +77,7 @@ class PictureSettings:
         ):
             if value is not None:
                 require_positive(name, value, unit)
-        require_field(self.field_angle, self.stop_separation)
+        require_field_and_stops(self.field_angle, self.stop_separation)
         for wavelength, weight in self.spectrum:
             require_positive("wavelength", wavelength)
             require_positive("weight of a wavelength", weight, "")

@@ -27,12 +27,12 @@ def field_illumination(field_angle: float, *, pupil_diameter: float, stop_separa
     OutOfRangeError
         For an angle or a length that cannot be.
     """
-    require_field(field_angle, stop_separation)
+    require_field_and_stops(field_angle, stop_separation)
     s = min(stop_separation * math.tan(field_angle) / pupil_diameter, 1.0)
     return math.cos(field_angle) ** 4 * (2.0 / math.pi) * (math.acos(s) - s * math.sqrt(1.0 - s * s))
 
 
-def require_field(field_angle: float, stop_separation: float) -> None:
+def require_field_and_stops(field_angle: float, stop_separation: float) -> None:
     """Refuse an angle or a length that cannot be, as `field_illumination` does.
 
     Raises

@@ -85,8 +85,8 @@ def bounded_minimum_f_number(
     Validity: W's quartic term; the next is smaller by r²/(2 b²), 1 % at F = 3.8. Rayleigh's quarter-wave
     rule: M. Born and E. Wolf, *Principles of Optics*, 7th ed., section 9.1.
     """
-    require_positive("focal length", focal_length)
-    require_positive("wavelength", wavelength)
+    require_all_positive("focal length", focal_length)
+    require_all_positive("wavelength", wavelength)
     eps = np.asarray(path_error_waves, dtype=np.float64)
     if not np.all(eps >= 0):
         raise OutOfRangeError("path error", value=f"{np.min(eps):g} waves", limit="≥ 0 waves")
@@ -123,7 +123,7 @@ def goodman_minimum_distance(*, wavelength: npt.ArrayLike, largest_offset: npt.A
     J. W. Goodman, *Introduction to Fourier Optics*, 3rd ed. (Roberts, 2005), section 4.2.2, with his example:
     1 cm and 0.5 µm give 25 cm.
     """
-    require_positive("wavelength", wavelength)
+    require_all_positive("wavelength", wavelength)
     offset = np.asarray(largest_offset, dtype=np.float64)
     if not np.all(offset >= 0):
         raise OutOfRangeError("largest offset", value=f"{np.min(offset):g} m", limit="≥ 0 m")
@@ -156,8 +156,8 @@ def goodman_minimum_f_number(
     -----
     Goodman as in `goodman_minimum_distance`, with observation points on axis.
     """
-    require_positive("focal length", focal_length)
-    require_positive("wavelength", wavelength)
+    require_all_positive("focal length", focal_length)
+    require_all_positive("wavelength", wavelength)
     steepest = np.maximum(np.abs(_inverse_cube(object_distance)), np.abs(_inverse_cube(image_distance)))
     f = np.asarray(focal_length, dtype=np.float64)
     return np.asarray(f / 2 * (np.pi * steepest / (4 * np.asarray(wavelength))) ** 0.25)
@@ -195,8 +195,8 @@ def collimated_axis_intensity(
     Opt. Soc. Am. 51, 1050–1054 (1961).
     """
     for name, value in (("distance", distance), ("aperture radius", aperture_radius)):
-        require_positive(name, value)
-    require_positive("wavelength", wavelength)
+        require_all_positive(name, value)
+    require_all_positive("wavelength", wavelength)
     z, R, lam = (np.asarray(v, dtype=np.float64) for v in (distance, aperture_radius, wavelength))
     rho = np.hypot(z, R)
     phase = 2 * np.pi / lam * (R**2 / (rho + z))
@@ -234,8 +234,8 @@ def collimated_minimum_distance(
     constant are derived here from the closed forms of `collimated_axis_intensity`; no threshold is quoted
     from that article. The amplitude factor z/ρ adds at most R²/(4 z²).
     """
-    require_positive("aperture radius", aperture_radius)
-    require_positive("wavelength", wavelength)
+    require_all_positive("aperture radius", aperture_radius)
+    require_all_positive("wavelength", wavelength)
     delta = np.asarray(intensity_error, dtype=np.float64)
     if not np.all((delta > 0) & (delta < 1)):
         raise OutOfRangeError("intensity error", value=str(intensity_error), limit="in (0, 1)")
@@ -262,7 +262,7 @@ def _leg_excess(rho: FloatArray, leg: npt.ArrayLike) -> FloatArray:
     return np.asarray(-(rho**2) * curvature * t / (2 * (1 + root) ** 2))
 
 
-def require_positive(name: str, value: npt.ArrayLike) -> None:
+def require_all_positive(name: str, value: npt.ArrayLike) -> None:
     """Refuse what is not a positive finite number.
 
     Raises

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.fresnel_validity import bounded_minimum_f_number, require_positive
+from tradestudy.optics.fresnel_validity import bounded_minimum_f_number, require_all_positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,9 +75,9 @@ def paper_eq27(*, focal_length: float, object_distance: float, wavelength: npt.A
     b)/λ is of order 10⁶ and a wrong last digit of b already changes s; see ``condition_number`` for what the
     inputs themselves allow.
     """
-    require_positive("focal length", focal_length)
-    require_positive("wavelength", wavelength)
-    require_positive("object distance", object_distance)
+    require_all_positive("focal length", focal_length)
+    require_all_positive("wavelength", wavelength)
+    require_all_positive("object distance", object_distance)
     if not object_distance > focal_length:
         raise OutOfRangeError(
             "object distance within the focal length",

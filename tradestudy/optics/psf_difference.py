@@ -18,15 +18,15 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import (
-    Accuracy,
     ApertureField,
     CircularLens,
+    FieldAccuracy,
     LensPhase,
     Method,
     PointSource,
     TargetPoints,
     aperture_field,
-    image_distance,
+    finite_image_distance,
 )
 from tradestudy.optics.quadrature import gauss_legendre
 
@@ -112,7 +112,7 @@ def fresnel_psf_difference(
     """
     if len(windows) == 0 or windows[0] <= 0 or np.any(np.diff(windows) <= 0):
         raise OutOfRangeError("windows", value=str(list(windows)), limit="positive and increasing")
-    b = image_distance(focal_length, object_distance)
+    b = finite_image_distance(object_distance, focal_length)
     pupil = focal_length / f_number
     airy = airy_radius(wavelength=wavelength, image_distance=b, pupil_diameter=pupil)
     offset = math.tan(field_angle)
@@ -132,7 +132,7 @@ def fresnel_psf_difference(
             targets=targets,
             wavelength=wavelength,
             method=method,
-            accuracy=Accuracy(tolerance=tolerance),
+            accuracy=FieldAccuracy(tolerance=tolerance),
         )
 
     fresnel = psf("fresnel", "parabolic")

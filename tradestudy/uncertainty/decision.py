@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
-from tradestudy.uncertainty.evaluation import Alignment, Model, Replicate, alignment_with
+from tradestudy.uncertainty.evaluation import Model, Replicate, ScoreAlignment, alignment_with
 from tradestudy.uncertainty.outputs import RunningMean, replicate_statistics
 from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import Sampler
@@ -57,7 +57,7 @@ class Draws:
                 remedy="the error comes from the scatter of independent replicates",
             )
 
-    def depths(self, model: Model, sources: Sources, alignment: Alignment, replicate: int) -> Replicate:
+    def depths(self, model: Model, sources: Sources, alignment: ScoreAlignment, replicate: int) -> Replicate:
         """Draw depths of one replicate from a model of inverse depth.
 
         The same replicate and alignment get the same random numbers whatever the model.
@@ -87,7 +87,6 @@ class RankProbability:
     first: FloatArray
     first_error: FloatArray
     second: FloatArray
-    second_error: FloatArray
     neither: FloatArray
 
 
@@ -128,7 +127,6 @@ def rank_probability(
         first=wins.mean,
         first_error=wins.standard_error,
         second=losses.mean,
-        second_error=losses.standard_error,
         neither=1.0 - wins.mean - losses.mean,
     )
 
@@ -168,13 +166,12 @@ class Solution:
     standard_error: float
 
 
-def solve(
+def solve_in_replicates(
     quantity: Callable[[float, int], float],
     *,
     low: float,
     high: float,
     replicates: int,
-    relative_tolerance: float = 1e-9,
 ) -> Solution:
     """Find the argument at which a quantity is zero, in each replicate by bracketing, and average.
 
@@ -189,8 +186,6 @@ def solve(
         Ends of the bracket [unit of the argument].
     replicates : int
         Independent replicates, >= 2.
-    relative_tolerance : float
-        Accuracy of each root.
 
     Raises
     ------
@@ -203,11 +198,11 @@ def solve(
         )
     roots = RunningMean()
     for replicate in range(replicates):
-        roots.add(np.array(_root(quantity, low, high, replicate, relative_tolerance)))
+        roots.add(np.array(_root(quantity, low, high, replicate)))
     return Solution(value=float(roots.mean), standard_error=float(roots.standard_error))
 
 
-def _root(quantity: Callable[[float, int], float], low: float, high: float, replicate: int, tolerance: float) -> float:
+def _root(quantity: Callable[[float, int], float], low: float, high: float, replicate: int) -> float:
     """Root of one replicate; the hyperbolic tangent keeps its place and makes infinities finite."""
     ends = [float(np.tanh(quantity(end, replicate))) for end in (low, high)]
     if not ends[0] * ends[1] <= 0.0:
@@ -223,7 +218,7 @@ def _root(quantity: Callable[[float, int], float], low: float, high: float, repl
             low,
             high,
             xtol=1e-300,
-            rtol=max(tolerance, 1e-15),
+            rtol=1e-9,
         )
     )
 
@@ -234,8 +229,7 @@ def crossings(
     """All distances at which a curve changes sign, with the Monte Carlo error of each.
 
     For two uncertainty curves the curve is :func:`log_ratio` of their widths. This error is that of the
-    sampling alone; how far a crossing moves between readings and assumptions is
-    :func:`range_over_readings`.
+    sampling alone, and says nothing of readings and assumptions.
 
     Parameters
     ----------
@@ -279,7 +273,7 @@ def _crossing(
             continue
         left = first + int(change[0])
         low, high = float(distances[left]), float(distances[left + 1])
-        roots.add(np.array(_root(lambda x, r: float(curve(np.array([x]), r)[0]), low, high, replicate, 1e-9)))
+        roots.add(np.array(_root(lambda x, r: float(curve(np.array([x]), r)[0]), low, high, replicate)))
     error = float(roots.standard_error) if missing == 0 else np.inf
     return Solution(value=float(roots.mean), standard_error=error)
 
@@ -291,34 +285,3 @@ def log_ratio(first: FloatArray, second: FloatArray) -> FloatArray:
     with np.errstate(divide="ignore"):  # the logarithm of a width of zero is meant to be −∞
         top, bottom = np.log(np.where(undecided, np.nan, first)), np.log(second)
     return np.where(undecided, np.nan, top - np.where(undecided, 0.0, bottom))
-
-
-@dataclass(frozen=True, kw_only=True)
-class RangeOverReadings:
-    """Smallest and largest answer over readings and assumptions: a range, not a confidence interval."""
-
-    low: float
-    low_reading: str
-    high: float
-    high_reading: str
-
-
-def range_over_readings(answers: Mapping[str, float]) -> RangeOverReadings:
-    """Range of an answer over named readings of the input.
-
-    Parameters
-    ----------
-    answers : mapping of str to float
-        Answer under each reading, at least one.
-
-    Raises
-    ------
-    OutOfRangeError
-        There is no answer.
-    """
-    if not answers:
-        raise OutOfRangeError(
-            "a range over readings", value="no answers", limit="at least one", remedy="declare the readings"
-        )
-    low, high = min(answers, key=lambda name: answers[name]), max(answers, key=lambda name: answers[name])
-    return RangeOverReadings(low=answers[low], low_reading=low, high=answers[high], high_reading=high)

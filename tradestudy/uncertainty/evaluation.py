@@ -81,7 +81,7 @@ def evaluate_nominal(model: Model, sources: Sources, *, inverse_depth: bool) -> 
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Alignment:
+class ScoreAlignment:
     """A rotation of the standard normal scores: what moves the outputs most gets the first coordinates.
 
     Quasi-random points are most even in their first coordinates. A rotation leaves the distribution of
@@ -107,7 +107,7 @@ class Alignment:
         return scores
 
 
-UNALIGNED = Alignment(reflectors=np.empty((0, 0)))
+UNALIGNED = ScoreAlignment(reflectors=np.empty((0, 0)))
 """No rotation: coordinates in the order of the sources."""
 
 # More directions than this gain nothing, and weaker ones than this are left to the remaining coordinates.
@@ -115,7 +115,7 @@ _MOST_DIRECTIONS = 4
 _WEAKEST_DIRECTION = 1e-3
 
 
-def alignment_with(models: Sequence[Model], sources: Sources) -> Alignment:
+def alignment_with(models: Sequence[Model], sources: Sources) -> ScoreAlignment:
     """Align the scores with the principal directions of the outputs' response to each of them.
 
     Parameters
@@ -127,7 +127,7 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> Alignment:
 
     Returns
     -------
-    Alignment
+    ScoreAlignment
         Outputs that are not finite at one of these points take no part; without any, nothing is rotated.
     """
     size = sources.dimensions
@@ -144,7 +144,7 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> Alignment:
         return UNALIGNED
     left, strength, _ = np.linalg.svd(directions, full_matrices=False)
     count = int(np.sum(strength > _WEAKEST_DIRECTION * strength[0]))
-    return Alignment(reflectors=_reflectors(left[:, : min(count, _MOST_DIRECTIONS, size - 1)]))
+    return ScoreAlignment(reflectors=_reflectors(left[:, : min(count, _MOST_DIRECTIONS, size - 1)]))
 
 
 def _reflectors(columns: FloatArray) -> FloatArray:
@@ -171,7 +171,7 @@ class Replicate:
         Scrambled Sobol or plain random points.
     seed, point, replicate
         Identity of the random stream (see :func:`tradestudy.uncertainty.streams.point_generator`).
-    alignment : Alignment
+    alignment : ScoreAlignment
         Which combinations of sources get the best coordinates; replicates that are compared share it.
     inverse_depth : bool
         The model returns inverse depth; values are kept as depth.
@@ -186,7 +186,7 @@ class Replicate:
         seed: int,
         point: str,
         replicate: int,
-        alignment: Alignment,
+        alignment: ScoreAlignment,
         inverse_depth: bool,
     ) -> None:
         self._model, self._sources, self._inverse_depth = model, sources, inverse_depth

@@ -1,4 +1,4 @@
-"""Linear propagation: in the output, in inverse depth with quantiles mapped back, and to second order."""
+"""Linear propagation: in the output, and in inverse depth with quantiles mapped back."""
 
 from __future__ import annotations
 
@@ -16,8 +16,7 @@ from tradestudy.uncertainty.sources import Sources
 
 # Central differences over so many standard deviations: far above the rounding of the model, and with a
 # truncation error of a millionth of the third-order term.
-_FIRST_ORDER_STEP = 1e-3
-_SECOND_ORDER_STEP = 5e-2
+_STEP = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,12 +108,12 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
     deviation = np.sqrt(np.diag(covariance))
     uncertain = np.flatnonzero(deviation > 0.0)
     steps = np.zeros((uncertain.size, deviation.size))
-    steps[np.arange(uncertain.size), uncertain] = _FIRST_ORDER_STEP * deviation[uncertain]
+    steps[np.arange(uncertain.size), uncertain] = _STEP * deviation[uncertain]
     offsets = np.concatenate([np.zeros((1, deviation.size)), steps, -steps])
     values = _evaluate(model, sources, offsets)
     above, below = values[1 : 1 + uncertain.size], values[1 + uncertain.size :]
     sensitivity = np.zeros((deviation.size, values.shape[1]))
-    sensitivity[uncertain] = (above - below) / (2.0 * _FIRST_ORDER_STEP * deviation[uncertain, None])
+    sensitivity[uncertain] = (above - below) / (2.0 * _STEP * deviation[uncertain, None])
     variance = np.einsum("ko,kl,lo->o", sensitivity, covariance, sensitivity)
     # A correlation of ±1 can cancel the variance to a rounding below zero.
     estimate, uncertainty = values[0], np.sqrt(np.maximum(variance, 0.0))
@@ -136,60 +135,6 @@ def linear(model: Model, sources: Sources, *, inverse_depth: bool) -> Linear:
         inverse_uncertainty=uncertainty,
         evaluations=offsets.shape[0],
     )
-
-
-def second_order_uncertainty(model: Model, sources: Sources) -> FloatArray:
-    """Add the second-order terms of JCGM 100:2008, 5.1.2 (note), to the variance; u of shape (outputs,).
-
-    u² = Σ c_i² u_i² + Σ_ij [½ f_ij² + f_i f_ijj] u_i² u_j². The terms are those of independent, symmetric
-    sources with normal fourth moments.
-
-    Parameters
-    ----------
-    model : Model
-        Vectorised model; it is evaluated 2 n² + 2 n + 1 times for n uncertain parameters.
-    sources : Sources
-        Independent sources.
-
-    Raises
-    ------
-    OutOfRangeError
-        A source has no variance, or sources are correlated.
-    """
-    covariance = _covariance(sources)
-    if np.any(covariance != np.diag(np.diag(covariance))):
-        raise OutOfRangeError(
-            "second-order propagation",
-            value="correlated sources",
-            limit="independent ones",
-            remedy="use Monte Carlo",
-        )
-    deviation = np.sqrt(np.diag(covariance))
-    uncertain = np.flatnonzero(deviation > 0.0)
-    h, count = _SECOND_ORDER_STEP, uncertain.size
-    # Stencil in units of standard deviations: the centre, ± and ± 2 along each axis, and the corners of
-    # each pair.
-    unit = np.zeros((count, deviation.size))
-    unit[np.arange(count), uncertain] = h * deviation[uncertain]
-    axis = np.concatenate([unit, -unit, 2.0 * unit, -2.0 * unit])
-    pairs = [(i, j) for i in range(count) for j in range(i)]
-    corners = [s * unit[i] + t * unit[j] for i, j in pairs for s in (1.0, -1.0) for t in (1.0, -1.0)]
-    offsets = np.concatenate([np.zeros((1, deviation.size)), axis, np.reshape(corners, (-1, deviation.size))])
-    values = _evaluate(model, sources, offsets)
-    centre, along = values[0], values[1 : 1 + 4 * count].reshape(4, count, -1)
-    plus, minus, plus2, minus2 = along
-    first = (8.0 * (plus - minus) - (plus2 - minus2)) / (12.0 * h)
-    second = (plus + minus - 2.0 * centre) / h**2
-    third = (plus2 - minus2 - 2.0 * (plus - minus)) / (2.0 * h**3)
-    variance = np.sum(first**2 + 0.5 * second**2 + first * third, axis=0)
-    for (i, j), (pp, pm, mp, mm) in zip(pairs, values[1 + 4 * count :].reshape(-1, 4, centre.size), strict=True):
-        mixed = (pp - pm - mp + mm) / (4.0 * h**2)
-        # f_ijj: the second difference along j of the first difference along i; and the same with i and j
-        # exchanged.
-        f_ijj = ((pp + pm - 2.0 * plus[i]) - (mp + mm - 2.0 * minus[i])) / (2.0 * h**3)
-        f_jii = ((pp + mp - 2.0 * plus[j]) - (pm + mm - 2.0 * minus[j])) / (2.0 * h**3)
-        variance = variance + mixed**2 + first[i] * f_ijj + first[j] * f_jii
-    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from itertools import repeat
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,7 +19,7 @@ from tradestudy.uncertainty.outputs import (
     replicate_statistics,
     summarise,
 )
-from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Sources
+from tradestudy.uncertainty.sources import Sources
 from tradestudy.uncertainty.streams import Sampler, scrambled_sobol
 
 FEWEST_REPLICATES = 8
@@ -58,8 +56,6 @@ class Sampling:
     memory_bytes : int
         Bound on the draws that are held. Replicates are not lengthened beyond it; more replicates of the same
         length are added, whose quantiles stay exact, until their bias could count (status ``memory``).
-    workers : int
-        Threads over replicates; never changes a result.
     sampler : Sampler
         :func:`~tradestudy.uncertainty.streams.scrambled_sobol`, or
         :func:`~tradestudy.uncertainty.streams.plain_random` as a comparison.
@@ -77,7 +73,6 @@ class Sampling:
     first_draws: int = 2**9
     batch_draws: int = 2**14
     memory_bytes: int = 2**29
-    workers: int = 1
     sampler: Sampler = scrambled_sobol
 
     def __post_init__(self) -> None:
@@ -92,11 +87,11 @@ class Sampling:
                     limit=f"a power of two >= {least}",
                     remedy="Sobol points are balanced in blocks of powers of two only",
                 )
-        if self.replicates < FEWEST_REPLICATES or self.workers < 1:
+        if self.replicates < FEWEST_REPLICATES:
             raise OutOfRangeError(
-                "replicates and workers",
-                value=f"{self.replicates}, {self.workers}",
-                limit=f"replicates >= {FEWEST_REPLICATES}, workers >= 1",
+                "replicates",
+                value=str(self.replicates),
+                limit=f">= {FEWEST_REPLICATES}",
                 remedy="the standard error comes from the scatter of independent scrambles",
             )
         if self.budget_draws < self.replicates * self.first_draws:
@@ -175,7 +170,7 @@ def _add(progress: _Progress, looks: Iterable[Look], sampling: Sampling) -> None
     progress.status = _status(progress.running, progress.failed, progress.draws, sampling)
 
 
-def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool, pool: ThreadPoolExecutor) -> _Progress:
+def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool) -> _Progress:
     """Lengthen the replicates while memory allows, then add more, until converged or out of budget."""
 
     def look(replicate: Replicate, length: int) -> Look:
@@ -190,10 +185,10 @@ def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool, pool: T
     longest = min(_longest(sampling, outputs), sampling.budget_draws // first)
     replicates = [begin(number) for number in range(first)]
     progress = blank(sampling.first_draws)
-    _add(progress, pool.map(look, replicates, repeat(progress.length)), sampling)
+    _add(progress, (look(one, progress.length) for one in replicates), sampling)
     while progress.wants_more and 2 * progress.length <= longest:
         progress = blank(2 * progress.length)
-        _add(progress, pool.map(look, replicates, repeat(progress.length)), sampling)
+        _add(progress, (look(one, progress.length) for one in replicates), sampling)
     replicates.clear()
     done = first
     while progress.wants_more and 2 * progress.draws <= sampling.budget_draws:
@@ -201,8 +196,8 @@ def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool, pool: T
             progress.status[progress.status == "budget"] = "memory"
             break
         for number in range(done, 2 * done, first):
-            added = map(begin, range(number, number + first))
-            _add(progress, pool.map(look, added, repeat(progress.length)), sampling)
+            added = range(number, number + first)
+            _add(progress, (look(begin(one), progress.length) for one in added), sampling)
         done *= 2
     return progress
 
@@ -254,8 +249,8 @@ def propagate(
     -----
     The estimate of a quantile is the mean of the replicates' sample quantiles, each exact: no draw is binned. Its bias
     stays below its standard error because there are never more replicates than a sixteenth of their length. The first
-    coordinates of the points are aligned with what moves the outputs most (:class:`Alignment`), at two evaluations per
-    dimension. Results do not depend on ``batch_draws`` or ``workers``, bit for bit.
+    coordinates of the points are aligned with what moves the outputs most (:func:`alignment_with`), at two evaluations
+    per dimension. Results do not depend on ``batch_draws``, bit for bit.
     """
     start = time.perf_counter()
     nominal = evaluate_nominal(model, sources, inverse_depth=inverse_depth)
@@ -273,8 +268,7 @@ def propagate(
             inverse_depth=inverse_depth,
         )
 
-    with ThreadPoolExecutor(max_workers=sampling.workers) as pool:
-        progress = _run(begin, sampling, outputs=nominal.size, depth=inverse_depth, pool=pool)
+    progress = _run(begin, sampling, outputs=nominal.size, depth=inverse_depth)
     return summarise(
         progress.running,
         nominal=nominal,
@@ -284,38 +278,4 @@ def propagate(
         draws=progress.draws,
         evaluations=progress.draws + 2 * sources.dimensions + 1,
         seconds=time.perf_counter() - start,
-    )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Parts:
-    """The same propagation with only a part of the sources drawn, the rest at their nominal values."""
-
-    noise: Propagated
-    """One calibration without error, many readings."""
-    calibration: Propagated
-    """Readings without noise, over rigs, sessions and elements."""
-    both: Propagated
-    """One reading by one rig."""
-
-
-def propagate_parts(
-    model: Model, sources: Sources, sampling: Sampling, *, seed: int, point: str, inverse_depth: bool
-) -> Parts:
-    """Noise only, calibration only, and both; parameters as for :func:`propagate`."""
-
-    def part(name: str, classes: Collection[ErrorClass]) -> Propagated:
-        return propagate(
-            model,
-            sources.of_class(classes),
-            sampling,
-            seed=seed,
-            point=f"{point}/{name}",
-            inverse_depth=inverse_depth,
-        )
-
-    return Parts(
-        noise=part("noise", NOISE),
-        calibration=part("calibration", CALIBRATION),
-        both=part("both", (*NOISE, *CALIBRATION)),
     )

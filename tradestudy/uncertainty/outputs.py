@@ -323,11 +323,6 @@ class Propagated:
         return self.quantiles[[0, 4]]
 
     @property
-    def ranked_fraction(self) -> FloatArray:
-        """Probability that a draw has a rank: what the quantiles are conditional on."""
-        return np.asarray(1.0 - np.sum(self.failed_fraction, axis=0))
-
-    @property
     def unbounded(self) -> BoolArray:
         """The central 95 % interval reaches infinity."""
         return np.asarray(np.isinf(self.quantiles[4]))

@@ -19,6 +19,8 @@ from tradestudy.calibration.corners.view_blocks import (
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
+_MOST_STEPS = 20
+
 
 @dataclass(frozen=True, kw_only=True)
 class ViewStates:
@@ -159,7 +161,6 @@ def settle_views(
     *,
     noise_px: float,
     motion_scale: float,
-    iterations: int = 20,
 ) -> ViewStates:
     """Most probable poses and motions of all views, shared parameters given (Gauss–Newton).
 
@@ -175,8 +176,6 @@ def settle_views(
         Radius that turns rotations into displacements [m].
     noise_px, motion_scale : float
         Standard deviations of a coordinate [px] and of the motion [m], both > 0.
-    iterations : int
-        Steps allowed.
 
     Returns
     -------
@@ -188,7 +187,7 @@ def settle_views(
     NotConvergedError
         A view does not settle.
     """
-    for _ in range(iterations):
+    for _ in range(_MOST_STEPS):
         residuals, _, by_states = _state_blocks(shared, states, corners, lever)
         hessian, gradient = _state_equations(residuals, by_states, states, noise_px, motion_scale)
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
@@ -197,7 +196,7 @@ def settle_views(
             return states
     raise NotConvergedError(
         "the board pose of a view does not settle",
-        value=f"{iterations} steps",
+        value=f"{_MOST_STEPS} steps",
         limit="steps below 1e-6 standard deviations",
         remedy="start nearer to the fit",
     )

@@ -26,6 +26,8 @@ from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
+_MOST_LINEARISATIONS = 20
+
 
 @dataclass(frozen=True, kw_only=True)
 class ViewMeans:
@@ -101,7 +103,7 @@ def view_means(fit: PairFit, corners: StereoCorners) -> ViewMeans:
     return ViewMeans(left=left, right=right, correlation=float(np.corrcoef(left.ravel(), right.ravel())[0, 1]))
 
 
-def fit_pair_residual(fit: PairFit, corners: StereoCorners, *, iterations: int = 20) -> PairResidualFit:
+def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     """Fit the pair again with a small board motion between the exposures of each view.
 
     Parameters
@@ -110,8 +112,6 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners, *, iterations: int =
         Bundle adjustment without the term.
     corners : StereoCorners
         What was seen.
-    iterations : int
-        Times the views may be linearised anew.
 
     Returns
     -------
@@ -131,7 +131,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners, *, iterations: int =
     compressed = compress_views(shared, states, corners, lever)
     without = _restricted(compressed, fit.noise_px, 0.0)
     noise, scale = fit.noise_px, _first_scale(compressed)
-    for _ in range(iterations):
+    for _ in range(_MOST_LINEARISATIONS):
         noise, scale = _best_scales(compressed, noise, scale)
         information, gradient = compressed.information(noise, scale)
         step = np.linalg.solve(information, gradient)
@@ -142,7 +142,7 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners, *, iterations: int =
             return _result(fit, corners, compressed, states, lever, noise, scale, without, begin)
     raise NotConvergedError(
         "the fit with a left-right term does not settle",
-        value=f"{iterations} linearisations",
+        value=f"{_MOST_LINEARISATIONS} linearisations",
         limit="steps below 1e-4 standard deviations",
         remedy="add views: the shared parameters are too loosely determined to linearise",
     )

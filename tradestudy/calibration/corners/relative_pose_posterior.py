@@ -20,10 +20,11 @@ from tradestudy.calibration.posterior.laplace import (
     LaplaceFit,
     compare_log_posteriors,
 )
-from tradestudy.calibration.posterior.sampling import PosteriorSample, sample_posterior
+from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, PosteriorSample, sample_posterior
 from tradestudy.optics.arrays import FloatArray
 
 POSTERIOR_NAMES = (*SHARED_NAMES, "log_noise_px", "log_motion_scale")
+_WALKERS = 2 * len(POSTERIOR_NAMES) + 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +78,6 @@ def sample_relative_pose(
     corners: StereoCorners,
     *,
     rng: np.random.Generator,
-    ensembles: int = 4,
-    walkers: int = 42,
     maximum_steps: int = 20_000,
 ) -> RelativePosePosterior:
     """Sample the pair's posterior with emcee and check its marginalisation at exact points.
@@ -91,7 +90,7 @@ def sample_relative_pose(
         What was seen.
     rng : numpy.random.Generator
         Randomness of starts and chains.
-    ensembles, walkers, maximum_steps : int
+    maximum_steps : int
         As for ``posterior.sample_posterior``.
 
     Returns
@@ -101,10 +100,10 @@ def sample_relative_pose(
     """
     compressed = compress_views(fit.shared, fit.states, corners, fit.lever)
     laplace = _joint_laplace(fit, corners)
-    starts = laplace.draw(rng, ensembles * walkers)
+    starts = laplace.draw(rng, MINIMUM_ENSEMBLES * _WALKERS)
     sample = sample_posterior(
         lambda parameters: log_posterior(compressed, parameters, largest_motion=fit.lever),
-        starts.reshape(ensembles, walkers, -1),
+        starts.reshape(MINIMUM_ENSEMBLES, _WALKERS, -1),
         names=POSTERIOR_NAMES,
         rng=rng,
         proposal=laplace,
@@ -134,7 +133,7 @@ def check_marginalisation(
     Returns
     -------
     LaplaceCheck
-        Statistics of the log ratios.
+        Of the log ratios.
     """
     noises, scales = np.exp(draws[:, 18]), np.exp(draws[:, 19])
     exact = np.array(
@@ -146,7 +145,7 @@ def check_marginalisation(
         ]
     )
     approximate = compressed.log_likelihood(draws[:, :18], noises, scales)
-    return compare_log_posteriors(draws, exact, approximate)
+    return compare_log_posteriors(exact, approximate)
 
 
 def _joint_laplace(fit: PairResidualFit, corners: StereoCorners) -> LaplaceFit:

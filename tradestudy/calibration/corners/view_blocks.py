@@ -12,7 +12,6 @@ from tradestudy.calibration.projection import (
     cross_matrix,
     move,
     move_jacobian,
-    project,
     project_with_jacobians,
     rotation_matrix,
 )
@@ -87,15 +86,6 @@ def camera_blocks(
         by_shared=_flat_rows(by_intrinsics, present),
         by_pose=_flat_rows(by_pose, present),
     )
-
-
-def pair_residuals(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -> FloatArray:
-    """Residuals of both cameras, shape (V, 2·2N): left corners, then right corners [px]."""
-    seen_left = move(poses, board_points(corners.board))
-    seen_right = move(shared[RELATIVE], seen_left)
-    left = corners.left - project(shared[LEFT], seen_left)
-    right = corners.right - project(shared[RIGHT], seen_right)
-    return np.concatenate([_flat(left, corners.present), _flat(right, corners.present)], axis=-1)
 
 
 def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -> ViewBlocks:

@@ -104,17 +104,3 @@ class Priors:
         normal = self.mean + spread * ndtri(low + uniform * (high - low))
         box_low, box_high = np.where(flat, self.lower, 0.0), np.where(flat, self.upper, 0.0)
         return np.where(flat, box_low + uniform * (box_high - box_low), normal)
-
-
-def normal_priors(names: tuple[str, ...], mean: FloatArray, standard_deviation: FloatArray) -> Priors:
-    """Normal priors without bounds.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Parameters.
-    mean, standard_deviation : array (P,)
-        Centres and standard deviations.
-    """
-    everywhere = np.full(len(names), np.inf)
-    return Priors(names=names, mean=mean, standard_deviation=standard_deviation, lower=-everywhere, upper=everywhere)

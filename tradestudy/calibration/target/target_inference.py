@@ -14,7 +14,7 @@ from tradestudy.calibration.posterior.laplace import (
     compare_log_posteriors,
     covariance_from_information,
 )
-from tradestudy.calibration.posterior.sampling import PosteriorSample, sample_posterior
+from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, PosteriorSample, sample_posterior
 from tradestudy.calibration.projection import move, move_jacobian
 from tradestudy.calibration.target.priors import Priors
 from tradestudy.calibration.target.synthetic_target import CameraModel, SyntheticTarget
@@ -23,6 +23,7 @@ from tradestudy.optics.arrays import FloatArray
 
 _RELATIVE_STEP = 1e-3  # of a prior's scale: central differences are then good to 1e-6 of their change over that scale
 _POINT_STEP = 1e-5  # of a point's distance
+_MOST_STEPS, _MOST_POSE_STEPS = 50, 20
 _SETTLED = 1e-8  # squared step in standard deviations
 _CHUNK_NUMBERS = 250_000  # residuals at a time: what fits a processor's cache
 
@@ -118,7 +119,7 @@ class TargetProblem:
         return values.reshape(*values.shape[:-2], -1)
 
 
-def fit_target(problem: TargetProblem, *, iterations: int = 50) -> TargetFit:
+def fit_target(problem: TargetProblem) -> TargetFit:
     """Maximise the posterior over parameters and poses, and approximate it by a normal distribution.
 
     Gauss–Newton with the poses eliminated view by view; derivatives of the camera by central differences.
@@ -127,8 +128,6 @@ def fit_target(problem: TargetProblem, *, iterations: int = 50) -> TargetFit:
     ----------
     problem : TargetProblem
         What was observed, and the priors; the fit starts from their means and from the nominal poses.
-    iterations : int
-        Steps allowed.
 
     Returns
     -------
@@ -144,7 +143,7 @@ def fit_target(problem: TargetProblem, *, iterations: int = 50) -> TargetFit:
     begin = time.perf_counter()
     priors = problem.priors
     parameters, poses = priors.mean, problem.target.poses
-    for count in range(1, iterations + 1):
+    for count in range(1, _MOST_STEPS + 1):
         parameters, poses, covariance, size = _gauss_newton_step(problem, parameters, poses)
         if size < _SETTLED:
             _require_inside(priors, parameters)
@@ -156,7 +155,7 @@ def fit_target(problem: TargetProblem, *, iterations: int = 50) -> TargetFit:
             )
     raise NotConvergedError(
         "the calibration does not settle",
-        value=f"{iterations} steps",
+        value=f"{_MOST_STEPS} steps",
         limit="steps below 1e-4 standard deviations",
         remedy="give nominal poses and prior means nearer to the truth, or narrower priors",
     )
@@ -167,8 +166,6 @@ def sample_target(
     fit: TargetFit,
     *,
     rng: np.random.Generator,
-    ensembles: int = 4,
-    walkers: int | None = None,
     maximum_steps: int = 20_000,
 ) -> TargetPosterior:
     """Sample the posterior with the camera model itself, poses marginalised by Laplace about the fit.
@@ -181,10 +178,8 @@ def sample_target(
         Its peak, from ``fit_target``.
     rng : numpy.random.Generator
         Randomness of starts and chains.
-    ensembles, maximum_steps : int
+    maximum_steps : int
         As for ``posterior.sample_posterior``.
-    walkers : int, optional
-        Per ensemble; 2 P + 2 unless told.
 
     Returns
     -------
@@ -192,17 +187,17 @@ def sample_target(
         Ask ``converged`` before using it.
     """
     names = problem.priors.names
-    walkers = 2 * len(names) + 2 if walkers is None else walkers
+    walkers = 2 * len(names) + 2
     basis, _ = _pose_basis(problem, fit.laplace.mean, fit.poses)
     misfit = _pose_misfit(problem, fit.poses)
 
     def log_probability(parameters: FloatArray) -> FloatArray:
         return _frozen_log_posterior(problem, fit.poses, basis, misfit, parameters)
 
-    starts = _starts_inside(problem.priors, fit.laplace, rng, ensembles * walkers)
+    starts = _starts_inside(problem.priors, fit.laplace, rng, MINIMUM_ENSEMBLES * walkers)
     sample = sample_posterior(
         log_probability,
-        starts.reshape(ensembles, walkers, -1),
+        starts.reshape(MINIMUM_ENSEMBLES, walkers, -1),
         names=names,
         rng=rng,
         proposal=fit.laplace,
@@ -210,12 +205,10 @@ def sample_target(
     )
     draws = sample.thinned(CHECKED_POINTS)
     exact = np.array([exact_log_posterior(problem, fit.poses, draw) for draw in draws])
-    return TargetPosterior(sample=sample, check=compare_log_posteriors(draws, exact, log_probability(draws)))
+    return TargetPosterior(sample=sample, check=compare_log_posteriors(exact, log_probability(draws)))
 
 
-def exact_log_posterior(
-    problem: TargetProblem, poses: FloatArray, parameters: FloatArray, *, iterations: int = 20
-) -> float:
+def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: FloatArray) -> float:
     """Log posterior with the poses settled anew at these parameters (Laplace), up to a constant.
 
     Parameters
@@ -226,8 +219,6 @@ def exact_log_posterior(
         Where the poses start from.
     parameters : array (P,)
         Camera parameters.
-    iterations : int
-        Gauss–Newton steps allowed.
 
     Returns
     -------
@@ -239,7 +230,7 @@ def exact_log_posterior(
     NotConvergedError
         A pose does not settle.
     """
-    for _ in range(iterations):
+    for _ in range(_MOST_POSE_STEPS):
         residuals = np.concatenate([problem.residuals(parameters, poses), _pose_misfit(problem, poses)], axis=-1)
         basis, factor = _pose_basis(problem, parameters, poses)
         inner = np.einsum("vmk,vm->vk", basis, residuals)
@@ -249,7 +240,7 @@ def exact_log_posterior(
         poses = poses + np.linalg.solve(factor, inner[..., None])[..., 0]
     raise NotConvergedError(
         "the pose of a target does not settle",
-        value=f"{iterations} steps",
+        value=f"{_MOST_POSE_STEPS} steps",
         limit="steps below 1e-4 standard deviations",
         remedy="start nearer to the fit",
     )

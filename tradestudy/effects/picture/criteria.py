@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
-from tradestudy.effects.base import Criterion
+from tradestudy.effects.base import EffectCriterion
 
 
-def blur_over_pixel(value: float, at: float) -> Criterion:
+def blur_over_pixel(value: float, at: float) -> EffectCriterion:
     """Of the geometric blur."""
-    return Criterion(
+    return EffectCriterion(
         words="blur over pixel",
         definition="c/p; c the diameter of the geometric blur circle on the sensor, of both lenses together, p the "
         "pitch of the picture's samples: pixels, or microlenses for views of an unfocused plenoptic camera; "
@@ -19,9 +19,9 @@ def blur_over_pixel(value: float, at: float) -> Criterion:
     )
 
 
-def main_lens_airy(value: float, at: float) -> Criterion:
+def main_lens_airy(value: float, at: float) -> EffectCriterion:
     """Of the main lens, as its picture arrives on the sensor."""
-    return Criterion(
+    return EffectCriterion(
         words="Airy radius of the main lens over pixel",
         definition="1.22 λ N M/p; N the working f-number, M the magnification by microlenses behind it or 1, p the "
         "pitch of the picture's samples",
@@ -30,9 +30,9 @@ def main_lens_airy(value: float, at: float) -> Criterion:
     )
 
 
-def microlens_airy(value: float, at: float) -> Criterion:
+def microlens_airy(value: float, at: float) -> EffectCriterion:
     """Of a microlens."""
-    return Criterion(
+    return EffectCriterion(
         words="Airy radius of a microlens over pixel",
         definition="1.22 λ b/(D p); b from the array to the sensor, D the aperture of a microlens, p the pixel pitch",
         value=value,
@@ -40,9 +40,9 @@ def microlens_airy(value: float, at: float) -> Criterion:
     )
 
 
-def reach_over_airy(value: float, at: float) -> Criterion:
+def reach_over_airy(value: float, at: float) -> EffectCriterion:
     """Of a micro-image."""
-    return Criterion(
+    return EffectCriterion(
         words="half a micro-image over Airy radius",
         definition="w/(2 · 1.22 λ b/D); w the width of a micro-image, b and D as for the Airy radius of a microlens",
         value=value,
@@ -50,32 +50,34 @@ def reach_over_airy(value: float, at: float) -> Criterion:
     )
 
 
-def pixel_over_pitch() -> Criterion:
+def pixel_over_pitch() -> EffectCriterion:
     """Of the samples."""
-    return Criterion(
+    return EffectCriterion(
         words="pixel over pitch",
         definition="side of the square that a pixel collects from, over the distance of neighbouring pixels",
         value=1.0,
     )
 
 
-def extent_of_points() -> Criterion:
+def extent_of_points() -> EffectCriterion:
     """Of the texture, which has no value."""
-    return Criterion(words="extent of a point", definition="none: points of a texture have no extent", value=math.nan)
+    return EffectCriterion(
+        words="extent of a point", definition="none: points of a texture have no extent", value=math.nan
+    )
 
 
-def spectrum_width(value: float) -> Criterion:
+def spectrum_width(value: float) -> EffectCriterion:
     """Of the declared spectrum."""
-    return Criterion(
+    return EffectCriterion(
         words="width of the spectrum over its centre",
         definition="(longest − shortest wavelength)/central wavelength",
         value=value,
     )
 
 
-def light_left(value: float) -> Criterion:
+def light_left(value: float) -> EffectCriterion:
     """At the field angle that depth is asked for."""
-    return Criterion(
+    return EffectCriterion(
         words="light left at the field angle",
         definition="cos⁴ θ times the share of the pupil that the stops leave at the field angle θ that depth is asked "
         "for; 1 on the axis",
@@ -83,8 +85,8 @@ def light_left(value: float) -> Criterion:
     )
 
 
-def electrons(value: float, at: float) -> Criterion:
+def electrons(value: float, at: float) -> EffectCriterion:
     """Of the darkest pixel."""
-    return Criterion(
+    return EffectCriterion(
         words="electrons per pixel", definition="mean number in the darkest pixel that is asked for", value=value, at=at
     )

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Final, Literal
 
-from tradestudy.effects.base import OFF, Criterion, Model, Slot
+from tradestudy.effects.base import OFF, EffectCriterion, Model, Slot
 from tradestudy.effects.picture.criteria import main_lens_airy, microlens_airy
 from tradestudy.effects.picture.trial import MARGIN, PictureTrial, bounded
 
@@ -33,7 +33,7 @@ def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "micro
         absent = "this camera's picture is formed without microlenses between it and the scene"
         return Slot(name=at, models=(bounded(trial, OFF, 0.0, spread, absent),))
     waves = trial.aberration_waves[stage]
-    paths = Criterion(
+    paths = EffectCriterion(
         words="waves between exact and parabolic paths",
         definition=f"{' or '.join(_PATHS[phase] for phase in trial.lens_phases)}; R the radius of the aperture, f the "
         "focal length, a and b the distances to the object and to the plane of the picture",

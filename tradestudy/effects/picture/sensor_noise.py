@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from tradestudy.effects.base import OFF, Criterion, Slot, SlotName
+from tradestudy.effects.base import OFF, EffectCriterion, Slot, SlotName
 from tradestudy.effects.picture.criteria import electrons
 from tradestudy.effects.picture.trial import PictureTrial, bounded, weighed
 
@@ -19,13 +19,13 @@ _RULE: Final = (
 def sensor_noise(trial: PictureTrial) -> Slot:
     """Off is listed and never fits: without noise a matcher would make no error."""
     slot: SlotName = "sensor_noise"
-    both = Criterion(
+    both = EffectCriterion(
         words="read and rounding noise over all",
         definition="(σ² of reading + step²/12)/(electrons + σ² of reading + step²/12) in the darkest pixel, step the "
         "electrons of one digital number",
         value=trial.read_noise_share + trial.quantisation_share,
     )
-    rounding = Criterion(
+    rounding = EffectCriterion(
         words="rounding noise over all",
         definition="step²/12 over the same sum",
         value=trial.quantisation_share,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import Bound, Criterion, Model, SlotName
+from tradestudy.effects.base import Bound, EffectCriterion, Model, SlotName
 
 # Trials are made at some of the distances and with one slot changed at a time; what lies in between, and what two
 # slots do together beyond the sum of each, has to fit into this factor.
@@ -84,13 +84,13 @@ class PictureTrial:
     lattice_seconds: tuple[float, float]
 
 
-def weighed(trial: PictureTrial, slot: SlotName, name: str, criterion: Criterion, reason: str) -> Model:
+def weighed(trial: PictureTrial, slot: SlotName, name: str, criterion: EffectCriterion, reason: str) -> Model:
     """A model whose bound is its trial with the margin."""
     return bounded(trial, name, MARGIN * trial.change(slot, name), criterion, reason)
 
 
 def bounded(
-    trial: PictureTrial, name: str, change: float, criterion: Criterion, reason: str, *, beforehand: float = 0.0
+    trial: PictureTrial, name: str, change: float, criterion: EffectCriterion, reason: str, *, beforehand: float = 0.0
 ) -> Model:
     """A model whose bound on the disparity error was found otherwise, with what it takes beforehand [s]."""
     quantity: Quantity = "depth_uncertainty"

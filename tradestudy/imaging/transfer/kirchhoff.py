@@ -75,7 +75,7 @@ def kirchhoff_correction(
 
 def _spot(source: PointSource, lens: CircularLens, r: FloatArray, plane: float, wavelength: float) -> FloatArray:
     """Kirchhoff's intensity over the power that passed the pupil [1/m²]."""
-    from tradestudy.optics.propagation import Accuracy, TargetPoints, aperture_field, lens_wave
+    from tradestudy.optics.propagation import FieldAccuracy, TargetPoints, aperture_field, lens_wave
 
     field = aperture_field(
         source=source,
@@ -83,7 +83,7 @@ def _spot(source: PointSource, lens: CircularLens, r: FloatArray, plane: float, 
         targets=TargetPoints(x=r, y=0.0, distance=plane),
         wavelength=wavelength,
         method="kirchhoff",
-        accuracy=Accuracy(tolerance=_TOLERANCE),
+        accuracy=FieldAccuracy(tolerance=_TOLERANCE),
     )
     wave = lens_wave(source=source, lens=lens, wavelength=wavelength)
     nodes = disc_nodes(radius=lens.radius, radial_count=12, angular_count=24)

@@ -225,7 +225,7 @@ def choose_transfer(
     )
 
 
-def propagate(
+def patch_fields(
     transfer: Transfer,
     *,
     x: FloatArray,

@@ -10,7 +10,7 @@ import numpy as np
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.chain.scene import LightPath
 from tradestudy.optics.chain.sources import DiscSource
-from tradestudy.optics.propagation.lens import CircularLens, PointSource, image_distance
+from tradestudy.optics.propagation.lens import CircularLens, PointSource, finite_image_distance
 from tradestudy.optics.quadrature import disc_nodes
 
 _NOWHERE = 1e12
@@ -62,7 +62,7 @@ def turned(lens: CircularLens, at: Plane, slope: Plane, *, backward: bool) -> Pl
         cosines = cosines.plus(at, sign / f)
     else:
         assert lens.focus_distance is not None  # the lens's own promise
-        for a in (lens.focus_distance, image_distance(f, lens.focus_distance)):
+        for a in (lens.focus_distance, finite_image_distance(lens.focus_distance, f)):
             cosines = cosines.plus(at, sign * math.copysign(1.0, a) / np.sqrt(at.squared + a**2))
     squared = cosines.squared
     # Steeper than any line: so far aside that nothing lies there.

@@ -27,7 +27,7 @@ from tradestudy.optics.chain.detector_patch import (
     lit_radius,
     outermost,
 )
-from tradestudy.optics.chain.detector_transfer import Response, propagate, response
+from tradestudy.optics.chain.detector_transfer import Response, patch_fields, response
 from tradestudy.optics.chain.far_light import far_light
 from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
@@ -289,7 +289,7 @@ def _add_light(spot: Spot, canvas: ComplexArray, reach: RayReach, lit: _Lit) -> 
     carrier = unit_phasor(-2 * np.pi * (frequency[:, :1] * lit.cell.x + frequency[:, 1:] * lit.cell.y))
     first, start = _patch_starts(spot, reach, lit.which)
     side = 2 * math.ceil(spot.half_patch / spot.spacing) + 1
-    patches = propagate(
+    patches = patch_fields(
         transfer,
         x=lit.cell.x,
         y=lit.cell.y,

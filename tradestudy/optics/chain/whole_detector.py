@@ -16,7 +16,7 @@ from tradestudy.optics.chain.detector_transfer import (
     choose_transfer,
     fading_length,
     half_band,
-    propagate,
+    patch_fields,
 )
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane
 from tradestudy.optics.chain.pixels import MARGIN, samples_per_pixel
@@ -138,7 +138,7 @@ def field_on_detector(
     if not held.any():
         return np.zeros((rows, columns), dtype=strengths.dtype)
     first = np.asarray(pixels.corner) - pixels.centre + (0.5 - MARGIN) * pixels.pitch / per_pixel
-    fields = propagate(
+    fields = patch_fields(
         response.transfer,
         x=x[held] - pixels.centre[0],
         y=y[held] - pixels.centre[1],

@@ -12,23 +12,23 @@ from tradestudy.optics.propagation.lens import (
     LensWave,
     Obliquity,
     PointSource,
-    image_distance,
+    finite_image_distance,
 )
 from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError
 from tradestudy.optics.propagation.sampling import Limits, NodeCounts, needed_nodes
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
-from tradestudy.optics.propagation.wave_optics import Accuracy, propagate_samples, propagate_wave
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, propagate_samples, propagate_wave
 
 __all__ = [
     "LENS_PHASES",
     "METHODS",
     "OBLIQUITIES",
-    "Accuracy",
     "ApertureField",
     "ApertureSamples",
     "CircularLens",
     "Effort",
+    "FieldAccuracy",
     "FresnelKernel",
     "Kernel",
     "KirchhoffKernel",
@@ -45,7 +45,7 @@ __all__ = [
     "Targets",
     "aperture_field",
     "direct_sum",
-    "image_distance",
+    "finite_image_distance",
     "lens_wave",
     "needed_nodes",
     "nodes_for",

@@ -15,7 +15,7 @@ from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
 from tradestudy.optics.propagation.result import ApertureField, Method
 from tradestudy.optics.propagation.sampling import Limits, NodeCounts
 from tradestudy.optics.propagation.targets import Targets
-from tradestudy.optics.propagation.wave_optics import Accuracy, propagate_wave
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, propagate_wave
 
 METHODS: tuple[Method, ...] = ("geometric", "boundary_wave", "fresnel", "kirchhoff")
 
@@ -27,7 +27,7 @@ def aperture_field(
     targets: Targets,
     wavelength: float,
     method: Method,
-    accuracy: Accuracy,
+    accuracy: FieldAccuracy,
     obliquity: Obliquity = "paper",
     limits: Limits | None = None,
     counts: NodeCounts | None = None,

@@ -14,10 +14,12 @@ from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.rays import find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, NumericalError, squared_magnitude
 from tradestudy.optics.propagation.targets import Targets
-from tradestudy.optics.propagation.wave_optics import Accuracy
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 
 
-def geometric_field(*, wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: Accuracy) -> ApertureField:
+def geometric_field(
+    *, wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: FieldAccuracy
+) -> ApertureField:
     """Geometrical optics behind a lens: |U|² = Σ |A|²/|∂P/∂q| over the rays that reach a target.
 
     The field adds the rays with their phases (a caustic passed turns one by −i); the intensity adds them

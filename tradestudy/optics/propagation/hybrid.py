@@ -33,7 +33,7 @@ from tradestudy.optics.propagation.sampling import (
 )
 from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
 from tradestudy.optics.propagation.upsampling import chebyshev_grid
-from tradestudy.optics.propagation.wave_optics import Accuracy, largest_field, propagate_wave, rounding_error
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy, largest_field, propagate_wave, rounding_error
 
 LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4
@@ -78,7 +78,7 @@ def unchecked_hybrid_field(
     NotConvergedError
         Kirchhoff's integral at the targets handed over misses the tolerance.
     """
-    accuracy = Accuracy(tolerance=tolerance)
+    accuracy = FieldAccuracy(tolerance=tolerance)
     edge = _edge_nodes(wave, kernel, targets, accuracy)
     check_affordable(
         NodeCounts(radial=1, angular=edge), targets=math.prod(targets.shape), check_targets=0, limits=limits
@@ -93,7 +93,7 @@ def hybrid_field(
     wave: LensWave,
     kernel: KirchhoffKernel,
     targets: Targets,
-    accuracy: Accuracy,
+    accuracy: FieldAccuracy,
     limits: Limits,
     edge_nodes: int | None = None,
 ) -> ApertureField:
@@ -173,7 +173,7 @@ def hybrid_field(
     )
 
 
-def _edge_nodes(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: Accuracy) -> int:
+def _edge_nodes(wave: LensWave, kernel: KirchhoffKernel, targets: Targets, accuracy: FieldAccuracy) -> int:
     """Nodes on the edge by the slope of the path along it."""
     lens = wave.lens
     x, y, z = targets.coordinates()
@@ -203,7 +203,7 @@ def _reference(
     kernel: KirchhoffKernel,
     targets: Targets,
     field: ComplexArray,
-    accuracy: Accuracy,
+    accuracy: FieldAccuracy,
     limits: Limits,
 ) -> _Reference:
     """Direct quadrature of the area integral at the check targets, on half as many nodes again as are needed."""
@@ -228,7 +228,7 @@ def _check(
     field: ComplexArray,
     reference: _Reference,
     edge: int,
-    accuracy: Accuracy,
+    accuracy: FieldAccuracy,
 ) -> CheckErrors:
     """Compare with the area integral, and with twice as many nodes on the edge."""
     started = time.perf_counter()
@@ -358,7 +358,7 @@ def _handed_over(
     wave: LensWave,
     kernel: KirchhoffKernel,
     targets: Targets,
-    accuracy: Accuracy,
+    accuracy: FieldAccuracy,
     limits: Limits,
 ) -> tuple[ComplexArray, float]:
     """Fill the singular targets by Kirchhoff; their share."""

@@ -104,13 +104,13 @@ class CircularLens:
         OutOfRangeError
             The image lies at infinity.
         """
-        b = image_distance(self.focal_length, source.distance)
+        b = finite_image_distance(source.distance, self.focal_length)
         scale = -b / source.distance
         cx, cy = self.centre
         return cx + scale * (source.x - cx), cy + scale * (source.y - cy), b
 
 
-def image_distance(focal_length: float, object_distance: float) -> float:
+def finite_image_distance(object_distance: float, focal_length: float) -> float:
     """Thin-lens image distance b = a f/(a − f) [m]; refuses an image at infinity."""
     if object_distance == focal_length:
         raise OutOfRangeError(
@@ -142,7 +142,7 @@ def lens_paths(source: PointSource, lens: CircularLens, *, paraxial: bool) -> Pa
     focus = lens.focus_distance
     element: tuple[PathTerm, ...] = (
         SphericalPath(x=0.0, y=0.0, distance=focus, weight=-1.0),
-        SphericalPath(x=0.0, y=0.0, distance=-image_distance(lens.focal_length, focus)),
+        SphericalPath(x=0.0, y=0.0, distance=-finite_image_distance(focus, lens.focal_length)),
     )
     return PathSum(terms=(spherical, *element))
 

@@ -8,7 +8,7 @@ from tradestudy.optics.propagation.direct import ApertureSamples, Kernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.sampling import NodeCounts, needed_nodes, outline
 from tradestudy.optics.propagation.targets import Targets
-from tradestudy.optics.propagation.wave_optics import Accuracy
+from tradestudy.optics.propagation.wave_optics import FieldAccuracy
 from tradestudy.optics.quadrature import disc_nodes
 
 
@@ -21,7 +21,7 @@ def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
     return ApertureSamples(nodes=nodes, field=np.asarray(wave.field(x, y), dtype=np.complex128), axial_cosine=cosine)
 
 
-def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: Accuracy) -> NodeCounts:
+def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy) -> NodeCounts:
     """Node counts for the wave behind a lens and the outline of the targets."""
     x, y, z = targets.coordinates()
     x, y, z = outline(x - wave.lens.centre[0], y - wave.lens.centre[1], z)

@@ -28,7 +28,7 @@ _SMALLEST_CHECK = 4
 
 
 @dataclass(frozen=True, kw_only=True)
-class Accuracy:
+class FieldAccuracy:
     """How well, and how it is checked.
 
     Parameters
@@ -69,7 +69,7 @@ class Accuracy:
 
 
 def propagate_samples(
-    *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: Accuracy, limits: Limits | None = None
+    *, samples: ApertureSamples, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy, limits: Limits | None = None
 ) -> ApertureField:
     """Field on targets of a wave known only as an array on quadrature nodes.
 
@@ -122,7 +122,7 @@ def propagate_wave(
     counts: NodeCounts | Callable[[], NodeCounts],
     kernel: Kernel,
     targets: Targets,
-    accuracy: Accuracy,
+    accuracy: FieldAccuracy,
     limits: Limits | None = None,
     fixed_nodes: bool = False,
 ) -> ApertureField:
@@ -180,7 +180,7 @@ def _refined(
     counts: NodeCounts | Callable[[], NodeCounts],
     kernel: Kernel,
     targets: Targets,
-    accuracy: Accuracy,
+    accuracy: FieldAccuracy,
     limits: Limits,
     method: Method,
     fixed_nodes: bool,
@@ -250,7 +250,7 @@ def _check(
     kernel: Kernel,
     targets: Targets,
     field: ComplexArray,
-    accuracy: Accuracy,
+    accuracy: FieldAccuracy,
 ) -> CheckErrors:
     """Compare with direct quadrature on the same nodes and on twice as many in each direction."""
     started = time.perf_counter()

@@ -15,7 +15,7 @@ from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
 from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, declared_disparity_error
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.effects.base import OFF, Criterion, Slot, SlotName
+from tradestudy.effects.base import OFF, EffectCriterion, Slot, SlotName
 from tradestudy.effects.calibration import calibration_slot
 from tradestudy.effects.picture.criteria import (
     blur_over_pixel,
@@ -228,7 +228,7 @@ def _picture(variants: Sequence[_Variant], asked: int) -> tuple[Slot, ...]:
     return unused_slots(reason=reason, numbers=_strengths(variants))
 
 
-def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, Criterion]:
+def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, EffectCriterion]:
     """How strong each effect is in the picture where it is strongest, whether it reaches depth or not.
 
     Of usable distances; of all that are pictured, for a camera that is usable nowhere.

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.optics.propagation import Accuracy, CircularLens, PointSource, TargetPoints, aperture_field
+from tradestudy.optics.propagation import CircularLens, FieldAccuracy, PointSource, TargetPoints, aperture_field
 from tradestudy.verification.hard_cases.case import Family, Law, NumericCase, Stated
 
 _GREEN: Final = 550e-9
@@ -37,7 +37,7 @@ def _ours(radius: float, f: float, a: float, x: float, z: float, wavelength: flo
         targets=TargetPoints(x=x, y=0.0, distance=z),
         wavelength=wavelength,
         method="kirchhoff",
-        accuracy=Accuracy(tolerance=_TOLERANCE),
+        accuracy=FieldAccuracy(tolerance=_TOLERANCE),
     )
     value = float(found.intensity[()])
     return Stated(value=value, error=found.error.intensity * value)

@@ -11,7 +11,7 @@ from tradestudy.uncertainty.sources import Sources
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Case:
+class DepthCase:
     """One camera whose depth is asked for.
 
     Parameters

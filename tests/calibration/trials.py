@@ -99,3 +99,17 @@ class CalibrationTrial:
             )
         shares: FloatArray = np.concatenate([(depths < self.distances).mean(axis=0), (draws < truth).mean(axis=0)])
         return shares
+
+
+def normal_priors(names: tuple[str, ...], mean: FloatArray, standard_deviation: FloatArray) -> Priors:
+    """Normal priors without bounds.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Parameters.
+    mean, standard_deviation : array (P,)
+        Centres and standard deviations.
+    """
+    everywhere = np.full(len(names), np.inf)
+    return Priors(names=names, mean=mean, standard_deviation=standard_deviation, lower=-everywhere, upper=everywhere)
