@@ -14,6 +14,7 @@ from typing import Any, Final
 import matplotlib
 from matplotlib import font_manager, ft2font
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
@@ -107,10 +108,15 @@ class StudyFigure(Figure):
 
     def svg(self) -> bytes:
         """The figure as SVG; equal figures give equal bytes."""
-        buffer = io.BytesIO()
-        with styled():
-            nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
-            self.savefig(buffer, format="svg", metadata=nothing)
+        buffer, canvas, dpi = io.BytesIO(), self.canvas, self.dpi
+        nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
+        try:
+            with styled():
+                # Lays out while it draws; `savefig` would draw everything once more, for the layout alone.
+                FigureCanvasSVG(self).print_svg(buffer, metadata=nothing)  # type: ignore[no-untyped-call]
+        finally:
+            self.set_canvas(canvas)
+            self.dpi = dpi
         return buffer.getvalue()
 
     def _repr_svg_(self) -> str:
