@@ -289,8 +289,8 @@ class Result:
 
         target = Path(directory)
         storage.remove_abandoned(target)
-        tree, record = storage.write_finished(self.data, self.run_record, target)
-        _write_report(tree, record, target, pdf=pdf)
+        record = storage.write_finished(self.data, self.run_record, target)
+        _write_report(self.data, record, target, pdf=pdf)
         return target
 
     def _repr_html_(self) -> str:

@@ -11,6 +11,7 @@ import xarray as xr
 from tradestudy import report
 from tradestudy.report import csv_tables, files, html
 from tradestudy.report.facts import interval
+from tradestudy.results import FORMAT_VERSION, storage
 from tradestudy.wording import distance
 
 
@@ -33,6 +34,16 @@ def test_the_same_results_give_the_same_files(tree: xr.DataTree, tmp_path: Path)
     before, _, after = a["report.html"].partition(b"How this report was made")
     assert before == b["report.html"].partition(b"How this report was made")[0]
     assert after.replace(b"today", b"tomorrow") == b["report.html"].partition(b"How this report was made")[2]
+
+
+def test_results_in_memory_and_on_disk_give_the_same_report(
+    tree: xr.DataTree, record: dict[str, object], written: Path, tmp_path: Path
+) -> None:
+    on_disk = tree.copy()
+    on_disk.attrs["format_version"] = FORMAT_VERSION
+    storage.write_finished(on_disk, record, tmp_path / "run")
+    report.write(storage.read_finished(tmp_path / "run")[0], record, tmp_path / "report")
+    assert _content(tmp_path / "report") == _content(written)
 
 
 def test_an_old_report_stays_whole_until_the_new_one_is_complete(
