@@ -7,9 +7,9 @@ import pytest
 import xarray as xr
 
 from tradestudy import figures
-from tradestudy.figures.depth_data import winners
 from tradestudy.report.contents import compose
 from tradestudy.report.document import Bullets, Document, Heading, Picture, Table, Text, flattened, spans
+from tradestudy.results.views.decision import winners
 
 
 def plain(text: Text) -> str:

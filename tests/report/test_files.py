@@ -10,7 +10,7 @@ import xarray as xr
 
 from tradestudy import report
 from tradestudy.report import csv_tables, files, html
-from tradestudy.report.facts import interval
+from tradestudy.report.words import interval
 from tradestudy.results import FORMAT_VERSION, storage
 from tradestudy.wording import distance
 

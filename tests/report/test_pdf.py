@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy import figures, report
 from tradestudy.errors import TradestudyError
-from tradestudy.figures.depth_data import cameras
+from tradestudy.figures.cameras import traces
 from tradestudy.report import pdf
 from tradestudy.report.document import (
     Bullets,
@@ -82,7 +82,7 @@ def test_the_curve_of_every_camera_is_on_the_page(
     caption = figures.build(tree)[name].caption[:60].rstrip()
     number = next(i for i, text in enumerate(pages) if caption in text)
     image = pixels(printed, number, scale=3.0)
-    for camera in cameras(tree):
+    for camera in traces(tree):
         depth = tree["depth"].to_dataset().sel(camera=camera.key)
         span = {"whole_range": (0.05, 10.0), "close_range": (0.0, 1.0), "mid_range": (1.0, 10.0)}[name]
         usable = depth["usable"] & (depth["distance"] >= span[0]) & (depth["distance"] <= span[1])

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tradestudy.figures import calibration, posterior, sensitivity
-from tradestudy.figures.depth_data import cameras
 from tradestudy.figures.drawing import Drawing
+from tradestudy.results.views.cameras import camera_titles, titles_in
+from tradestudy.results.views.largest import largest_source
 from tradestudy.units import LENGTH, pretty, significant
 
 if TYPE_CHECKING:
@@ -34,13 +35,13 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 def _bands(tree: xr.DataTree) -> Drawing:
     data = tree["calibration"].to_dataset().sel(way="both", field="axis")
     sentences = []
-    for camera in calibration.propagated_cameras(tree):
-        one = data.sel(camera=camera.key)
+    for key, title in titles_in(tree, "calibration").items():
+        one = data.sel(camera=key)
         reached = one["distance"].values[np.isinf(one["depth_quantile"].isel(quantile=-1).values)]
         sentences.append(
-            f"{camera.title}: the 95 % interval has no far end from {pretty(float(reached[0]), LENGTH)} on. "
+            f"{title}: the 95 % interval has no far end from {pretty(float(reached[0]), LENGTH)} on. "
             if reached.size
-            else f"{camera.title}: bounded everywhere. "
+            else f"{title}: bounded everywhere. "
         )
     return Drawing(
         name="calibration-bands",
@@ -55,10 +56,10 @@ def _bands(tree: xr.DataTree) -> Drawing:
 def _failures(tree: xr.DataTree) -> Drawing:
     data = tree["calibration"].to_dataset().sel(way="both", field="axis")
     sentences = [
-        f"{camera.title} at {pretty(float(data['distance'].values[-1]), LENGTH)}: "
-        f"{significant(100.0 * float(data['infinite_fraction'].sel(camera=camera.key).isel(distance=-1)))} % beyond "
+        f"{title} at {pretty(float(data['distance'].values[-1]), LENGTH)}: "
+        f"{significant(100.0 * float(data['infinite_fraction'].sel(camera=key).isel(distance=-1)))} % beyond "
         "infinity. "
-        for camera in calibration.propagated_cameras(tree)
+        for key, title in titles_in(tree, "calibration").items()
     ]
     return Drawing(
         name="failure-share",
@@ -71,13 +72,8 @@ def _failures(tree: xr.DataTree) -> Drawing:
 
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     place = sensitivity.tornado_distance(tree)
-    data = tree["sensitivity"].to_dataset().sel(field="axis")
-    sentences = []
-    for camera in calibration.propagated_cameras(tree, "sensitivity"):
-        values = data["source_uncertainty"].sel(camera=camera.key, distance=place)
-        if np.isfinite(values.values).any():
-            largest = str(values["source"].values[int(np.nanargmax(values.values))]).replace("_", " ")
-            sentences.append(f"{camera.title}: {largest}. ")
+    largest = {title: largest_source(tree, key, place) for key, title in titles_in(tree, "sensitivity").items()}
+    sentences = [f"{title}: {source.replace('_', ' ')}. " for title, source in largest.items() if source is not None]
     yield Drawing(
         name="tornado",
         caption=f"What drives depth at {pretty(place, LENGTH)}: half the central 68.27 % interval from each source "
@@ -98,7 +94,7 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
 
 def _ranks(tree: xr.DataTree) -> Drawing:
     decision = tree["decision"].to_dataset().sel(rank_way="calibration", field="axis")
-    titles = {camera.key: camera.title for camera in cameras(tree)}
+    titles = camera_titles(tree)
     sentences = []
     for pair in decision["pair"].values:
         there = decision.sel(pair=pair).sel(rank_distance=1.0, method="nearest")
@@ -118,7 +114,7 @@ def _ranks(tree: xr.DataTree) -> Drawing:
 
 
 def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
-    titles = {camera.key: camera.title for camera in cameras(tree)}
+    titles = camera_titles(tree)
     data = tree["calibration"].to_dataset().sel(posterior=name)
     count = int(np.isfinite(data["posterior_mean"].values).sum())
     shown = posterior.shown_parameters(tree, name)

@@ -15,7 +15,6 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator
 
-from tradestudy.figures.depth_data import FloatArray
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     FAINT,
@@ -31,6 +30,7 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.results.cost import NO_ANSWER
+from tradestudy.results.views.groups import FloatArray
 from tradestudy.units import DURATION, pretty, significant
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from tradestudy.figures.depth_data import FloatArray
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import FAINT, SOFT, StudyFigure, legend, line_style, new_figure, styled
+from tradestudy.results.views.groups import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr

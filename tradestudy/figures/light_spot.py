@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.gridspec import SubplotSpec
@@ -26,13 +25,14 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
-from tradestudy.light_methods import most_complete, short_title
+from tradestudy.light_methods import short_title
+from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = npt.NDArray[np.float64]
 _DARKEST = 1e-4  # of the cut
 _SPREADS = {
     "half_energy_radius": "half the light",
@@ -73,12 +73,6 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             alt="Line charts of widths, one row per lens, one column per varied quantity. " + _spread_words(spread),
             draw=partial(point_spread, tree),
         )
-
-
-def reference_method(data: xr.Dataset) -> str:
-    """The method against which the others are held: what leaves out the least."""
-    methods = [str(name) for name in data["propagator"].values]
-    return most_complete(methods)
 
 
 def _image_words(data: xr.Dataset, reference: str) -> str:

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.ndimage import gaussian_filter
 
-from tradestudy.figures.depth_data import FloatArray
 from tradestudy.figures.style import INK, SOFT, StudyFigure, line_style, new_figure, styled
+from tradestudy.results.views.groups import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr

@@ -9,8 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.calibration import panels_of, propagated_cameras
-from tradestudy.figures.depth_data import Camera
+from tradestudy.figures.calibration import panels_of
+from tradestudy.figures.cameras import CameraTrace, traces_in
 from tradestudy.figures.style import (
     SOFT,
     StudyFigure,
@@ -46,7 +46,7 @@ def tornado_distance(tree: xr.DataTree) -> float:
 def tornado(tree: xr.DataTree) -> StudyFigure:
     """Half the central 68.27 % interval of depth from each independent source alone, largest first, per camera."""
     with styled():
-        shown = propagated_cameras(tree, "sensitivity")
+        shown = traces_in(tree, "sensitivity")
         place = tornado_distance(tree)
         data = tree["sensitivity"].to_dataset().sel(distance=place)
         rows = -(-len(shown) // 2)
@@ -65,7 +65,7 @@ def tornado(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def _bars(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
+def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
@@ -85,7 +85,7 @@ def _bars(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
 def indices(tree: xr.DataTree) -> StudyFigure:
     """Total Sobol indices of inverse depth against distance, with the first-order ones dotted, per camera."""
     with styled():
-        shown = propagated_cameras(tree, "sensitivity")
+        shown = traces_in(tree, "sensitivity")
         data = tree["sensitivity"].to_dataset().sel(field="axis")
         names = _main_sources(data)
         figure = new_figure(0.8 + 1.7 * -(-len(shown) // _COLUMNS))

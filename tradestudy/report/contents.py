@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from tradestudy.report import facts
 from tradestudy.report.document import Block, Contents, Document, PageBreak
 from tradestudy.report.sections.answer import answer
 from tradestudy.report.sections.calibration import calibration
@@ -20,6 +19,7 @@ from tradestudy.report.sections.method import method
 from tradestudy.report.sections.provenance import provenance
 from tradestudy.report.sections.registers import assumptions, claims, contradictions, criteria, requirements
 from tradestudy.report.sections.results import results
+from tradestudy.results.views.groups import attribute
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -49,8 +49,8 @@ def compose(
     """
     measuring = Measuring.of(run, not_shown=cost_not_shown)
     return Document(
-        title=facts.attribute(tree, "title"),
-        subtitle=facts.attribute(tree, "question"),
+        title=attribute(tree, "title"),
+        subtitle=attribute(tree, "question"),
         blocks=tuple(_blocks(tree, run, drawings, measuring)),
     )
 
