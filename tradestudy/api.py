@@ -412,13 +412,13 @@ def cost_answers(study: Study, cost: xr.Dataset, directory: Path) -> list[str]:
     directory
         Where it was written.
     """
-    from tradestudy.report.document import plain
+    from tradestudy.report.document import plain_text
     from tradestudy.report.sections.cost import Measuring, answers
 
     measuring = Measuring(
         file=study.definition.document.locate(()).file, folder=str(directory), options=options(study.definition)
     )
-    return [plain(answer) for answer in answers(cost, measuring)]
+    return [plain_text(answer) for answer in answers(cost, measuring)]
 
 
 def _write_report(tree: xr.DataTree, record: Mapping[str, Any], directory: Path, *, pdf: bool) -> None:

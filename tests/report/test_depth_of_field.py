@@ -14,7 +14,7 @@ import xarray as xr
 from tradestudy import figures
 from tradestudy.api import Result, load
 from tradestudy.report import contents
-from tradestudy.report.document import Table, flattened, spans
+from tradestudy.report.document import Table, all_blocks, spans
 from tradestudy.results.views.cameras import camera_titles
 from tradestudy.results.views.depth_of_field import sharp_stretches
 
@@ -88,7 +88,7 @@ def test_every_number_of_the_comparison_is_in_a_table(written: Path) -> None:
 
 def said(tree: xr.DataTree) -> str:
     """All that the report says in tables and paragraphs."""
-    blocks = flattened(contents.compose(tree, {}, figures.build(tree)).blocks)
+    blocks = all_blocks(contents.compose_report(tree, {}, figures.build(tree)).blocks)
     cells = [cell for block in blocks if isinstance(block, Table) for row in block.rows for cell in row]
     return " | ".join("".join(span.text for span in spans(cell)) for cell in cells).replace("\N{NO-BREAK SPACE}", " ")
 

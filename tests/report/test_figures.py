@@ -15,6 +15,7 @@ import xarray as xr
 from tradestudy import figures
 from tradestudy.errors import OutOfRangeError
 from tradestudy.figures.cameras import traces
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import length_tick, line_style, plain_number
 from tradestudy.figures.sweeps import frontier
 from tradestudy.results.views.decision import has_winners, winners
@@ -55,7 +56,7 @@ def test_a_title_that_starts_with_an_underscore_stands_in_the_legend(make_tree: 
 
 
 def test_letters_that_the_font_lacks_are_named() -> None:
-    assert figures.printable("α 日 µ") == "α ⟨U+65E5⟩ µ"
+    assert printable("α 日 µ") == "α ⟨U+65E5⟩ µ"
 
 
 def test_the_same_bytes_in_another_process(tree: xr.DataTree) -> None:

@@ -55,7 +55,7 @@ def test_an_old_report_stays_whole_until_the_new_one_is_complete(
     def fail(*_: object) -> bytes:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(html, "render", fail)
+    monkeypatch.setattr(html, "render_html", fail)
     with pytest.raises(KeyboardInterrupt):
         report.write(_quick(tree), {"date": "new"}, tmp_path, pdf=False)
     assert _content(tmp_path) == before

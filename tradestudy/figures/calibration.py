@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from tradestudy.figures.cameras import CameraTrace, traces_in
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -20,7 +21,6 @@ from tradestudy.figures.style import (
     legend,
     line_style,
     new_figure,
-    printable,
     shortened,
     styled,
 )
@@ -49,7 +49,7 @@ def panels_of(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:
     return list(grid.flat)[:count]
 
 
-def bands(tree: xr.DataTree) -> StudyFigure:
+def draw_bands(tree: xr.DataTree) -> StudyFigure:
     """Quantiles of one reading over the true distance, per camera: 95 and 68 % on the axis, 95 % at the edge."""
     with styled():
         shown = traces_in(tree, "calibration")
@@ -108,7 +108,7 @@ def _band(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 
 
-def failures(tree: xr.DataTree) -> StudyFigure:
+def draw_failures(tree: xr.DataTree) -> StudyFigure:
     """Probability of a reading at or beyond infinity, and of none at all, against distance; axis and edge."""
     with styled():
         shown = traces_in(tree, "calibration")
@@ -149,7 +149,7 @@ def _share(axes: Axes, distance: FloatArray, values: FloatArray, camera: CameraT
     axes.plot(distance, values, color=camera.style.color, linestyle=camera.style.dash, linewidth=1.3)
 
 
-def rank_probability(tree: xr.DataTree) -> StudyFigure:
+def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
     """Probability that the first camera of each pair errs less, against distance; calibration alone, and with noise."""
     with styled():
         data = tree["decision"].to_dataset()

@@ -49,7 +49,7 @@ def _bands(tree: xr.DataTree) -> Drawing:
         "Dashed: linear theory, whose interval is symmetric and always bounded. Readings at or beyond infinity stay "
         "in the quantiles; a band that runs out at the top has no far end or one beyond the panel.",
         alt="One chart per camera of quantile bands of depth over distance. " + "".join(sentences),
-        draw=partial(calibration.bands, tree),
+        draw=partial(calibration.draw_bands, tree),
     )
 
 
@@ -66,7 +66,7 @@ def _failures(tree: xr.DataTree) -> Drawing:
         caption="Probability that one reading ends at or beyond infinity (top), and that there is none at all because "
         "the camera does not see the point or the drawn errors leave no camera (bottom). Noise and calibration.",
         alt="Four charts of probability against distance. " + "".join(sentences),
-        draw=partial(calibration.failures, tree),
+        draw=partial(calibration.draw_failures, tree),
     )
 
 
@@ -80,7 +80,7 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
         "alone, correlated parameters together as one source. A joint calibration is one source: moving one of "
         "its parameters alone would describe rigs that it has ruled out.",
         alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
-        draw=partial(sensitivity.tornado, tree),
+        draw=partial(sensitivity.draw_tornado, tree),
     )
     yield Drawing(
         name="sobol-indices",
@@ -88,7 +88,7 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
         "and alone (dotted). Inverse depth has a variance where depth has none.",
         alt="One chart per camera of total Sobol indices against distance; first-order indices lie on them where the "
         "sources do not interact.",
-        draw=partial(sensitivity.indices, tree),
+        draw=partial(sensitivity.draw_indices, tree),
     )
 
 
@@ -109,7 +109,7 @@ def _ranks(tree: xr.DataTree) -> Drawing:
         "alone: over rigs, sessions and calibrations, with the noise averaged away. Single readings: noise as well. "
         "Shaded: two Monte Carlo standard errors. What both cameras share (temperature, pressure) is drawn once.",
         alt="Four charts of probability against distance. Calibration alone, on the axis: " + "".join(sentences),
-        draw=partial(calibration.rank_probability, tree),
+        draw=partial(calibration.draw_rank_probability, tree),
     )
 
 
@@ -126,7 +126,7 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Lines hold 39 and 86 % "
         "of the draws, as one and two standard deviations of a normal in the plane do; dashed: the Laplace fit.",
         alt=f"Corner plot of the posterior draws of {', '.join(n.replace('_', ' ') for n in shown)}.",
-        draw=partial(posterior.corner, tree, name),
+        draw=partial(posterior.draw_corner, tree, name),
     )
     yield Drawing(
         name=f"trace-{name}",
@@ -139,5 +139,5 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
             if bool(data["posterior_converged"])
             else "The chains did not converge."
         ),
-        draw=partial(posterior.trace, tree, name),
+        draw=partial(posterior.draw_trace, tree, name),
     )

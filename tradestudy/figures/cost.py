@@ -16,6 +16,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator
 
 from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -26,7 +27,6 @@ from tradestudy.figures.style import (
     log_axis,
     new_figure,
     plain_number,
-    printable,
     styled,
 )
 from tradestudy.results.cost import NO_ANSWER
@@ -69,7 +69,7 @@ _SLASH: Final[Mapping[str, Any]] = {
 
 
 def cost_drawing(tree: xr.DataTree) -> Drawing:
-    """Describe the figure of `cost_figure`."""
+    """Describe the figure of `draw_cost`."""
     data = tree["cost"].to_dataset()
     return Drawing(
         name="cost",
@@ -81,7 +81,7 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
         "arrow, err by at most that. Below a break in the axis: no error, for an entry that is the reference. Errors "
         "above ten times the value are not drawn." + _without_panel(data),
         alt="Log-log charts of error against seconds. " + _in_words(data),
-        draw=partial(cost_figure, tree),
+        draw=partial(draw_cost, tree),
     )
 
 
@@ -134,7 +134,7 @@ def _time(one: xr.Dataset, name: str) -> str:
     return pretty(float(one[name]), DURATION, digits=2)
 
 
-def cost_figure(tree: xr.DataTree) -> StudyFigure:
+def draw_cost(tree: xr.DataTree) -> StudyFigure:
     """One panel per quantity."""
     with styled():
         data = tree["cost"].to_dataset()

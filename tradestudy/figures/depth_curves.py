@@ -27,7 +27,7 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.results.views.decision import has_winners, told_winners, winners
-from tradestudy.results.views.depth import nominal, of_camera, usable_stretches
+from tradestudy.results.views.depth import nominal, of_camera, where_usable
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
 
@@ -39,7 +39,7 @@ _UNUSABLE_WIDTH, _USABLE_WIDTH = 0.7, 1.9
 _LETTERS_PER_DECADE, _SHORTEST_NAME = 34, 9  # of a name written into the bar of the best camera
 
 
-def discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
+def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
     """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
     with styled():
         depth, shown = nominal(tree), traces(tree)
@@ -109,7 +109,7 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
     )
 
 
-def whole_range(tree: xr.DataTree) -> StudyFigure:
+def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     with styled():
         depth, shown = nominal(tree), traces(tree)
@@ -155,7 +155,7 @@ def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None
     """One line of bars per camera: the distances at which it is usable."""
     last = float(depth["distance"].values[-1])
     for row, camera in enumerate(shown):
-        for near, far in usable_stretches(depth, camera.key):
+        for near, far in where_usable(depth, camera.key):
             axes.barh(row, min(far, last) - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
             # The camera's line style runs through its bar, for readers without colours.
             axes.plot([near, min(far, last)], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9)

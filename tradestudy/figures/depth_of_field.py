@@ -35,7 +35,7 @@ _SCENE = "#F5E7B8"
 _SHADES = (1.0, 0.6)  # of neighbouring slices
 
 
-def depth_of_field_bars(tree: xr.DataTree) -> StudyFigure:
+def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
     """One row per camera: what the headline criterion keeps sharp, slice by slice, over what is resolved alike."""
     with styled():
         data, shown = by_first_criterion(tree), all_traces(tree)
@@ -154,7 +154,7 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, .
     )
 
 
-def resolution_against_distance(tree: xr.DataTree) -> StudyFigure:
+def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     """Size of detail that each camera resolves, log–log, bold where it is sharp by the headline criterion."""
     with styled():
         data, shown = by_first_criterion(tree), all_traces(tree)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The bars and the curves of resolution."""
     yield Drawing(
         name="depth-of-field",
@@ -28,14 +28,14 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         + _thin_words(tree)
         + " At the right, the coarsest detail that is resolved within the scene; grey where not all of it is sharp.",
         alt="Bars of depth of field over working distance, one row per camera. " + _sharp_words(tree),
-        draw=partial(depth_of_field.depth_of_field_bars, tree),
+        draw=partial(depth_of_field.draw_depth_of_field, tree),
     )
     yield Drawing(
         name="lateral-resolution",
         caption="Detail that each camera resolves on the object: the larger of its lateral sample and its geometric "
         "blur. Bold where the camera is sharp by the first criterion.",
         alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
-        draw=partial(depth_of_field.resolution_against_distance, tree),
+        draw=partial(depth_of_field.draw_lateral_resolution, tree),
     )
 
 

@@ -36,7 +36,7 @@ _F_NUMBERS = (1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64)
 _PERCENT = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 
 
-def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The figures of ``/fresnel_validity``, with what they show in words."""
     data = tree["fresnel_validity"].to_dataset()
     window = plain_number(middle_window(data))
@@ -54,7 +54,7 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         f"difference from Kirchhoff's over {window} Airy radii, in focus on the axis. Bands: {waves}. Stars: the "
         "paper's values." + aside,
         alt="Log-log charts of error against f-number, one column per lens, one line per lens phase. " + _words(data),
-        draw=partial(fresnel_error, tree),
+        draw=partial(draw_fresnel_error, tree),
     )
     yield Drawing(
         name="fresnel_criteria",
@@ -62,7 +62,7 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         f"of the study, and the f-number from which the measured error (as above, parabolic phase) stays below "
         f"{pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper.",
         alt="Bar chart of least f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
-        draw=partial(fresnel_criteria, tree),
+        draw=partial(draw_fresnel_criteria, tree),
     )
     yield Drawing(
         name="paper_eq27",
@@ -71,7 +71,7 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         f"Lines: {waves}. Dashed: the f-number printed in the paper.",
         alt="Charts of minimal f-number against extra path within one quarter wave. The first zero falls from "
         "infinity, the second one drifts by a fifth and jumps back. " + _sweep_words(data),
-        draw=partial(paper_eq27, tree),
+        draw=partial(draw_paper_eq27, tree),
     )
 
 
@@ -94,7 +94,7 @@ def _words(data: xr.Dataset) -> str:
     return "".join(sentences)
 
 
-def fresnel_error(tree: xr.DataTree) -> StudyFigure:
+def draw_fresnel_error(tree: xr.DataTree) -> StudyFigure:
     """Error against f-number; a column per lens, a second row for the point off axis."""
     with styled():
         data = tree["fresnel_validity"].to_dataset()
@@ -199,7 +199,7 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
     return found
 
 
-def fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
+def draw_fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
     """One row per criterion, a bar over the wavelengths; arrows where the range leaves the axis."""
     with styled():
         data = tree["fresnel_validity"].to_dataset()
@@ -259,7 +259,7 @@ def _criteria_words(data: xr.Dataset) -> str:
     return "".join(sentences)
 
 
-def paper_eq27(tree: xr.DataTree) -> StudyFigure:
+def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
     """Both zeros over one quarter-wave period, two panels per lens would hide that they are one criterion."""
     with styled():
         data = tree["fresnel_validity"].to_dataset()

@@ -24,7 +24,7 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
 from tradestudy.results.views.cameras import camera_titles
 from tradestudy.results.views.decision import candidates, has_winners, told_winners
-from tradestudy.results.views.depth import nominal, of_camera, swept, usable_stretches
+from tradestudy.results.views.depth import nominal, of_camera, swept, where_usable
 from tradestudy.results.views.largest import largest_part
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
@@ -36,14 +36,14 @@ CLOSE_RANGE_ENDS = 1.0  # m: the paper's figure 8 ends and its figure 9 begins h
 _NEAR_ZERO = 0.1  # of the farthest distance: an axis that begins nearer than this may begin at the camera
 
 
-def drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
+def all_drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
     """Every figure that the groups of `tree` allow, by name, in the order of a report."""
     return {drawing.name: drawing for drawing in _all(tree)}
 
 
 def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if "depth_of_field" in tree.children:
-        yield from focus_gallery.drawings(tree)
+        yield from focus_gallery.focus_drawings(tree)
     if "depth" in tree.children:
         yield _whole_range(tree)
         yield from _paper_figures(tree)
@@ -54,8 +54,8 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
         yield _readings(tree)
     yield from calibration_drawings(tree)
     if "fresnel_validity" in tree.children:
-        yield from fresnel_validity.drawings(tree)
-    yield from light_spot.drawings(tree)
+        yield from fresnel_validity.fresnel_drawings(tree)
+    yield from light_spot.light_drawings(tree)
     if "hard_cases" in tree.children:
         yield hard_cases_drawing(tree)
     if "cost" in tree.children and measured_quantities(tree["cost"].to_dataset()):
@@ -83,7 +83,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         alt="Log-log chart of depth uncertainty against distance. "
         + _usable_words(depth, shown)
         + _winner_words(tree, shown),
-        draw=partial(depth_curves.whole_range, tree),
+        draw=partial(depth_curves.draw_whole_range, tree),
     )
 
 
@@ -101,7 +101,7 @@ def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
     """Where each camera is usable, in one sentence each."""
     sentences = []
     for camera in shown:
-        where = [span(a, b) for a, b in usable_stretches(depth, camera.key)]
+        where = [span(a, b) for a, b in where_usable(depth, camera.key)]
         sentences.append(f"{camera.title}: usable {' and '.join(where) or 'nowhere'}. ")
     return "".join(sentences)
 
@@ -135,7 +135,7 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
         "uncertainty has both." + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discriminating "
         f"power and uncertainty. Uncertainty {_values_at(tree, shown, far)}.",
-        draw=partial(depth_curves.discrimination_and_uncertainty, tree, near, far),
+        draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
     )
 
 
@@ -160,7 +160,7 @@ def _parts(tree: xr.DataTree) -> Drawing:
         + (f" Not drawn, because it moves no depth here: {silent}." if silent else "")
         + _design_words(tree),
         alt="One log-log chart per camera with a line per source of error. " + _largest_parts(tree),
-        draw=partial(uncertainty_parts.uncertainty_parts, tree),
+        draw=partial(uncertainty_parts.draw_uncertainty_parts, tree),
     )
 
 
@@ -169,7 +169,7 @@ def _largest_parts(tree: xr.DataTree) -> str:
     depth = nominal(tree)
     sentences = []
     for camera in traces(tree):
-        intervals = usable_stretches(depth, camera.key)
+        intervals = where_usable(depth, camera.key)
         if not intervals:
             continue
         near, far = intervals[0]
@@ -204,7 +204,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         f"{denominator}." + _unbounded_words(ratio),
         alt="Dot chart of the ratio of uncertainties, one row per reading, one mark per distance, three panels: "
         "noise and calibration, noise only, calibration only. " + "".join(sentences),
-        draw=partial(readings.readings, tree),
+        draw=partial(readings.draw_readings, tree),
     )
 
 
@@ -225,7 +225,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
             name="sweep_map",
             caption=f"Depth uncertainty at {place} over the swept values of {names}.",
             alt=f"Depth uncertainty at {place} against {names}, for {titles}.",
-            draw=partial(sweeps.sweep_map, tree),
+            draw=partial(sweeps.draw_sweep_map, tree),
         )
     yield Drawing(
         name="pareto",
@@ -233,5 +233,5 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         f"{place}. The line joins the designs that no other beats in both.",
         alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}, with the frontier of "
         "best designs.",
-        draw=partial(sweeps.pareto, tree),
+        draw=partial(sweeps.draw_pareto, tree),
     )

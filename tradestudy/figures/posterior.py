@@ -29,7 +29,7 @@ def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
     return tuple(str(name) for name in data["parameter"].values[known[chosen]])
 
 
-def corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
+def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
     """Marginals of one and two parameters, in standard deviations from the mean, with the Laplace fit dashed."""
     with styled():
         names = shown_parameters(tree, posterior)
@@ -100,7 +100,7 @@ def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     axes.set_yticks([-2, 0, 2])
 
 
-def trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
+def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
     """First walker of every ensemble, in standard deviations from the mean, over the kept steps."""
     with styled():
         names = shown_parameters(tree, posterior)

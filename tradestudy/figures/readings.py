@@ -33,7 +33,7 @@ WAY_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibrati
 _ROW = 0.21  # inches
 
 
-def readings(tree: xr.DataTree) -> StudyFigure:
+def draw_readings(tree: xr.DataTree) -> StudyFigure:
     """One row per reading, one mark per declared distance: the ratio of the uncertainties, three ways, 1 marked."""
     with styled():
         decision = tree["decision"].to_dataset()

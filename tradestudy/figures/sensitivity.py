@@ -11,6 +11,7 @@ from matplotlib.patches import Patch
 
 from tradestudy.figures.calibration import panels_of
 from tradestudy.figures.cameras import CameraTrace, traces_in
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     SOFT,
     StudyFigure,
@@ -20,7 +21,6 @@ from tradestudy.figures.style import (
     line_style,
     log_axis,
     new_figure,
-    printable,
     shortened,
     styled,
 )
@@ -43,7 +43,7 @@ def tornado_distance(tree: xr.DataTree) -> float:
     return float(distance[np.argmin(np.abs(np.log(distance / middle)))])
 
 
-def tornado(tree: xr.DataTree) -> StudyFigure:
+def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     """Half the central 68.27 % interval of depth from each independent source alone, largest first, per camera."""
     with styled():
         shown = traces_in(tree, "sensitivity")
@@ -82,7 +82,7 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 
 
-def indices(tree: xr.DataTree) -> StudyFigure:
+def draw_indices(tree: xr.DataTree) -> StudyFigure:
     """Total Sobol indices of inverse depth against distance, with the first-order ones dotted, per camera."""
     with styled():
         shown = traces_in(tree, "sensitivity")

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
 from tradestudy.figures.cameras import CameraTrace, traces
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     INK,
     SOFT,
@@ -23,7 +24,6 @@ from tradestudy.figures.style import (
     log_axis,
     new_figure,
     plain_number,
-    printable,
     shortened,
     styled,
 )
@@ -79,7 +79,7 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
     return f"{plain_number(value * factor)} {unit}".rstrip()
 
 
-def sweep_map(tree: xr.DataTree) -> StudyFigure:
+def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty [mm] at the reference distance: a curve over one swept parameter, a map over two.
 
     Of more than two, all but the two with the most values stand at their first value.
@@ -167,7 +167,7 @@ def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
         )
 
 
-def pareto(tree: xr.DataTree) -> StudyFigure:
+def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     """Nearest usable distance against uncertainty at the reference distance, for designs usable there; the frontier."""
     with styled():
         depth, place = tree["depth"].to_dataset(), reference_distance(tree)

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from tradestudy.figures.cameras import CameraTrace, traces
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -20,11 +21,10 @@ from tradestudy.figures.style import (
     line_style,
     log_axis,
     new_figure,
-    printable,
     shortened,
     styled,
 )
-from tradestudy.results.views.depth import nominal, of_camera, usable_stretches
+from tradestudy.results.views.depth import nominal, of_camera, where_usable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -51,7 +51,7 @@ def _largest(depth: xr.Dataset) -> dict[str, float]:
     return {str(name): float(m) if m >= 0.0 else np.nan for name, m in zip(part["part"].values, known, strict=True)}
 
 
-def uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
+def draw_uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty of every camera and its parts against distance, both axes logarithmic."""
     with styled():
         depth, shown = nominal(tree), traces(tree)
@@ -94,7 +94,7 @@ def _limits(depth: xr.Dataset) -> tuple[float, float]:
 
 def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: tuple[str, ...]) -> None:
     distance = np.asarray(depth["distance"].values, dtype=float)
-    for near, far in usable_stretches(depth, camera.key):
+    for near, far in where_usable(depth, camera.key):
         axes.axvspan(near, min(far, float(distance[-1])), color=FAINT, alpha=0.45, linewidth=0, zorder=0)
     total = of_camera(depth, "depth_uncertainty", camera.key) * MM
     axes.plot(distance, np.where(np.isfinite(total), total, np.nan), color=INK, linewidth=2.2)

@@ -43,12 +43,12 @@ def write(
 
     drawings = figures.build(tree)
     pictures = {name: drawing.draw().svg() for name, drawing in drawings.items()}
-    document = contents.compose(tree, run, drawings, cost_not_shown=cost_not_shown)
+    document = contents.compose_report(tree, run, drawings, cost_not_shown=cost_not_shown)
     made = {f"figures/{name}.svg": svg for name, svg in pictures.items()}
     made |= {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
-    made["report.html"] = html.render(document, pictures)
+    made["report.html"] = html.render_html(document, pictures)
     if pdf:
-        made["report.pdf"] = pdf_format.render(document, pictures)
+        made["report.pdf"] = pdf_format.render_pdf(document, pictures)
     for name, content in made.items():
         files.replace_file(directory / name, content)
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 
-def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera for which distance, how sure, what decides it, and what would turn it over."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return

@@ -17,8 +17,14 @@ from tradestudy.report.document import (
     say,
 )
 from tradestudy.report.pictures import pictures_of
-from tradestudy.report.sections.posterior import posteriors
-from tradestudy.report.sections.uncertain_decision import computed_places, crossovers, ranks, stability, verdict
+from tradestudy.report.sections.posterior import describe_posteriors
+from tradestudy.report.sections.uncertain_decision import (
+    computed_places,
+    describe_crossovers,
+    describe_ranks,
+    describe_stability,
+    describe_verdict,
+)
 from tradestudy.report.words import in_words, interval, length, share
 from tradestudy.results.views.cameras import titles_in
 from tradestudy.results.views.groups import group, has
@@ -39,14 +45,14 @@ _CAUSES = {
 }
 
 
-def calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write what a study found by drawing its calibration errors; nothing for a study that draws none."""
     if not has(tree, "calibration", "depth_quantile"):
         return
     yield Heading(text="Calibration errors through the exact models", anchor="calibration")
-    yield from verdict(tree)
+    yield from describe_verdict(tree)
     yield _how(tree)
-    yield from posteriors(tree, drawings)
+    yield from describe_posteriors(tree, drawings)
     yield Heading(text="What one reading is worth", anchor="calibration-depth", level=2)
     yield from pictures_of(drawings, "calibration-bands")
     yield _intervals(tree)
@@ -64,9 +70,9 @@ def calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[
     if has(tree, "decision", "rank_first"):
         yield Heading(text="Who errs less, with what probability", anchor="ranks", level=2)
         yield from pictures_of(drawings, "rank-probability")
-        yield ranks(tree)
-        yield from crossovers(tree)
-    yield from stability(tree)
+        yield describe_ranks(tree)
+        yield from describe_crossovers(tree)
+    yield from describe_stability(tree)
 
 
 def _how(tree: xr.DataTree) -> Paragraph:

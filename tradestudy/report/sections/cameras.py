@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def cameras(tree: xr.DataTree) -> Iterator[Block]:
+def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
     """Write one line per camera and a table of their derived properties, one per family."""
     rows = records(tree, "cameras", "camera")
     if not rows:

@@ -77,7 +77,7 @@ class Measuring:
         return " ".join(["python -m tradestudy cost", *map(_in_a_shell, words)])
 
 
-def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing], measuring: Measuring) -> Iterator[Block]:
+def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing], measuring: Measuring) -> Iterator[Block]:
     """Write the last measured cost of the study on this machine, or say how to measure it."""
     if not any(group in tree.children for group in _HAS_PRICES):
         return

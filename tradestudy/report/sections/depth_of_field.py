@@ -54,7 +54,7 @@ class _Row:
         return self.share >= 1.0 - 1e-9
 
 
-def sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera keeps the scene sharp, at what resolution, with how many exposures and moving parts."""
     if not has(tree, "depth_of_field", "scene_share"):
         return
@@ -193,7 +193,7 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
     )
 
 
-def depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write depth of field by every criterion, at equal resolution, and the lateral resolution."""
     if not has(tree, "depth_of_field", "scene_share"):
         return

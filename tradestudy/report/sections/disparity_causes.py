@@ -31,7 +31,7 @@ _CAUSES: Final = {
 }
 
 
-def disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
+def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     """Write what counts most for every camera whose disparity error is derived, and the table behind it."""
     if not has(tree, "disparity_causes"):
         return

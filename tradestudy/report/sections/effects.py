@@ -34,7 +34,7 @@ _NOTHING = "nothing is left out"
 _LITTLE = 0.5  # of the variance: below that, what changes noise changes the whole by less than half as much
 
 
-def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
+def describe_effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
     """Write the section on effects: what was asked for, what acts, and what was weighed and not taken."""
     rows = records(tree, "effects", "decision")
     if not rows:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 _METRICS = {"peak": "peak", "l1": "L1", "largest": "largest"}
 
 
-def fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say from which f-number on Fresnel may be used, lens by lens, and what the lens phase does to that."""
     if not has(tree, "fresnel_validity", "psf_error"):
         return
@@ -48,7 +48,7 @@ def fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterat
     yield from pictures_of(drawings, "fresnel_error")
 
 
-def fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write how the error is measured, its size by every measure, and what the criteria say."""
     if not has(tree, "fresnel_validity", "psf_error"):
         return

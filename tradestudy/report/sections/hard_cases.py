@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 
-def hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the verdict, the figure, and a table of cases in numbers and one of cases in words for each family."""
     rows = records(tree, "hard_cases", "case")
     if not rows:

@@ -48,7 +48,9 @@ _ERRORS = {
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
 
 
-def light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_light_spot_answer(
+    tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]
+) -> Iterator[Block]:
     """Say how far the methods differ on the detector and what each took."""
     if not has(tree, "images", "image"):
         return
@@ -64,7 +66,7 @@ def light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mappi
         yield Paragraph(_NOT_STATED)
 
 
-def light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write how the images are made and how far single points spread."""
     if has(tree, "images", "image"):
         yield Heading(text="How the light spot is computed", anchor="light-spot")

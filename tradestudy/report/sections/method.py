@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     import xarray as xr
 
 
-def method(tree: xr.DataTree) -> Iterator[Block]:
+def describe_method(tree: xr.DataTree) -> Iterator[Block]:
     """Write the method, for the kinds of camera that the study has."""
     if not has(tree, "depth"):
         return

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 
-def posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the inferred calibrations; nothing where none was."""
     if not has(tree, "calibration", "posterior_mean"):
         return

@@ -22,7 +22,7 @@ _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES = ("set for this run", "assumed", "derived", "datasheet", "measured", "paper")
 
 
-def assumptions(tree: xr.DataTree) -> Iterator[Block]:
+def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     """Write the register of assumptions: every value with a basis, what is assumed first."""
     rows = records(tree, "assumptions", "path")
     if not rows:
@@ -77,7 +77,7 @@ def _shared(owners: list[str], tree: xr.DataTree) -> str:
     return ", ".join([*(titles.get(key, key) for key in left), *parts])
 
 
-def contradictions(tree: xr.DataTree) -> Iterator[Block]:
+def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
     """List where over-determined inputs contradict each other, and which reading is used."""
     rows = records(tree, "contradictions", "contradiction")
     if not rows:
@@ -104,7 +104,7 @@ def contradictions(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-def claims(tree: xr.DataTree) -> Iterator[Block]:
+def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     """Answer the declared claims one by one, under every reading."""
     rows = records(tree, "claims", "claim")
     if not rows:
@@ -170,7 +170,7 @@ def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Blo
     )
 
 
-def requirements(tree: xr.DataTree) -> Iterator[Block]:
+def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
     """Answer the requirements of the study, with their margins."""
     rows = records(tree, "requirements", "requirement")
     if not rows:
@@ -203,7 +203,7 @@ def requirements(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-def criteria(tree: xr.DataTree) -> Iterator[Block]:
+def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
     """Compare the cameras by what is not a curve: moving parts, images per scene, data volume."""
     if not has(tree, "criteria", "value"):
         return

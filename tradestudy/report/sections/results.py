@@ -9,7 +9,7 @@ import numpy as np
 
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.pictures import pictures_of
-from tradestudy.report.sections.disparity_causes import disparity_causes
+from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.report.words import in_words, interval, length, share
 from tradestudy.results.views.cameras import camera_families, camera_titles, titles_in
 from tradestudy.results.views.decision import solved_questions
@@ -27,14 +27,14 @@ _NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
 WAYS = {"noise": "noise", "calibration": "calibration", "both": "both"}
 
 
-def results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the results, one part per question; parts without their group are left out."""
     if has(tree, "depth"):
         yield Heading(text="Results", anchor="results")
         yield from _usable_range(tree)
         yield from _curves(tree, drawings)
         yield from _parts(drawings)
-        yield from disparity_causes(tree)
+        yield from describe_disparity_causes(tree)
         yield from _decision(tree, drawings)
         yield from _sweeps(drawings)
 

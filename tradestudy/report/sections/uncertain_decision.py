@@ -27,7 +27,7 @@ def computed_places(tree: xr.DataTree) -> list[float]:
     return list(dict.fromkeys(nearest))
 
 
-def verdict(tree: xr.DataTree) -> Iterator[Block]:
+def describe_verdict(tree: xr.DataTree) -> Iterator[Block]:
     """For each declared distance who errs less with what probability, and what drives it; then what would change it."""
     if not has(tree, "decision", "rank_first"):
         return
@@ -61,7 +61,7 @@ def _driver(tree: xr.DataTree, camera: str, place: float) -> str:
     return "nothing seen" if source is None else in_words(source)
 
 
-def ranks(tree: xr.DataTree) -> Table:
+def describe_ranks(tree: xr.DataTree) -> Table:
     """Probabilities of the ranks of every pair at the declared distances."""
     data, titles = group(tree, "decision"), camera_titles(tree)
     places = computed_places(tree)
@@ -93,7 +93,7 @@ def ranks(tree: xr.DataTree) -> Table:
     )
 
 
-def crossovers(tree: xr.DataTree) -> Iterator[Block]:
+def describe_crossovers(tree: xr.DataTree) -> Iterator[Block]:
     """Distances at which the cameras of a pair are equally uncertain, with their Monte Carlo error."""
     data, titles = group(tree, "decision"), camera_titles(tree)
     rows: list[tuple[Text, ...]] = []
@@ -134,7 +134,7 @@ def _crossing(there: xr.Dataset) -> str:
     return ", ".join(found) or "nowhere"
 
 
-def stability(tree: xr.DataTree) -> Iterator[Block]:
+def describe_stability(tree: xr.DataTree) -> Iterator[Block]:
     """The inverse questions and their answers; nothing where none was asked."""
     if not has(tree, "decision", "stability_answer"):
         return

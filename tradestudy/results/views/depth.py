@@ -37,7 +37,7 @@ def of_camera(depth: xr.Dataset, variable: str, camera: str, **where: str) -> Fl
     return np.asarray(depth[variable].sel({"camera": camera, **where}).values, dtype=np.float64)
 
 
-def usable_stretches(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], ...]:
+def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], ...]:
     """Where a camera is usable, as (near, far) in metres; empty where it nowhere is."""
     return stretches(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
 
