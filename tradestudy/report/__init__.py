@@ -9,9 +9,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tradestudy.figures.drawn import Drawer
+
 
 def write(
-    tree: xr.DataTree, run: Mapping[str, Any], directory: Path, *, cost_not_shown: str = "", pdf: bool = True
+    tree: xr.DataTree,
+    run: Mapping[str, Any],
+    directory: Path,
+    *,
+    cost_not_shown: str = "",
+    pdf: bool = True,
+    drawer: Drawer | None = None,
 ) -> None:
     """Write ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv`` of a finished run.
 
@@ -31,6 +39,8 @@ def write(
         Why a cost that lies in the folder is none of this run, in words; empty where none does.
     pdf
         Whether to write ``report.pdf``.
+    drawer
+        Who has begun to draw the figures of `tree`; None draws them here.
 
     Raises
     ------
@@ -38,14 +48,15 @@ def write(
         If a file cannot be written.
     """
     from tradestudy import figures
+    from tradestudy.figures.drawn import drawn_here
     from tradestudy.report import contents, csv_tables, files, html
     from tradestudy.report import pdf as pdf_format
 
     drawings = figures.build(tree)
-    pictures = {name: drawing.draw().svg() for name, drawing in drawings.items()}
     document = contents.compose_report(tree, run, drawings, cost_not_shown=cost_not_shown)
-    made = {f"figures/{name}.svg": svg for name, svg in pictures.items()}
-    made |= {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
+    made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
+    pictures = drawn_here(drawings) if drawer is None else drawer.pictures(drawings)
+    made |= {f"figures/{name}.svg": svg for name, svg in pictures.items()}
     made["report.html"] = html.render_html(document, pictures)
     if pdf:
         made["report.pdf"] = pdf_format.render_pdf(document, pictures)
