@@ -292,12 +292,11 @@ class Result:
         from tradestudy.results import storage
 
         target = Path(directory)
-        shown = _Shown.of(self.data, target)
         if drawer is not None:
-            drawer.begin(shown.tree)
+            drawer.begin(self.data)
         storage.remove_abandoned(target)
         record = storage.write_finished(self.data, self.run_record, target)
-        shown.write(record, target, pdf=pdf, drawer=drawer)
+        _write_report(self.data, record, target, pdf=pdf, drawer=drawer)
         return target
 
     def _repr_html_(self) -> str:
@@ -343,7 +342,7 @@ def run(
         else:
             progress("report", 0.0)
             storage.remove_abandoned(directory)
-            _Shown.of(result.data, directory).write(result.run_record, directory, pdf=pdf)
+            _write_report(result.data, result.run_record, directory, pdf=pdf)
         checkpoints.remove()
     progress("report", 1.0)
     return result
@@ -392,7 +391,7 @@ def open_result(directory: str | Path) -> Result:
 def report(directory: str | Path, *, pdf: bool = True) -> None:
     """Render the report of a finished run again, to the same bytes."""
     result = open_result(directory)
-    _Shown.of(result.data, Path(directory)).write(result.run_record, Path(directory), pdf=pdf)
+    _write_report(result.data, result.run_record, Path(directory), pdf=pdf)
 
 
 def cost(
@@ -436,33 +435,17 @@ def cost_answers(study: Study, cost: xr.Dataset, directory: Path) -> list[str]:
     return [plain_text(answer) for answer in answers(cost, measuring)]
 
 
-@dataclass(frozen=True)
-class _Shown:
-    """What the report of a run shows: its results, with the last cost of the same study on this machine.
+def _write_report(
+    tree: xr.DataTree, record: Mapping[str, Any], directory: Path, *, pdf: bool, drawer: Drawer | None = None
+) -> None:
+    """With the last cost of the same study on this machine, where the folder has one, or why what it has is none."""
+    from tradestudy import report as renderer
+    from tradestudy.cost.stored import read_cost, why_not_shown
 
-    Parameters
-    ----------
-    tree
-        Results and cost.
-    cost_not_shown
-        Why the cost that lies in the folder is none of this run; empty where none does.
-    """
-
-    tree: xr.DataTree
-    cost_not_shown: str
-
-    @classmethod
-    def of(cls, tree: xr.DataTree, directory: Path) -> _Shown:
-        from tradestudy.cost.stored import read_cost, why_not_shown
-
-        study_hash = str(tree.attrs.get("study_hash", ""))
-        found, not_shown = read_cost(directory, study_hash), why_not_shown(directory, study_hash)
-        return cls(tree if found is None else tree.assign({"cost": type(tree)(found)}), not_shown)
-
-    def write(self, record: Mapping[str, Any], directory: Path, *, pdf: bool, drawer: Drawer | None = None) -> None:
-        from tradestudy import report as renderer
-
-        renderer.write(self.tree, record, directory, cost_not_shown=self.cost_not_shown, pdf=pdf, drawer=drawer)
+    study_hash = str(tree.attrs.get("study_hash", ""))
+    found, not_shown = read_cost(directory, study_hash), why_not_shown(directory, study_hash)
+    shown = tree if found is None else tree.assign({"cost": type(tree)(found)})
+    renderer.write(shown, record, directory, cost_not_shown=not_shown, pdf=pdf, drawer=drawer)
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:

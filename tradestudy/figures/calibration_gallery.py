@@ -72,8 +72,11 @@ def _failures(tree: xr.DataTree) -> Drawing:
 
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     place = sensitivity.tornado_distance(tree)
-    largest = {title: largest_source(tree, key, place) for key, title in titles_in(tree, "sensitivity").items()}
-    sentences = [f"{title}: {source.replace('_', ' ')}. " for title, source in largest.items() if source is not None]
+    sentences = [
+        f"{title}: {largest.replace('_', ' ')}. "
+        for key, title in titles_in(tree, "sensitivity").items()
+        if (largest := largest_source(tree, key, place)) is not None
+    ]
     yield Drawing(
         name="tornado",
         caption=f"What drives depth at {pretty(place, LENGTH)}: half the central 68.27 % interval from each source "

@@ -41,12 +41,11 @@ class Drawer:
             self.tasks.flush()
 
     def pictures(self, drawings: Mapping[str, Drawing]) -> Mapping[str, bytes]:
-        """Take the figures of those results as SVG, by name; where it failed, they are drawn here, and errors seen."""
-        try:
-            found: Mapping[str, bytes] = pickle.load(self.answers)
-        except (EOFError, OSError, pickle.UnpicklingError):
-            return drawn_here(drawings)
-        return found
+        """Take the figures as SVG, by name; what is missing, as all are where it failed, is drawn here."""
+        found: Mapping[str, bytes] = {}
+        with suppress(EOFError, OSError, pickle.UnpicklingError):
+            found = pickle.load(self.answers)
+        return {**found, **drawn_here({name: one for name, one in drawings.items() if name not in found})}
 
 
 @contextmanager

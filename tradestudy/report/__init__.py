@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,7 +41,7 @@ def write(
     pdf
         Whether to write ``report.pdf``.
     drawer
-        Who has begun to draw the figures of `tree`; None draws them here.
+        Who has begun to draw figures of these results; None draws all here.
 
     Raises
     ------
@@ -60,8 +61,8 @@ def write(
     made["report.html"] = html.render_html(document, pictures)
     if pdf:
         made["report.pdf"] = pdf_format.render_pdf(document, pictures)
-    for name, content in made.items():
-        files.replace_file(directory / name, content)
+    with ThreadPoolExecutor() as pool:  # they wait for the disk
+        list(pool.map(files.replace_file, (directory / name for name in made), made.values()))
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
         if old.relative_to(directory).as_posix() not in made:
             old.unlink(missing_ok=True)  # another run on this folder may have been quicker
