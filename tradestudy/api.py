@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 import time
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from html import escape
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 
     from tradestudy.comparison import Comparison
     from tradestudy.execution import Checkpoints, Executor
+    from tradestudy.figures.drawn import Drawer
     from tradestudy.plan.plan import Plan
     from tradestudy.study.schema.root import StudyFile
 
@@ -276,7 +278,7 @@ class Result:
 
         return figures.figure(self.data, name)
 
-    def write(self, directory: str | Path, *, pdf: bool = True) -> Path:
+    def write(self, directory: str | Path, *, pdf: bool = True, drawer: Drawer | None = None) -> Path:
         """Write results, record, tables, figures and report; every file whole or not at all.
 
         Parameters
@@ -285,13 +287,17 @@ class Result:
             Where to; made if missing.
         pdf
             Whether to write the PDF too.
+        drawer
+            Who draws the figures while the rest is written; None draws them here.
         """
         from tradestudy.results import storage
 
         target = Path(directory)
+        if drawer is not None:
+            drawer.begin(self.data)
         storage.remove_abandoned(target)
-        tree, record = storage.write_finished(self.data, self.run_record, target)
-        _write_report(tree, record, target, pdf=pdf)
+        record = storage.write_finished(self.data, self.run_record, target)
+        _write_report(self.data, record, target, pdf=pdf, drawer=drawer)
         return target
 
     def _repr_html_(self) -> str:
@@ -330,9 +336,10 @@ def run(
     result = None if fresh else _finished(study, directory)
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None:
-            result = study.run(progress, executor=executor, checkpoints=checkpoints)
-            progress("report", 0.0)
-            result.write(directory, pdf=pdf)
+            with _drawer_while_computing() as drawer:
+                result = study.run(progress, executor=executor, checkpoints=checkpoints)
+                progress("report", 0.0)
+                result.write(directory, pdf=pdf, drawer=drawer)
         else:
             progress("report", 0.0)
             storage.remove_abandoned(directory)
@@ -340,6 +347,13 @@ def run(
         checkpoints.remove()
     progress("report", 1.0)
     return result
+
+
+def _drawer_while_computing() -> AbstractContextManager[Drawer | None]:
+    """Who draws the figures of a run on another core, where there is one; it gets ready while the run computes."""
+    from tradestudy.figures.drawn import drawer
+
+    return drawer() if provenance.cores() > 1 and sys.executable else nullcontext()
 
 
 def is_finished(study: Study, directory: Path) -> bool:
@@ -413,16 +427,18 @@ def cost_answers(study: Study, cost: xr.Dataset, directory: Path) -> list[str]:
     directory
         Where it was written.
     """
-    from tradestudy.report.document import plain
+    from tradestudy.report.document import plain_text
     from tradestudy.report.sections.cost import Measuring, answers
 
     measuring = Measuring(
         file=study.definition.document.locate(()).file, folder=str(directory), options=options(study.definition)
     )
-    return [plain(answer) for answer in answers(cost, measuring)]
+    return [plain_text(answer) for answer in answers(cost, measuring)]
 
 
-def _write_report(tree: xr.DataTree, record: Mapping[str, Any], directory: Path, *, pdf: bool) -> None:
+def _write_report(
+    tree: xr.DataTree, record: Mapping[str, Any], directory: Path, *, pdf: bool, drawer: Drawer | None = None
+) -> None:
     """With the last cost of the same study on this machine, where the folder has one, or why what it has is none."""
     from tradestudy import report as renderer
     from tradestudy.cost.stored import read_cost, why_not_shown
@@ -430,7 +446,7 @@ def _write_report(tree: xr.DataTree, record: Mapping[str, Any], directory: Path,
     study_hash = str(tree.attrs.get("study_hash", ""))
     found, not_shown = read_cost(directory, study_hash), why_not_shown(directory, study_hash)
     shown = tree if found is None else tree.assign({"cost": type(tree)(found)})
-    renderer.write(shown, record, directory, cost_not_shown=not_shown, pdf=pdf)
+    renderer.write(shown, record, directory, cost_not_shown=not_shown, pdf=pdf, drawer=drawer)
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:

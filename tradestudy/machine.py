@@ -18,6 +18,8 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.provenance import cores
+
 REFERENCE_SECONDS: Final[Mapping[str, float]] = {
     "fast Fourier transform": 1.366e-3,
     "complex exponentials": 2.46e-3,
@@ -37,7 +39,7 @@ def identity() -> dict[str, str | int]:
     return {
         "processor": _processor(),
         "architecture": platform.machine(),
-        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1,
+        "cores": cores(),
     }
 
 

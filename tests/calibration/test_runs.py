@@ -7,8 +7,8 @@ import tradestudy
 from tests.calibration.conftest import STUDIES
 from tests.calibration.test_posteriors import SMALL
 from tradestudy.figures import build
-from tradestudy.report.contents import compose
-from tradestudy.report.document import Callout, Paragraph, Table, flattened, spans
+from tradestudy.report.contents import compose_report
+from tradestudy.report.document import Callout, Paragraph, Table, all_blocks, spans
 
 
 def plain(text):
@@ -109,7 +109,7 @@ def test_the_report_obeys_its_rules(reduced):
     assert {"calibration-bands", "failure-share", "tornado", "sobol-indices", "rank-probability"} <= set(drawings)
     for name in ("calibration-bands", "failure-share", "tornado", "sobol-indices", "rank-probability"):
         assert drawings[name].draw().svg().startswith(b"<?xml")
-    blocks = tuple(flattened(compose(reduced, {}, drawings).blocks))
+    blocks = tuple(all_blocks(compose_report(reduced, {}, drawings).blocks))
     tables = {block.name: block for block in blocks if isinstance(block, Table)}
     interval = tables["calibration-table"]
     heads = [plain(row[0]) for row in interval.rows if len(row) == 1]
@@ -132,8 +132,8 @@ def test_an_unconverged_calibration_is_said_aloud_and_fails_a_strict_run(written
     drawings = build(result.data)
     assert drawings["corner-rig"].draw().svg()
     assert drawings["trace-rig"].draw().svg()
-    blocks = tuple(flattened(compose(result.data, {}, drawings).blocks))
+    blocks = tuple(all_blocks(compose_report(result.data, {}, drawings).blocks))
     warnings = [block for block in blocks if isinstance(block, Callout) and block.tone == "warning"]
     assert [plain(warning.title) for warning in warnings] == ["Rig did not converge"]
-    said = [plain(block.text) for block in flattened(warnings[0].blocks) if isinstance(block, Paragraph)]
+    said = [plain(block.text) for block in all_blocks(warnings[0].blocks) if isinstance(block, Paragraph)]
     assert "too short" in said[0]

@@ -13,10 +13,10 @@ from matplotlib.axes import Axes
 
 from tradestudy.cost.entries import CostTable, Entry, nothing_measured
 from tradestudy.cost.study_cost import _dataset
-from tradestudy.figures.cost import _ARROW, _RING, _next_digit, cost_drawing, cost_figure
-from tradestudy.report.document import Bullets, Callout, Paragraph, Table, plain
+from tradestudy.figures.cost import _ARROW, _RING, _next_digit, cost_drawing, draw_cost
+from tradestudy.report.document import Bullets, Callout, Paragraph, Table, plain_text
 from tradestudy.report.sections.cost import Measuring
-from tradestudy.report.sections.cost import cost as cost_section
+from tradestudy.report.sections.cost import describe_cost as cost_section
 
 
 def entry(setting: str, error: float, seconds: float, *, chosen: bool = False) -> Entry:
@@ -70,14 +70,14 @@ def answers(data: xr.DataTree, *options: str) -> list[str]:
     (box,) = [block for block in cost_section(data, {}, measuring(*options)) if isinstance(block, Callout)]
     (bullets,) = box.blocks
     assert isinstance(bullets, Bullets)
-    return [plain(item) for item in bullets.items]
+    return [plain_text(item) for item in bullets.items]
 
 
 def rows_of(data: xr.DataTree, name: str) -> list[list[str]]:
     table = next(
         block for block in cost_section(data, {}, measuring()) if isinstance(block, Table) and block.name == name
     )
-    return [[plain(cell) for cell in row] for row in table.rows]
+    return [[plain_text(cell) for cell in row] for row in table.rows]
 
 
 def star(data: xr.DataTree) -> tuple[str, float, float] | None:
@@ -171,9 +171,9 @@ def test_what_no_option_asks_for_is_said_to_be_there_for_comparison_only() -> No
     (said,) = answers(data)
     assert "other, fine, 10 s, 10 times as long, 9 s more (it errs by 0.001 %; for comparison only: no option " in said
     (paragraph,) = [
-        plain(block.text)
+        plain_text(block.text)
         for block in cost_section(data, {}, measuring())
-        if isinstance(block, Paragraph) and plain(block.text).startswith("What a study asks")
+        if isinstance(block, Paragraph) and plain_text(block.text).startswith("What a study asks")
     ]
     assert paragraph == (
         "What a study asks for them by: law → effects.calibration. other → nothing, measured for comparison only."
@@ -193,7 +193,7 @@ def test_beside_the_factor_stands_what_the_whole_run_took() -> None:
     assert isinstance(bullets, Bullets)
     assert (
         "89 times as long, 88 s more (it errs by 0.01 %); all that the run computed took 7.2 s, its report apart."
-        in plain(bullets.items[0])
+        in plain_text(bullets.items[0])
     )
 
 
@@ -248,7 +248,7 @@ def test_options_are_quoted_for_a_shell(value: str) -> None:
 
 def drawn(data: xr.DataTree) -> Axes:
     """The panel of the only quantity, laid out."""
-    figure = cost_figure(data)
+    figure = draw_cost(data)
     figure.draw_without_rendering()
     (axes,) = figure.axes
     return axes
@@ -307,7 +307,7 @@ def test_axes_have_labels_to_read_a_value_by(start: float, floor: float) -> None
 
 def test_the_legend_names_models_in_full() -> None:
     model = "Fresnel at the main lens, Kirchhoff at microlenses"
-    (legend,) = cost_figure(tree(replace(entry("", 1e-2, 1.0), model=model), floor=1e-6)).legends
+    (legend,) = draw_cost(tree(replace(entry("", 1e-2, 1.0), model=model), floor=1e-6)).legends
     assert model in [text.get_text() for text in legend.get_texts()]
 
 
@@ -315,7 +315,7 @@ def test_the_legend_names_models_in_full() -> None:
 def test_the_legend_stays_within_the_figure(longest: str) -> None:
     models = [f"{longest} {number}" for number in range(9)]
     entries = [replace(entry("", 10.0**-k, 10.0**k), model=model) for k, model in enumerate(models)]
-    figure = cost_figure(tree(*entries, floor=1e-12))
+    figure = draw_cost(tree(*entries, floor=1e-12))
     figure.draw_without_rendering()
     (legend,) = figure.legends
     drawn = legend.get_window_extent()

@@ -28,7 +28,7 @@ from tradestudy.optics.quadrature import gauss_legendre
 from tradestudy.provenance import code_hash
 from tradestudy.report.document import Table
 from tradestudy.report.sections.cost import Measuring
-from tradestudy.report.sections.cost import cost as cost_section
+from tradestudy.report.sections.cost import describe_cost as cost_section
 from tradestudy.results import GROUPS
 
 ASKED = "What would one more digit cost?"

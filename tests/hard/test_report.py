@@ -8,8 +8,8 @@ import pytest
 import xarray as xr
 
 from tradestudy import api, figures
-from tradestudy.report.contents import compose
-from tradestudy.report.document import Callout, Paragraph, Table, flattened, spans
+from tradestudy.report.contents import compose_report
+from tradestudy.report.document import Callout, Paragraph, Table, all_blocks, spans
 
 STUDY = Path(__file__).parents[2] / "studies" / "hard_cases.yaml"
 
@@ -20,12 +20,12 @@ def tree() -> xr.DataTree:
 
 
 def tables(tree: xr.DataTree) -> dict[str, Table]:
-    blocks = flattened(compose(tree, {}, figures.build(tree)).blocks)
+    blocks = all_blocks(compose_report(tree, {}, figures.build(tree)).blocks)
     return {block.name: block for block in blocks if isinstance(block, Table) and block.name.startswith("hard-cases")}
 
 
 def verdict(tree: xr.DataTree) -> tuple[str, str]:
-    blocks = flattened(compose(tree, {}, figures.build(tree)).blocks)
+    blocks = all_blocks(compose_report(tree, {}, figures.build(tree)).blocks)
     box = next(block for block in blocks if isinstance(block, Callout) and block.title == "Where formulas break")
     assert isinstance(box.blocks[0], Paragraph)
     return box.tone, "".join(span.text for span in spans(box.blocks[0].text))

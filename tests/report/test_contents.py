@@ -7,30 +7,30 @@ import pytest
 import xarray as xr
 
 from tradestudy import figures
-from tradestudy.figures.depth_data import winners
-from tradestudy.report.contents import compose
-from tradestudy.report.document import Bullets, Document, Heading, Picture, Table, Text, flattened, spans
+from tradestudy.report.contents import compose_report
+from tradestudy.report.document import Bullets, Heading, Picture, Report, Table, Text, all_blocks, spans
+from tradestudy.results.views.decision import winners
 
 
 def plain(text: Text) -> str:
     return "".join(span.text for span in spans(text))
 
 
-def document_of(tree: xr.DataTree) -> Document:
-    return compose(tree, {}, figures.build(tree))
+def document_of(tree: xr.DataTree) -> Report:
+    return compose_report(tree, {}, figures.build(tree))
 
 
-def table(document: Document, name: str) -> list[list[str]]:
-    found = next(b for b in flattened(document.blocks) if isinstance(b, Table) and b.name == name)
+def table(document: Report, name: str) -> list[list[str]]:
+    found = next(b for b in all_blocks(document.blocks) if isinstance(b, Table) and b.name == name)
     return [[plain(spans(cell)).replace("\u00a0", " ") for cell in row] for row in found.rows]
 
 
-def headings(document: Document) -> list[str]:
-    return [plain(spans(block.text)) for block in flattened(document.blocks) if isinstance(block, Heading)]
+def headings(document: Report) -> list[str]:
+    return [plain(spans(block.text)) for block in all_blocks(document.blocks) if isinstance(block, Heading)]
 
 
-def sentences(document: Document) -> Iterator[str]:
-    for block in flattened(document.blocks):
+def sentences(document: Report) -> Iterator[str]:
+    for block in all_blocks(document.blocks):
         if isinstance(block, Bullets):
             yield from (plain(spans(item)).replace("\u00a0", " ") for item in block.items)
 
@@ -53,7 +53,7 @@ def test_sections_follow_from_the_groups(tree: xr.DataTree, groups: tuple[str, .
 
 def test_every_figure_of_the_study_is_shown_once(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree(sweep={"b": [0.05, 0.1]})
-    shown = [block.name for block in flattened(document_of(tree).blocks) if isinstance(block, Picture)]
+    shown = [block.name for block in all_blocks(document_of(tree).blocks) if isinstance(block, Picture)]
     assert sorted(shown) == sorted(figures.build(tree))
 
 
@@ -191,7 +191,7 @@ def test_claims_are_answered_under_every_reading_tried(tree: xr.DataTree) -> Non
 
 
 def test_crossovers_are_a_range_of_assumptions(tree: xr.DataTree) -> None:
-    texts = [plain(spans(b.text)) for b in flattened(document_of(tree).blocks) if hasattr(b, "text")]
+    texts = [plain(spans(b.text)) for b in all_blocks(document_of(tree).blocks) if hasattr(b, "text")]
     sentence = next(text for text in texts if "equally uncertain" in text).replace("\u00a0", " ")
     assert "nowhere in the range of the study, usable there or not. Under 2 of the 3 other readings" in sentence
     assert "between 0.4 m and 0.52 m" in sentence

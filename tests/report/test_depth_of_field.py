@@ -13,10 +13,10 @@ import xarray as xr
 
 from tradestudy import figures
 from tradestudy.api import Result, load
-from tradestudy.figures.depth_data import all_cameras
-from tradestudy.figures.depth_of_field import stretches
 from tradestudy.report import contents
-from tradestudy.report.document import Table, flattened, spans
+from tradestudy.report.document import Table, all_blocks, spans
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.depth_of_field import sharp_stretches
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -50,8 +50,8 @@ def test_the_first_page_says_which_camera_at_what_resolution_exposures_and_movin
 def test_the_figures_have_words_for_who_does_not_see_them(result: Result) -> None:
     drawings = figures.build(result.data)
     assert list(drawings)[:2] == ["depth-of-field", "lateral-resolution"]
-    for camera in all_cameras(result.data):
-        assert camera.title in drawings["depth-of-field"].alt
+    for title in camera_titles(result.data).values():
+        assert title in drawings["depth-of-field"].alt
     assert "MAHLI at 22.5 mm: sharp 53.7 mm to 54.6 mm" in drawings["depth-of-field"].alt
     assert "MAHLI, one image 53.3 µm" in drawings["lateral-resolution"].alt
 
@@ -63,8 +63,8 @@ def test_bars_stand_where_the_results_say(result: Result) -> None:
     low, high = figure.axes[0].get_xlim()
     expected = [
         (max(near * 1e3, low), min(far * 1e3, high))
-        for camera in all_cameras(result.data)
-        for near, far in stretches(data, "slice", camera, sharp="one-pixel")
+        for key in camera_titles(result.data)
+        for near, far in sharp_stretches(data.sel(camera=key, sharp="one-pixel"), "slice")
         if near * 1e3 < high and far * 1e3 > low
     ]
     np.testing.assert_allclose(sorted(bars), sorted(expected), rtol=1e-9)
@@ -88,7 +88,7 @@ def test_every_number_of_the_comparison_is_in_a_table(written: Path) -> None:
 
 def said(tree: xr.DataTree) -> str:
     """All that the report says in tables and paragraphs."""
-    blocks = flattened(contents.compose(tree, {}, figures.build(tree)).blocks)
+    blocks = all_blocks(contents.compose_report(tree, {}, figures.build(tree)).blocks)
     cells = [cell for block in blocks if isinstance(block, Table) for row in block.rows for cell in row]
     return " | ".join("".join(span.text for span in spans(cell)) for cell in cells).replace("\N{NO-BREAK SPACE}", " ")
 

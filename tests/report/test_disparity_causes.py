@@ -12,9 +12,9 @@ import xarray as xr
 from tradestudy import load
 from tradestudy.imaging.error_causes import CHANGES
 from tradestudy.plan.plan import plan_of
-from tradestudy.report.contents import compose
-from tradestudy.report.document import Block, Bullets, Table, Text, flattened, spans
-from tradestudy.report.sections.disparity_causes import disparity_causes
+from tradestudy.report.contents import compose_report
+from tradestudy.report.document import Block, Bullets, Table, Text, all_blocks, spans
+from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.results import GROUPS
 from tradestudy.run.groups.disparity_causes import disparity_causes_group
 from tradestudy.run.groups.registers import cameras_group
@@ -38,7 +38,7 @@ def found() -> xr.Dataset:
 
 def section(found: xr.Dataset) -> tuple[Block, ...]:
     cameras = cameras_group(load_definition(STUDY, QUICK))
-    return tuple(disparity_causes(xr.DataTree.from_dict({"/cameras": cameras, "/disparity_causes": found})))
+    return tuple(describe_disparity_causes(xr.DataTree.from_dict({"/cameras": cameras, "/disparity_causes": found})))
 
 
 def plain(text: Text) -> str:
@@ -119,7 +119,7 @@ def test_the_report_says_what_counts_most_and_has_the_table() -> None:
     found = data["disparity_causes"].to_dataset()
     depth = data["depth_at_places"].to_dataset().sel(camera=found["camera"])
     np.testing.assert_allclose(found["disparity_error_px"], depth["disparity_error_px"], rtol=1e-12)
-    blocks = tuple(flattened(compose(data, {}, {}).blocks))
+    blocks = tuple(all_blocks(compose_report(data, {}, {}).blocks))
     told = [text for text in bullets(blocks) if "electrons, a disparity error of" in text]
     assert [text.split(":")[0] for text in told] == [f"Hand-lens pair, f/{n}" for n in ("9.8", "22", "5.6")]
     one = found.sel(camera="pair-f22").isel(distance=1)
@@ -150,7 +150,7 @@ def test_declared_errors_have_no_causes(tree: xr.DataTree) -> None:
     )
     for one in (declared, tree):
         assert "disparity_causes" not in one.children
-        blocks = tuple(flattened(compose(one, {}, {}).blocks))
+        blocks = tuple(all_blocks(compose_report(one, {}, {}).blocks))
         assert not any(isinstance(block, Table) and block.name == NAME for block in blocks)
         assert not any("What counts most" in text for text in bullets(blocks))
 

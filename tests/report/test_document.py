@@ -5,13 +5,13 @@ import pytest
 from tradestudy.report.document import (
     Callout,
     Column,
-    Document,
     Heading,
     Paragraph,
     Picture,
+    Report,
     Span,
     Table,
-    flattened,
+    all_blocks,
     literal,
     say,
     spans,
@@ -64,7 +64,7 @@ def test_what_xml_forbids_and_direction_overrides_are_replaced() -> None:
 def test_headings_figures_and_tables_are_numbered_in_reading_order() -> None:
     table = Table(name="t", caption="", columns=(Column(title="x"),), rows=())
     picture = Picture(name="p", caption="", alt="")
-    document = Document(
+    document = Report(
         title="",
         subtitle="",
         blocks=(
@@ -85,7 +85,7 @@ def test_headings_figures_and_tables_are_numbered_in_reading_order() -> None:
 
 def test_a_name_can_be_used_once() -> None:
     with pytest.raises(ValueError, match="'a'"):
-        Document(title="", subtitle="", blocks=(Heading(text="", anchor="a"), Picture(name="a", caption="", alt="")))
+        Report(title="", subtitle="", blocks=(Heading(text="", anchor="a"), Picture(name="a", caption="", alt="")))
 
 
 def test_a_row_has_as_many_cells_as_columns_or_one() -> None:
@@ -98,4 +98,4 @@ def test_a_row_has_as_many_cells_as_columns_or_one() -> None:
 def test_callouts_are_opened_when_blocks_are_counted() -> None:
     inner = Paragraph("b")
     box = Callout(title="", blocks=(inner,))
-    assert tuple(flattened((Paragraph("a"), box))) == (Paragraph("a"), box, inner)
+    assert tuple(all_blocks((Paragraph("a"), box))) == (Paragraph("a"), box, inner)

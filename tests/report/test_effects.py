@@ -15,7 +15,7 @@ from tradestudy.effects.base import NOTHING_LEFT_OUT
 from tradestudy.effects.selection import Decision
 from tradestudy.plan.plan import Plan, plan_of
 from tradestudy.report.document import Paragraph, Table, Text, spans
-from tradestudy.report.sections.effects import effects
+from tradestudy.report.sections.effects import describe_effects
 from tradestudy.run.groups.effects import effects_group
 from tradestudy.run.runner import compute
 from tradestudy.units import DURATION, pretty, significant
@@ -31,7 +31,7 @@ class Section:
     """The section of a plan: rows of its tables, each under the heading that stands above it."""
 
     def __init__(self, plan: Plan) -> None:
-        blocks = list(effects(xr.DataTree.from_dict({"/effects": effects_group(plan)}), {}))
+        blocks = list(describe_effects(xr.DataTree.from_dict({"/effects": effects_group(plan)}), {}))
         self.tables = {block.name: block for block in blocks if isinstance(block, Table)}
         self.text = " ".join(plain(block.text) for block in blocks if isinstance(block, Paragraph))
         self.notes = " ".join(plain(note) for table in self.tables.values() for note in table.notes)
@@ -141,7 +141,7 @@ def test_how_little_noise_makes_is_told_where_calibration_makes_more(tmp_path: P
     study = base_study("stereo", tmp_path).with_values(changed)
     tree = compute(plan_of(study))
     depth = tree["depth"].to_dataset().sel(camera="one")
-    table = next(block for block in effects(tree, {}) if isinstance(block, Table))
+    table = next(block for block in describe_effects(tree, {}) if isinstance(block, Table))
     found = re.search(r"Of the variance of depth of (.+), noise makes at most ([\d.]+).% where", plain(table.notes[0]))
     assert (found is not None) == is_told
     if found is not None:

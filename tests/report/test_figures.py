@@ -14,9 +14,12 @@ import xarray as xr
 
 from tradestudy import figures
 from tradestudy.errors import OutOfRangeError
-from tradestudy.figures.depth_data import cameras, has_winners, nominal, winners
+from tradestudy.figures.cameras import traces
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import length_tick, line_style, plain_number
 from tradestudy.figures.sweeps import frontier
+from tradestudy.results.views.decision import has_winners, winners
+from tradestudy.results.views.depth import nominal
 
 HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
 
@@ -53,7 +56,7 @@ def test_a_title_that_starts_with_an_underscore_stands_in_the_legend(make_tree: 
 
 
 def test_letters_that_the_font_lacks_are_named() -> None:
-    assert figures.printable("α 日 µ") == "α ⟨U+65E5⟩ µ"
+    assert printable("α 日 µ") == "α ⟨U+65E5⟩ µ"
 
 
 def test_the_same_bytes_in_another_process(tree: xr.DataTree) -> None:
@@ -121,7 +124,7 @@ def _cielab(linear: np.ndarray) -> np.ndarray:
 def test_a_camera_keeps_its_style_on_every_figure(tree: xr.DataTree) -> None:
     for name in ("whole_range", "close_range", "mid_range"):
         lines = figures.figure(tree, name).axes[0].get_lines()
-        for camera in cameras(tree):
+        for camera in traces(tree):
             of_camera = [line for line in lines if line.get_color() == camera.style.color]
             assert len(of_camera) == 2  # bold where usable, thin elsewhere
             assert len({line.get_linestyle() for line in of_camera}) == 1
@@ -129,7 +132,7 @@ def test_a_camera_keeps_its_style_on_every_figure(tree: xr.DataTree) -> None:
 
 def test_bold_curves_hold_the_uncertainty_where_usable_in_millimetres(tree: xr.DataTree) -> None:
     figure = figures.figure(tree, "close_range")
-    camera = cameras(tree)[2]
+    camera = traces(tree)[2]
     bold = max(
         (line for line in figure.axes[1].get_lines() if line.get_color() == camera.style.color),
         key=lambda line: line.get_linewidth(),
@@ -148,7 +151,7 @@ def test_an_unbounded_step_shades_to_the_top_and_an_infinite_uncertainty_ends_th
     depth["depth_uncertainty"][0, -60:] = np.inf
     tree["depth"] = xr.DataTree(depth)
     figure = figures.figure(tree, "mid_range")
-    line = next(line for line in figure.axes[1].get_lines() if line.get_color() == cameras(tree)[0].style.color)
+    line = next(line for line in figure.axes[1].get_lines() if line.get_color() == traces(tree)[0].style.color)
     assert not np.isfinite(np.asarray(line.get_ydata(), dtype=float)[-60:]).any()
     assert np.isfinite(figure.axes[0].get_ylim()).all()
 
@@ -263,7 +266,7 @@ def _tick_labels(tree: xr.DataTree) -> list[str]:
 def test_a_sweep_over_one_value_is_drawn_at_the_middle_place(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree(sweep={"b": [0.05, 0.1, 0.2]}, declared={"b": 0.1})
     axes = figures.figure(tree, "sweep_map").axes[0]
-    line = next(line for line in axes.get_lines() if line.get_color() == cameras(tree)[2].style.color)
+    line = next(line for line in axes.get_lines() if line.get_color() == traces(tree)[2].style.color)
     x, y = (np.asarray(values, dtype=float) for values in line.get_data())
     distance = float(tree["depth"].to_dataset()["distance"].sel(distance=0.5, method="nearest"))
     np.testing.assert_allclose(x, [50.0, 100.0, 200.0])
@@ -278,7 +281,7 @@ def test_choices_can_be_swept(make_tree: Callable[..., xr.DataTree]) -> None:
 def test_only_designs_usable_at_the_place_compete(make_tree: Callable[..., xr.DataTree]) -> None:
     tree = make_tree(sweep={"b": [0.05, 0.1, 0.2]}, declared={"b": 0.1})
     lines = figures.figure(tree, "pareto").axes[0].get_lines()
-    points = {camera.key: next(n for n in lines if n.get_color() == camera.style.color) for camera in cameras(tree)}
+    points = {camera.key: next(n for n in lines if n.get_color() == camera.style.color) for camera in traces(tree)}
     # At 0.5 m the rig with 30.5 mm is not usable yet: it begins at 1.489 m.
     counts = {key: len(np.atleast_1d(line.get_xdata())) for key, line in points.items()}
     assert counts == {"r5": 3, "stereo-30mm": 0, "stereo-65deg": 3}

@@ -10,7 +10,8 @@ import xarray as xr
 
 from tradestudy import report
 from tradestudy.report import csv_tables, files, html
-from tradestudy.report.facts import interval
+from tradestudy.report.words import interval
+from tradestudy.results import FORMAT_VERSION, storage
 from tradestudy.wording import distance
 
 
@@ -35,6 +36,16 @@ def test_the_same_results_give_the_same_files(tree: xr.DataTree, tmp_path: Path)
     assert after.replace(b"today", b"tomorrow") == b["report.html"].partition(b"How this report was made")[2]
 
 
+def test_results_in_memory_and_on_disk_give_the_same_report(
+    tree: xr.DataTree, record: dict[str, object], written: Path, tmp_path: Path
+) -> None:
+    on_disk = tree.copy()
+    on_disk.attrs["format_version"] = FORMAT_VERSION
+    storage.write_finished(on_disk, record, tmp_path / "run")
+    report.write(storage.read_finished(tmp_path / "run")[0], record, tmp_path / "report")
+    assert _content(tmp_path / "report") == _content(written)
+
+
 def test_an_old_report_stays_whole_until_the_new_one_is_complete(
     tree: xr.DataTree, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -44,7 +55,7 @@ def test_an_old_report_stays_whole_until_the_new_one_is_complete(
     def fail(*_: object) -> bytes:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(html, "render", fail)
+    monkeypatch.setattr(html, "render_html", fail)
     with pytest.raises(KeyboardInterrupt):
         report.write(_quick(tree), {"date": "new"}, tmp_path, pdf=False)
     assert _content(tmp_path) == before

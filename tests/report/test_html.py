@@ -14,13 +14,13 @@ from tradestudy.report.document import (
     Bullets,
     Callout,
     Column,
-    Document,
     Equation,
     Heading,
     KeyFigure,
     KeyFigures,
     Paragraph,
     Picture,
+    Report,
     Table,
     say,
 )  # fmt: skip
@@ -159,7 +159,7 @@ HOSTILE = "<script>alert(1)</script> & \"q\" 'a' </figure> {{ 7*7 }} {% raw %} $
 
 def test_hostile_text_stays_text() -> None:
     columns = (Column(title=HOSTILE, unit=HOSTILE), Column(title="x", align="right", weight=1))
-    document = Document(
+    document = Report(
         title=HOSTILE,
         subtitle=HOSTILE,
         blocks=(
@@ -173,7 +173,7 @@ def test_hostile_text_stays_text() -> None:
             Equation(typst="x", alt="x", reference=HOSTILE),
         ),
     )
-    page = Page(html.render(document, {"p": b"<svg/>"}).decode())
+    page = Page(html.render_html(document, {"p": b"<svg/>"}).decode())
     assert not page.of("script")
     # Everything but the picture's alternative text is shown: 25 places, title element and contents included.
     assert page.text.count(HOSTILE) == 25

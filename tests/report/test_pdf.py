@@ -12,19 +12,19 @@ import xarray as xr
 
 from tradestudy import figures, report
 from tradestudy.errors import TradestudyError
-from tradestudy.figures.depth_data import cameras
+from tradestudy.figures.cameras import traces
 from tradestudy.report import pdf
 from tradestudy.report.document import (
     Bullets,
     Callout,
     Column,
-    Document,
     Equation,
     Heading,
     KeyFigure,
     KeyFigures,
     Paragraph,
     Picture,
+    Report,
     Table,
     say,
 )  # fmt: skip
@@ -82,7 +82,7 @@ def test_the_curve_of_every_camera_is_on_the_page(
     caption = figures.build(tree)[name].caption[:60].rstrip()
     number = next(i for i, text in enumerate(pages) if caption in text)
     image = pixels(printed, number, scale=3.0)
-    for camera in cameras(tree):
+    for camera in traces(tree):
         depth = tree["depth"].to_dataset().sel(camera=camera.key)
         span = {"whole_range": (0.05, 10.0), "close_range": (0.0, 1.0), "mid_range": (1.0, 10.0)}[name]
         usable = depth["usable"] & (depth["distance"] >= span[0]) & (depth["distance"] <= span[1])
@@ -96,8 +96,8 @@ def test_the_curve_of_every_camera_is_on_the_page(
 def test_a_drawn_curve_lies_where_its_numbers_are(tree: xr.DataTree) -> None:
     """Read the curve back from the picture: slope 2 on the log-log chart, as the synthetic tree has it."""
     figure = figures.figure(tree, "whole_range")
-    page = pdf.render(
-        Document(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt="a"),)), {"p": figure.svg()}
+    page = pdf.render_pdf(
+        Report(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt="a"),)), {"p": figure.svg()}
     )
     image = pixels(page, 0, scale=4.0)
     axes = figure.axes[0]
@@ -121,7 +121,7 @@ SHOWN = HOSTILE.replace("\u65e5", "⟨U+65E5⟩")
 
 def test_hostile_text_stays_text() -> None:
     columns = (Column(title=HOSTILE, unit=HOSTILE, weight=1), Column(title="x"))
-    document = Document(
+    document = Report(
         title="#t $x$",
         subtitle=HOSTILE,
         blocks=(
@@ -135,7 +135,7 @@ def test_hostile_text_stays_text() -> None:
             Equation(typst="x", alt="x", reference="r"),
         ),
     )
-    pages = texts(pdf.render(document, {"p": SVG}))
+    pages = texts(pdf.render_pdf(document, {"p": SVG}))
     text = re.sub(r"[\s\u00ad\ufffe\u0002]", "", "".join(pages))
     # Subtitle, heading, paragraph, bullet, callout twice, label, caption, title, unit, two cells, note, caption; and
     # the heading once more at the head of every page but the first.
@@ -150,7 +150,7 @@ def test_a_heading_of_rows_stands_on_the_page_of_its_first_row_and_again_where_t
 
     columns = (Column(title="A"), Column(title="B"))
     table = Table(name="t", caption="T", columns=columns, rows=(*rows("First", lines), *rows("Second", 40)))
-    printed = texts(pdf.render(Document(title="D", subtitle="", blocks=(table,)), {}))
+    printed = texts(pdf.render_pdf(Report(title="D", subtitle="", blocks=(table,)), {}))
     assert len(printed) > 1
     for page in printed:
         for heading in ("First", "Second"):
@@ -158,15 +158,15 @@ def test_a_heading_of_rows_stands_on_the_page_of_its_first_row_and_again_where_t
 
 
 def test_an_equation_that_does_not_parse_is_a_clear_error() -> None:
-    document = Document(title="t", subtitle="", blocks=(Equation(typst="frac(", alt="x"),))
+    document = Report(title="t", subtitle="", blocks=(Equation(typst="frac(", alt="x"),))
     with pytest.raises(TradestudyError, match=r"the typesetter refused report\.typ"):
-        pdf.render(document, {})
+        pdf.render_pdf(document, {})
 
 
 def test_a_picture_without_alternative_text_is_refused() -> None:
-    document = Document(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt=""),))
+    document = Report(title="t", subtitle="", blocks=(Picture(name="p", caption="c", alt=""),))
     with pytest.raises(TradestudyError):
-        pdf.render(document, {"p": SVG})
+        pdf.render_pdf(document, {"p": SVG})
 
 
 def test_equations_come_one_per_page() -> None:

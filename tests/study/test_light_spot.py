@@ -18,7 +18,7 @@ from tradestudy.analysis.point_spreads import LensAndPoint, spread_measures
 from tradestudy.api import Result
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.report.document import Bullets, Callout, spans
-from tradestudy.report.sections.light_spot import light_spot_answer
+from tradestudy.report.sections.light_spot import describe_light_spot_answer
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 # One microlens of the scene, and a spot of which it sees the whole.
@@ -150,7 +150,7 @@ def test_seconds_stand_in_the_record_and_never_in_the_results(result: Result) ->
 
 
 def findings(result: Result, data: xr.Dataset) -> list[str]:
-    blocks = light_spot_answer(xr.DataTree.from_dict({"/images": data}), result.run_record, {})
+    blocks = describe_light_spot_answer(xr.DataTree.from_dict({"/images": data}), result.run_record, {})
     (box,) = (block for block in blocks if isinstance(block, Callout))
     (bullets,) = box.blocks
     assert isinstance(bullets, Bullets)

@@ -30,9 +30,9 @@ def build(tree: xr.DataTree) -> Mapping[str, Drawing]:
     mapping of str to Drawing
         Call a drawing to get its matplotlib figure; it also carries caption and alternative text.
     """
-    from tradestudy.figures.gallery import drawings
+    from tradestudy.figures.gallery import all_drawings
 
-    return drawings(tree)
+    return all_drawings(tree)
 
 
 def figure(tree: xr.DataTree, name: str) -> StudyFigure:
@@ -47,17 +47,3 @@ def figure(tree: xr.DataTree, name: str) -> StudyFigure:
     if name not in drawings:
         raise OutOfRangeError("these results have no such figure", value=name, limit=", ".join(drawings))
     return drawings[name].draw()
-
-
-def font_folder() -> str:
-    """The folder with the font of all figures, so that reports can use the same."""
-    from tradestudy.figures import style
-
-    return style.font_folder()
-
-
-def printable(text: str) -> str:
-    """Text with every character that the figures' font lacks written as its code point, ``⟨U+65E5⟩``."""
-    from tradestudy.figures import style
-
-    return style.printable(text)

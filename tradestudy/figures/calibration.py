@@ -9,7 +9,8 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.depth_data import Camera, FloatArray, cameras
+from tradestudy.figures.cameras import CameraTrace, traces_in
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -20,10 +21,11 @@ from tradestudy.figures.style import (
     legend,
     line_style,
     new_figure,
-    printable,
     shortened,
     styled,
 )
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.groups import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,12 +33,6 @@ if TYPE_CHECKING:
 _COLUMNS = 3
 _TOP = 2.5  # depth over distance at the upper end of the bands
 _LEAST_SHARE = 1e-5
-
-
-def propagated_cameras(tree: xr.DataTree, group: str = "calibration") -> tuple[Camera, ...]:
-    """Those cameras of the study whose errors were propagated."""
-    keys = {str(key) for key in tree[group].to_dataset()["camera"].values}
-    return tuple(camera for camera in cameras(tree) if camera.key in keys)
 
 
 def panels_of(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:
@@ -53,10 +49,10 @@ def panels_of(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:
     return list(grid.flat)[:count]
 
 
-def bands(tree: xr.DataTree) -> StudyFigure:
+def draw_bands(tree: xr.DataTree) -> StudyFigure:
     """Quantiles of one reading over the true distance, per camera: 95 and 68 % on the axis, 95 % at the edge."""
     with styled():
-        shown = propagated_cameras(tree)
+        shown = traces_in(tree, "calibration")
         data = tree["calibration"].to_dataset()
         figure = new_figure(0.7 + 1.75 * -(-len(shown) // _COLUMNS))
         reach = _reach(data.sel(way="both"))
@@ -89,7 +85,7 @@ def _reach(data: xr.Dataset) -> float:
     return float(np.clip(1.2 * np.abs(ratio - 1.0).max(), 0.01, _TOP - 1.0)) if ratio.size else _TOP - 1.0
 
 
-def _band(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
+def _band(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     distance = np.asarray(data["distance"].values, dtype=np.float64)
     quantile = data["depth_quantile"].transpose("field", "quantile", "distance")
     axis = np.asarray(quantile.sel(field="axis").values) / distance
@@ -112,10 +108,10 @@ def _band(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 
 
-def failures(tree: xr.DataTree) -> StudyFigure:
+def draw_failures(tree: xr.DataTree) -> StudyFigure:
     """Probability of a reading at or beyond infinity, and of none at all, against distance; axis and edge."""
     with styled():
-        shown = propagated_cameras(tree)
+        shown = traces_in(tree, "calibration")
         data = tree["calibration"].to_dataset().sel(way="both")
         figure = new_figure(2.9 + 0.13 * len(shown))
         panels = figure.subplots(2, 2, sharex=True, sharey=True)
@@ -149,15 +145,15 @@ def _failed(data: xr.Dataset) -> FloatArray:
     return np.asarray(data["failed_fraction"].sum("cause").values, dtype=np.float64)
 
 
-def _share(axes: Axes, distance: FloatArray, values: FloatArray, camera: Camera) -> None:
+def _share(axes: Axes, distance: FloatArray, values: FloatArray, camera: CameraTrace) -> None:
     axes.plot(distance, values, color=camera.style.color, linestyle=camera.style.dash, linewidth=1.3)
 
 
-def rank_probability(tree: xr.DataTree) -> StudyFigure:
+def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
     """Probability that the first camera of each pair errs less, against distance; calibration alone, and with noise."""
     with styled():
         data = tree["decision"].to_dataset()
-        titles = {camera.key: camera.title for camera in cameras(tree)}
+        titles = camera_titles(tree)
         figure = new_figure(3.9 + 0.08 * data.sizes["pair"])
         panels = figure.subplots(2, 2, sharex=True, sharey=True)
         distance = np.asarray(data["rank_distance"].values, dtype=np.float64)

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tradestudy.figures import calibration, posterior, sensitivity
-from tradestudy.figures.depth_data import cameras
 from tradestudy.figures.drawing import Drawing
+from tradestudy.results.views.cameras import camera_titles, titles_in
+from tradestudy.results.views.largest import largest_source
 from tradestudy.units import LENGTH, pretty, significant
 
 if TYPE_CHECKING:
@@ -34,13 +35,13 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
 def _bands(tree: xr.DataTree) -> Drawing:
     data = tree["calibration"].to_dataset().sel(way="both", field="axis")
     sentences = []
-    for camera in calibration.propagated_cameras(tree):
-        one = data.sel(camera=camera.key)
+    for key, title in titles_in(tree, "calibration").items():
+        one = data.sel(camera=key)
         reached = one["distance"].values[np.isinf(one["depth_quantile"].isel(quantile=-1).values)]
         sentences.append(
-            f"{camera.title}: the 95 % interval has no far end from {pretty(float(reached[0]), LENGTH)} on. "
+            f"{title}: the 95 % interval has no far end from {pretty(float(reached[0]), LENGTH)} on. "
             if reached.size
-            else f"{camera.title}: bounded everywhere. "
+            else f"{title}: bounded everywhere. "
         )
     return Drawing(
         name="calibration-bands",
@@ -48,43 +49,41 @@ def _bands(tree: xr.DataTree) -> Drawing:
         "Dashed: linear theory, whose interval is symmetric and always bounded. Readings at or beyond infinity stay "
         "in the quantiles; a band that runs out at the top has no far end or one beyond the panel.",
         alt="One chart per camera of quantile bands of depth over distance. " + "".join(sentences),
-        draw=partial(calibration.bands, tree),
+        draw=partial(calibration.draw_bands, tree),
     )
 
 
 def _failures(tree: xr.DataTree) -> Drawing:
     data = tree["calibration"].to_dataset().sel(way="both", field="axis")
     sentences = [
-        f"{camera.title} at {pretty(float(data['distance'].values[-1]), LENGTH)}: "
-        f"{significant(100.0 * float(data['infinite_fraction'].sel(camera=camera.key).isel(distance=-1)))} % beyond "
+        f"{title} at {pretty(float(data['distance'].values[-1]), LENGTH)}: "
+        f"{significant(100.0 * float(data['infinite_fraction'].sel(camera=key).isel(distance=-1)))} % beyond "
         "infinity. "
-        for camera in calibration.propagated_cameras(tree)
+        for key, title in titles_in(tree, "calibration").items()
     ]
     return Drawing(
         name="failure-share",
         caption="Probability that one reading ends at or beyond infinity (top), and that there is none at all because "
         "the camera does not see the point or the drawn errors leave no camera (bottom). Noise and calibration.",
         alt="Four charts of probability against distance. " + "".join(sentences),
-        draw=partial(calibration.failures, tree),
+        draw=partial(calibration.draw_failures, tree),
     )
 
 
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     place = sensitivity.tornado_distance(tree)
-    data = tree["sensitivity"].to_dataset().sel(field="axis")
-    sentences = []
-    for camera in calibration.propagated_cameras(tree, "sensitivity"):
-        values = data["source_uncertainty"].sel(camera=camera.key, distance=place)
-        if np.isfinite(values.values).any():
-            largest = str(values["source"].values[int(np.nanargmax(values.values))]).replace("_", " ")
-            sentences.append(f"{camera.title}: {largest}. ")
+    sentences = [
+        f"{title}: {largest.replace('_', ' ')}. "
+        for key, title in titles_in(tree, "sensitivity").items()
+        if (largest := largest_source(tree, key, place)) is not None
+    ]
     yield Drawing(
         name="tornado",
         caption=f"What drives depth at {pretty(place, LENGTH)}: half the central 68.27 % interval from each source "
         "alone, correlated parameters together as one source. A joint calibration is one source: moving one of "
         "its parameters alone would describe rigs that it has ruled out.",
         alt="Bar charts of depth uncertainty by source, one per camera. The largest on the axis: " + "".join(sentences),
-        draw=partial(sensitivity.tornado, tree),
+        draw=partial(sensitivity.draw_tornado, tree),
     )
     yield Drawing(
         name="sobol-indices",
@@ -92,13 +91,13 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
         "and alone (dotted). Inverse depth has a variance where depth has none.",
         alt="One chart per camera of total Sobol indices against distance; first-order indices lie on them where the "
         "sources do not interact.",
-        draw=partial(sensitivity.indices, tree),
+        draw=partial(sensitivity.draw_indices, tree),
     )
 
 
 def _ranks(tree: xr.DataTree) -> Drawing:
     decision = tree["decision"].to_dataset().sel(rank_way="calibration", field="axis")
-    titles = {camera.key: camera.title for camera in cameras(tree)}
+    titles = camera_titles(tree)
     sentences = []
     for pair in decision["pair"].values:
         there = decision.sel(pair=pair).sel(rank_distance=1.0, method="nearest")
@@ -113,12 +112,12 @@ def _ranks(tree: xr.DataTree) -> Drawing:
         "alone: over rigs, sessions and calibrations, with the noise averaged away. Single readings: noise as well. "
         "Shaded: two Monte Carlo standard errors. What both cameras share (temperature, pressure) is drawn once.",
         alt="Four charts of probability against distance. Calibration alone, on the axis: " + "".join(sentences),
-        draw=partial(calibration.rank_probability, tree),
+        draw=partial(calibration.draw_rank_probability, tree),
     )
 
 
 def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
-    titles = {camera.key: camera.title for camera in cameras(tree)}
+    titles = camera_titles(tree)
     data = tree["calibration"].to_dataset().sel(posterior=name)
     count = int(np.isfinite(data["posterior_mean"].values).sum())
     shown = posterior.shown_parameters(tree, name)
@@ -130,7 +129,7 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
         caption=f"Posterior of {titles[name]}: {which}, in standard deviations from the mean. Lines hold 39 and 86 % "
         "of the draws, as one and two standard deviations of a normal in the plane do; dashed: the Laplace fit.",
         alt=f"Corner plot of the posterior draws of {', '.join(n.replace('_', ' ') for n in shown)}.",
-        draw=partial(posterior.corner, tree, name),
+        draw=partial(posterior.draw_corner, tree, name),
     )
     yield Drawing(
         name=f"trace-{name}",
@@ -143,5 +142,5 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
             if bool(data["posterior_converged"])
             else "The chains did not converge."
         ),
-        draw=partial(posterior.trace, tree, name),
+        draw=partial(posterior.draw_trace, tree, name),
     )

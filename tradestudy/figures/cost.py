@@ -15,8 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.path import Path
 from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator
 
-from tradestudy.figures.depth_data import FloatArray
 from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -27,10 +27,10 @@ from tradestudy.figures.style import (
     log_axis,
     new_figure,
     plain_number,
-    printable,
     styled,
 )
 from tradestudy.results.cost import NO_ANSWER
+from tradestudy.results.views.groups import FloatArray
 from tradestudy.units import DURATION, pretty, significant
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ _SLASH: Final[Mapping[str, Any]] = {
 
 
 def cost_drawing(tree: xr.DataTree) -> Drawing:
-    """Describe the figure of `cost_figure`."""
+    """Describe the figure of `draw_cost`."""
     data = tree["cost"].to_dataset()
     return Drawing(
         name="cost",
@@ -81,7 +81,7 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
         "arrow, err by at most that. Below a break in the axis: no error, for an entry that is the reference. Errors "
         "above ten times the value are not drawn." + _without_panel(data),
         alt="Log-log charts of error against seconds. " + _in_words(data),
-        draw=partial(cost_figure, tree),
+        draw=partial(draw_cost, tree),
     )
 
 
@@ -134,7 +134,7 @@ def _time(one: xr.Dataset, name: str) -> str:
     return pretty(float(one[name]), DURATION, digits=2)
 
 
-def cost_figure(tree: xr.DataTree) -> StudyFigure:
+def draw_cost(tree: xr.DataTree) -> StudyFigure:
     """One panel per quantity."""
     with styled():
         data = tree["cost"].to_dataset()

@@ -10,17 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.depth_data import (
-    Camera,
-    FloatArray,
-    cameras,
-    has_winners,
-    nominal,
-    of_camera,
-    told_winners,
-    usable_intervals,
-    winners,
-)
+from tradestudy.figures.cameras import CameraTrace, traces
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -36,6 +26,9 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.results.views.decision import has_winners, told_winners, winners
+from tradestudy.results.views.depth import nominal, of_camera, where_usable
+from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
 
 if TYPE_CHECKING:
@@ -46,10 +39,10 @@ _UNUSABLE_WIDTH, _USABLE_WIDTH = 0.7, 1.9
 _LETTERS_PER_DECADE, _SHORTEST_NAME = 34, 9  # of a name written into the bar of the best camera
 
 
-def discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
+def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
     """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
     with styled():
-        depth, shown = nominal(tree), cameras(tree)
+        depth, shown = nominal(tree), traces(tree)
         figure = new_figure(3.3)
         left, right = figure.subplots(1, 2, sharex=True, sharey=True)
         distance = np.asarray(depth["distance"].values, dtype=float)
@@ -58,9 +51,9 @@ def discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -
         view = depth.isel(distance=slice(max(inside[0] - 1, 0), inside[-1] + 2))
         drawn: list[FloatArray] = []
         for camera in shown:
-            nearer = of_camera(view, "depth_discrimination", camera, side="nearer")
-            farther = of_camera(view, "depth_discrimination", camera, side="farther")
-            uncertainty = of_camera(view, "depth_uncertainty", camera)
+            nearer = of_camera(view, "depth_discrimination", camera.key, side="nearer")
+            farther = of_camera(view, "depth_discrimination", camera.key, side="farther")
+            uncertainty = of_camera(view, "depth_uncertainty", camera.key)
             _curve(left, view, camera, nearer)
             _band(left, view, camera, nearer, farther)
             _curve(right, view, camera, uncertainty)
@@ -88,11 +81,11 @@ def _limits(curves: list[FloatArray], distance: FloatArray, near: float, far: fl
     return float(np.percentile(values, 2.0)) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
 
 
-def _usable(view: xr.Dataset, camera: Camera) -> FloatArray:
+def _usable(view: xr.Dataset, camera: CameraTrace) -> FloatArray:
     return np.asarray(view["usable"].sel(camera=camera.key).values, dtype=bool)
 
 
-def _curve(axes: Axes, view: xr.Dataset, camera: Camera, metres: FloatArray) -> None:
+def _curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray) -> None:
     """A curve over all distances, bold where the camera is usable."""
     distance = np.asarray(view["distance"].values, dtype=float)
     y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
@@ -102,7 +95,7 @@ def _curve(axes: Axes, view: xr.Dataset, camera: Camera, metres: FloatArray) -> 
     axes.plot(distance, bold, color=style.color, linestyle=style.dash, linewidth=_USABLE_WIDTH)
 
 
-def _band(axes: Axes, view: xr.Dataset, camera: Camera, nearer: FloatArray, farther: FloatArray) -> None:
+def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:
     """From the step nearer to the step farther; an infinite step has no upper edge."""
     top = np.where(np.isinf(farther), 1e9, farther * MM)
     axes.fill_between(
@@ -116,14 +109,14 @@ def _band(axes: Axes, view: xr.Dataset, camera: Camera, nearer: FloatArray, fart
     )
 
 
-def whole_range(tree: xr.DataTree) -> StudyFigure:
+def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     with styled():
-        depth, shown = nominal(tree), cameras(tree)
+        depth, shown = nominal(tree), traces(tree)
         figure = new_figure(2.6 + 0.16 * len(shown))
         curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
         distance = np.asarray(depth["distance"].values, dtype=float)
-        drawn = [of_camera(depth, "depth_uncertainty", camera) for camera in shown]
+        drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
         for camera, uncertainty in zip(shown, drawn, strict=True):
             _curve(curves, depth, camera, uncertainty)
         log_axis(curves, "y", tick=length_tick)
@@ -158,11 +151,11 @@ def _relative_guides(axes: Axes, distance: FloatArray) -> None:
             )
 
 
-def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[Camera, ...]) -> None:
+def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None:
     """One line of bars per camera: the distances at which it is usable."""
     last = float(depth["distance"].values[-1])
     for row, camera in enumerate(shown):
-        for near, far in usable_intervals(depth, camera):
+        for near, far in where_usable(depth, camera.key):
             axes.barh(row, min(far, last) - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
             # The camera's line style runs through its bar, for readers without colours.
             axes.plot([near, min(far, last)], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9)
@@ -173,7 +166,7 @@ def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[Camera, ...]) -> None:
     axes.set_title("Usable", fontsize=7.5)
 
 
-def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[Camera, ...]) -> None:
+def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> None:
     by_key = {camera.key: camera for camera in shown}
     row = len(shown) + 0.25
     for start, end, key in winners(tree):
@@ -207,7 +200,7 @@ def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
         )
 
 
-def _camera_legend(figure: StudyFigure, shown: tuple[Camera, ...]) -> None:
+def _camera_legend(figure: StudyFigure, shown: tuple[CameraTrace, ...]) -> None:
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=c.style.color, linestyle=c.style.dash, linewidth=_USABLE_WIDTH) for c in shown
     ]

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.depth_data import Camera, FloatArray, all_cameras
+from tradestudy.figures.cameras import CameraTrace, all_traces
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -22,6 +22,8 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_stretches
+from tradestudy.results.views.groups import FloatArray
 from tradestudy.units import LENGTH, pretty
 
 if TYPE_CHECKING:
@@ -33,22 +35,10 @@ _SCENE = "#F5E7B8"
 _SHADES = (1.0, 0.6)  # of neighbouring slices
 
 
-def headline(tree: xr.DataTree) -> str:
-    """The blur criterion of the answer: the first."""
-    return str(tree["depth_of_field"].to_dataset()["sharp"].values[0])
-
-
-def stretches(data: xr.Dataset, name: str, camera: Camera, **where: str) -> list[tuple[float, float]]:
-    """Stretches of distance [m] of one camera, (near, far), without the padding."""
-    here = {"camera": camera.key, **where}
-    near, far = (np.atleast_1d(data[f"{name}_{side}"].sel(here).values) for side in ("near", "far"))
-    return [(float(a), float(b)) for a, b in zip(near, far, strict=True) if np.isfinite(a) and not np.isnan(b)]
-
-
-def depth_of_field_bars(tree: xr.DataTree) -> StudyFigure:
+def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
     """One row per camera: what the headline criterion keeps sharp, slice by slice, over what is resolved alike."""
     with styled():
-        data, shown = tree["depth_of_field"].to_dataset(), all_cameras(tree)
+        data, shown = by_first_criterion(tree), all_traces(tree)
         distance = np.asarray(data["distance"].values, dtype=np.float64) * MM
         figure = new_figure(0.95 + _ROW * len(shown))
         axes = figure.subplots()
@@ -57,11 +47,12 @@ def depth_of_field_bars(tree: xr.DataTree) -> StudyFigure:
         _scene_band(axes, data, "x")
         equal = "resolved_near" in data
         for row, camera in enumerate(shown):
-            _slices(axes, stretches(data, "slice", camera, sharp=headline(tree)), row, camera)
-            _far_end(axes, stretches(data, "sharp", camera, sharp=headline(tree)), row)
-            _gaps(axes, stretches(data, "gap", camera, sharp=headline(tree)), row)
+            one = data.sel(camera=camera.key)
+            _slices(axes, sharp_stretches(one, "slice"), row, camera)
+            _far_end(axes, sharp_stretches(one, "sharp"), row)
+            _gaps(axes, sharp_stretches(one, "gap"), row)
             if equal:
-                _thin(axes, stretches(data, "resolved", camera), row)
+                _thin(axes, sharp_stretches(one, "resolved"), row)
         axes.set_yticks(range(len(shown)), [shortened(camera.title) for camera in shown])
         axes.set_ylim(len(shown) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
@@ -89,7 +80,7 @@ def _clipped(axes: Axes, stretch: tuple[float, float]) -> tuple[float, float] | 
     return (near, far) if near < far else None
 
 
-def _slices(axes: Axes, slices: list[tuple[float, float]], row: int, camera: Camera) -> None:
+def _slices(axes: Axes, slices: tuple[tuple[float, float], ...], row: int, camera: CameraTrace) -> None:
     """The slices of one camera, neighbours in different shades."""
     for number, stretch in enumerate(slices):
         inside = _clipped(axes, stretch)
@@ -100,7 +91,7 @@ def _slices(axes: Axes, slices: list[tuple[float, float]], row: int, camera: Cam
             axes.barh(row - 0.08, far - near, left=near, height=0.44, color=color, alpha=shade, linewidth=0)
 
 
-def _far_end(axes: Axes, sharp: list[tuple[float, float]], row: int) -> None:
+def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int) -> None:
     """Name the far end of what is sharp where it lies beyond the panel."""
     last = axes.get_xlim()[1]
     for near, far in sharp:
@@ -118,24 +109,24 @@ def _far_end(axes: Axes, sharp: list[tuple[float, float]], row: int) -> None:
             )
 
 
-def _gaps(axes: Axes, gaps: list[tuple[float, float]], row: int) -> None:
+def _gaps(axes: Axes, gaps: tuple[tuple[float, float], ...], row: int) -> None:
     for gap in gaps:
         inside = _clipped(axes, gap)
         if inside is not None:
             axes.plot(inside, [row - 0.08] * 2, color=INK, linewidth=0.6, linestyle=(0, (1, 1)))
 
 
-def _thin(axes: Axes, resolved: list[tuple[float, float]], row: int) -> None:
+def _thin(axes: Axes, resolved: tuple[tuple[float, float], ...], row: int) -> None:
     for stretch in resolved:
         inside = _clipped(axes, stretch)
         if inside is not None:
             axes.plot(inside, [row + 0.27] * 2, color=INK, linewidth=1.4, solid_capstyle="butt")
 
 
-def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[Camera, ...]) -> None:
+def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None:
     """What each camera resolves on the scene, at the right of its row."""
     for row, camera in enumerate(shown):
-        share = float(data["scene_share"].isel(sharp=0).sel(camera=camera.key))
+        share = float(data["scene_share"].sel(camera=camera.key))
         text = pretty(float(data["scene_resolution"].sel(camera=camera.key)), LENGTH) if share > 0 else "–"
         axes.annotate(
             text,
@@ -163,10 +154,10 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[Camera, ...]) 
     )
 
 
-def resolution_against_distance(tree: xr.DataTree) -> StudyFigure:
+def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     """Size of detail that each camera resolves, log–log, bold where it is sharp by the headline criterion."""
     with styled():
-        data, shown = tree["depth_of_field"].to_dataset(), all_cameras(tree)
+        data, shown = by_first_criterion(tree), all_traces(tree)
         distance = np.asarray(data["distance"].values, dtype=np.float64)
         figure = new_figure(3.9)
         axes = figure.subplots()
@@ -176,7 +167,7 @@ def resolution_against_distance(tree: xr.DataTree) -> StudyFigure:
         _scene_band(axes, data, "x")
         for camera in shown:
             size = np.asarray(data["lateral_resolution"].sel(camera=camera.key).values, dtype=np.float64) * MM
-            sharp = _inside(distance, stretches(data, "sharp", camera, sharp=headline(tree)))
+            sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
             style = camera.style
             line = {"color": style.color, "linestyle": style.dash}
             axes.plot(distance * MM, size, linewidth=0.8, alpha=0.55, **line)
@@ -197,7 +188,7 @@ def resolution_against_distance(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def _inside(distance: FloatArray, where: list[tuple[float, float]]) -> Any:
+def _inside(distance: FloatArray, where: tuple[tuple[float, float], ...]) -> Any:
     held = np.zeros(distance.shape, dtype=bool)
     for near, far in where:
         held |= (distance >= near) & (distance <= far)

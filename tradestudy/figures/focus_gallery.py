@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tradestudy.figures import depth_of_field
-from tradestudy.figures.depth_data import all_cameras
-from tradestudy.figures.depth_of_field import headline, stretches
 from tradestudy.figures.drawing import Drawing
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_stretches
 from tradestudy.units import LENGTH, PIXELS, pretty
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The bars and the curves of resolution."""
     yield Drawing(
         name="depth-of-field",
@@ -28,19 +28,19 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         + _thin_words(tree)
         + " At the right, the coarsest detail that is resolved within the scene; grey where not all of it is sharp.",
         alt="Bars of depth of field over working distance, one row per camera. " + _sharp_words(tree),
-        draw=partial(depth_of_field.depth_of_field_bars, tree),
+        draw=partial(depth_of_field.draw_depth_of_field, tree),
     )
     yield Drawing(
         name="lateral-resolution",
         caption="Detail that each camera resolves on the object: the larger of its lateral sample and its geometric "
         "blur. Bold where the camera is sharp by the first criterion.",
         alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
-        draw=partial(depth_of_field.resolution_against_distance, tree),
+        draw=partial(depth_of_field.draw_lateral_resolution, tree),
     )
 
 
 def _criterion_words(tree: xr.DataTree) -> str:
-    first = tree["depth_of_field"].to_dataset().isel(sharp=0)
+    first = by_first_criterion(tree)
     measure = str(first["diffraction"].item())
     beside = "defocus alone" if measure == "none" else f"defocus and the {measure} of diffraction"
     return f"{beside} blurs to at most {pretty(float(first['blur_px']), PIXELS)}"
@@ -55,12 +55,12 @@ def _thin_words(tree: xr.DataTree) -> str:
 
 
 def _sharp_words(tree: xr.DataTree) -> str:
-    data = tree["depth_of_field"].to_dataset()
+    data = by_first_criterion(tree)
     sentences = []
-    for camera in all_cameras(tree):
-        found = stretches(data, "sharp", camera, sharp=headline(tree))
+    for key, title in camera_titles(tree).items():
+        found = sharp_stretches(data.sel(camera=key), "sharp")
         where = " and ".join(f"{pretty(a, LENGTH)} to {pretty(b, LENGTH)}" for a, b in found) or "nowhere"
-        sentences.append(f"{camera.title}: sharp {where}. ")
+        sentences.append(f"{title}: sharp {where}. ")
     return "".join(sentences)
 
 
@@ -70,8 +70,8 @@ def _resolution_words(tree: xr.DataTree) -> str:
     there = data["lateral_resolution"].sel(distance=middle, method="nearest")
     place = pretty(float(there["distance"]), LENGTH)
     values = [
-        f"{camera.title} {pretty(size, LENGTH)}"
-        for camera in all_cameras(tree)
-        if np.isfinite(size := float(there.sel(camera=camera.key)))
+        f"{title} {pretty(size, LENGTH)}"
+        for key, title in camera_titles(tree).items()
+        if np.isfinite(size := float(there.sel(camera=key)))
     ]
     return f"At {place}: " + "; ".join(values) + "."

@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -26,20 +25,21 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = npt.NDArray[np.float64]
 _F_NUMBERS = (1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64)
 _PERCENT = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
 
 
-def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+def fresnel_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The figures of ``/fresnel_validity``, with what they show in words."""
     data = tree["fresnel_validity"].to_dataset()
-    window = plain_number(shown_window(data))
+    window = plain_number(middle_window(data))
     waves = _wavelength_words(data)
     aside = ""
     if "off_axis_error" in data:
@@ -54,7 +54,7 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         f"difference from Kirchhoff's over {window} Airy radii, in focus on the axis. Bands: {waves}. Stars: the "
         "paper's values." + aside,
         alt="Log-log charts of error against f-number, one column per lens, one line per lens phase. " + _words(data),
-        draw=partial(fresnel_error, tree),
+        draw=partial(draw_fresnel_error, tree),
     )
     yield Drawing(
         name="fresnel_criteria",
@@ -62,7 +62,7 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         f"of the study, and the f-number from which the measured error (as above, parabolic phase) stays below "
         f"{pretty(data.attrs['error_limit'], FRACTION)}. Diamonds: as printed in the paper.",
         alt="Bar chart of least f-numbers, one panel per lens, one row per criterion. " + _criteria_words(data),
-        draw=partial(fresnel_criteria, tree),
+        draw=partial(draw_fresnel_criteria, tree),
     )
     yield Drawing(
         name="paper_eq27",
@@ -71,14 +71,8 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
         f"Lines: {waves}. Dashed: the f-number printed in the paper.",
         alt="Charts of minimal f-number against extra path within one quarter wave. The first zero falls from "
         "infinity, the second one drifts by a fifth and jumps back. " + _sweep_words(data),
-        draw=partial(paper_eq27, tree),
+        draw=partial(draw_paper_eq27, tree),
     )
-
-
-def shown_window(data: xr.Dataset) -> float:
-    """The window of the figures: the middle one."""
-    windows = data["window"].values
-    return float(windows[(len(windows) - 1) // 2])
 
 
 def _wavelength_words(data: xr.Dataset) -> str:
@@ -90,23 +84,17 @@ def _wavelength_words(data: xr.Dataset) -> str:
 
 def _words(data: xr.Dataset) -> str:
     sentences = []
-    point = data["published_point_error"].sel(metric="l1", window=shown_window(data), lens_phase="parabolic")
+    point = data["published_point_error"].sel(metric="l1", window=middle_window(data), lens_phase="parabolic")
     for element in data["element"].values:
         values = np.asarray(point.sel(element=element).values, dtype=float)
-        place = _published_place(data, str(element))
-        title = str(data["title"].sel(element=element).item())
+        place = published_place(data, str(element))
+        title = element_title(data, element)
         low, high = pretty(float(values.min()), FRACTION), pretty(float(values.max()), FRACTION)
         sentences.append(f"{title} at f/{significant(place)}, parabolic phase: {low} to {high}. ")
     return "".join(sentences)
 
 
-def _published_place(data: xr.Dataset, element: str) -> float:
-    """F-number of the published error, or of the camera."""
-    published = float(data["published_f_number"].sel(element=element))
-    return published if np.isfinite(published) else float(data["camera_f_number"].sel(element=element))
-
-
-def fresnel_error(tree: xr.DataTree) -> StudyFigure:
+def draw_fresnel_error(tree: xr.DataTree) -> StudyFigure:
     """Error against f-number; a column per lens, a second row for the point off axis."""
     with styled():
         data = tree["fresnel_validity"].to_dataset()
@@ -114,11 +102,11 @@ def fresnel_error(tree: xr.DataTree) -> StudyFigure:
         elements = [str(name) for name in data["element"].values]
         figure = new_figure(0.7 + 2.45 * rows)
         panels = figure.subplots(rows, len(elements), squeeze=False, sharey="row", sharex=True)
-        window = shown_window(data)
+        window = middle_window(data)
         for column, element in enumerate(elements):
             on_axis = data["psf_error"].sel(element=element, metric="l1", window=window)
             _error_panel(panels[0, column], data, element, on_axis, on_axis_too=True)
-            panels[0, column].set_title(shortened(str(data["title"].sel(element=element).item())))
+            panels[0, column].set_title(shortened(element_title(data, element)))
             if rows == 2:
                 off = data["off_axis_error"].sel(element=element, metric="l1", window=window)
                 _error_panel(panels[1, column], data, element, off, on_axis_too=False)
@@ -185,7 +173,7 @@ def _f_number_axis(axes: Axes, inside: FloatArray) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _position: f"f/{plain_number(value)}"))
 
 
-def criteria_of(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, bool]]:
+def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, bool]]:
     """Every criterion with its f-numbers over the wavelengths, and whether it was measured."""
     one = data.sel(element=element)
 
@@ -211,17 +199,17 @@ def criteria_of(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, b
     return found
 
 
-def fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
+def draw_fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
     """One row per criterion, a bar over the wavelengths; arrows where the range leaves the axis."""
     with styled():
         data = tree["fresnel_validity"].to_dataset()
         elements = [str(name) for name in data["element"].values]
-        names = [name for name, _, _ in criteria_of(data, elements[0])]
+        names = [name for name, _, _ in _criteria(data, elements[0])]
         figure = new_figure(1.0 + 0.24 * len(names))
         panels = figure.subplots(1, len(elements), squeeze=False, sharey=True)[0]
         for axes, element in zip(panels, elements, strict=True):
             _criteria_panel(axes, data, element)
-            axes.set_title(shortened(str(data["title"].sel(element=element).item())))
+            axes.set_title(shortened(element_title(data, element)))
             axes.set_xlabel("least f-number")
         panels[0].set_yticks(range(len(names)), names)
         panels[0].set_ylim(len(names) - 0.4, -0.6)
@@ -237,7 +225,7 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
     axes.axvline(
         float(data["camera_f_number"].sel(element=element)), color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))
     )
-    for row, (_, values, measured) in enumerate(criteria_of(data, element)):
+    for row, (_, values, measured) in enumerate(_criteria(data, element)):
         color = line_style(0).color if measured else (line_style(1).color if row < 2 else SOFT)
         if np.all(values == 0):  # below the limit wherever it was compared
             axes.annotate(
@@ -260,18 +248,18 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
 def _criteria_words(data: xr.Dataset) -> str:
     sentences = []
     for element in data["element"].values:
-        title = str(data["title"].sel(element=element).item())
+        title = element_title(data, element)
         parts = [
             f"{name} {significant(float(values.min()))} to "
             f"{significant(float(values.max())) if np.isfinite(values.max()) else 'infinity'}"
-            for name, values, _ in criteria_of(data, str(element))
+            for name, values, _ in _criteria(data, str(element))
             if values.max() > 0
         ]
         sentences.append(f"{title}: {'; '.join(parts)}. ")
     return "".join(sentences)
 
 
-def paper_eq27(tree: xr.DataTree) -> StudyFigure:
+def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
     """Both zeros over one quarter-wave period, two panels per lens would hide that they are one criterion."""
     with styled():
         data = tree["fresnel_validity"].to_dataset()
@@ -304,7 +292,7 @@ def paper_eq27(tree: xr.DataTree) -> StudyFigure:
                 )  # fmt: skip
             axes.set_xlim(0, 2)
             axes.set_ylim(0, top)
-            axes.set_title(shortened(str(data["title"].sel(element=element).item())))
+            axes.set_title(shortened(element_title(data, element)))
             axes.set_xlabel("growth of object and image distance, in quarter waves")
         panels[0].set_ylabel("minimal f-number of eq. 27")
         handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(2)]
@@ -317,7 +305,7 @@ def _sweep_words(data: xr.Dataset) -> str:
     for element in data["element"].values:
         second = data["paper_eq27_sweep"].sel(element=element, zero="second")
         first = data["paper_eq27_f_number"].sel(element=element, zero="first")
-        title = str(data["title"].sel(element=element).item())
+        title = element_title(data, element)
         sentences.append(
             f"{title}: the bigger zero lies between {significant(float(second.min()))} and "
             f"{significant(float(second.max()))}; the smaller one, at the declared lengths, between "

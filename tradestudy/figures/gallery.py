@@ -18,20 +18,14 @@ from tradestudy.figures import (
     uncertainty_parts,
 )
 from tradestudy.figures.calibration_gallery import calibration_drawings
+from tradestudy.figures.cameras import CameraTrace, traces
 from tradestudy.figures.cost import cost_drawing, measured_quantities
-from tradestudy.figures.depth_data import (
-    Camera,
-    cameras,
-    candidates,
-    has_winners,
-    nominal,
-    of_camera,
-    swept,
-    told_winners,
-    usable_intervals,
-)
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.decision import candidates, has_winners, told_winners
+from tradestudy.results.views.depth import nominal, of_camera, swept, where_usable
+from tradestudy.results.views.largest import largest_part
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
 
@@ -42,14 +36,14 @@ CLOSE_RANGE_ENDS = 1.0  # m: the paper's figure 8 ends and its figure 9 begins h
 _NEAR_ZERO = 0.1  # of the farthest distance: an axis that begins nearer than this may begin at the camera
 
 
-def drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
+def all_drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
     """Every figure that the groups of `tree` allow, by name, in the order of a report."""
     return {drawing.name: drawing for drawing in _all(tree)}
 
 
 def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if "depth_of_field" in tree.children:
-        yield from focus_gallery.drawings(tree)
+        yield from focus_gallery.focus_drawings(tree)
     if "depth" in tree.children:
         yield _whole_range(tree)
         yield from _paper_figures(tree)
@@ -60,8 +54,8 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
         yield _readings(tree)
     yield from calibration_drawings(tree)
     if "fresnel_validity" in tree.children:
-        yield from fresnel_validity.drawings(tree)
-    yield from light_spot.drawings(tree)
+        yield from fresnel_validity.fresnel_drawings(tree)
+    yield from light_spot.light_drawings(tree)
     if "hard_cases" in tree.children:
         yield hard_cases_drawing(tree)
     if "cost" in tree.children and measured_quantities(tree["cost"].to_dataset()):
@@ -69,7 +63,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def _whole_range(tree: xr.DataTree) -> Drawing:
-    depth, shown = nominal(tree), cameras(tree)
+    depth, shown = nominal(tree), traces(tree)
     caption = (
         "Depth uncertainty (half the central 68.27 % interval of one measurement) over the whole range, noise and "
         "calibration together; bold where the camera is usable, thin elsewhere. Grey lines: equal shares of the "
@@ -89,7 +83,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         alt="Log-log chart of depth uncertainty against distance. "
         + _usable_words(depth, shown)
         + _winner_words(tree, shown),
-        draw=partial(depth_curves.whole_range, tree),
+        draw=partial(depth_curves.draw_whole_range, tree),
     )
 
 
@@ -103,22 +97,22 @@ def _design_words(tree: xr.DataTree) -> str:
     return f" Of the swept designs the one with {design} is shown."
 
 
-def _usable_words(depth: xr.Dataset, shown: tuple[Camera, ...]) -> str:
+def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
     """Where each camera is usable, in one sentence each."""
     sentences = []
     for camera in shown:
-        stretches = [span(a, b) for a, b in usable_intervals(depth, camera)]
-        sentences.append(f"{camera.title}: usable {' and '.join(stretches) or 'nowhere'}. ")
+        where = [span(a, b) for a, b in where_usable(depth, camera.key)]
+        sentences.append(f"{camera.title}: usable {' and '.join(where) or 'nowhere'}. ")
     return "".join(sentences)
 
 
-def _winner_words(tree: xr.DataTree, shown: tuple[Camera, ...]) -> str:
+def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
     if not has_winners(tree):
         return ""
     chosen = candidates(tree)
     titles = {camera.key: camera.title for camera in shown} | {"": "no candidate" if chosen else "no camera"}
-    stretches = [f"{span(a, b)} {titles[key]}" for a, b, key in told_winners(tree)]
-    return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {', '.join(stretches)}."
+    found = [f"{span(a, b)} {titles[key]}" for a, b, key in told_winners(tree)]
+    return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {', '.join(found)}."
 
 
 def _paper_figures(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -132,7 +126,7 @@ def _paper_figures(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Drawing:
-    shown = cameras(tree)
+    shown = traces(tree)
     where = span(near, far)
     return Drawing(
         name=name,
@@ -141,18 +135,18 @@ def _discrimination(tree: xr.DataTree, name: str, near: float, far: float) -> Dr
         "uncertainty has both." + _design_words(tree),
         alt=f"Two charts against distance from {where}, depth on a logarithmic axis: discriminating "
         f"power and uncertainty. Uncertainty {_values_at(tree, shown, far)}.",
-        draw=partial(depth_curves.discrimination_and_uncertainty, tree, near, far),
+        draw=partial(depth_curves.draw_discrimination_and_uncertainty, tree, near, far),
     )
 
 
-def _values_at(tree: xr.DataTree, shown: tuple[Camera, ...], place: float) -> str:
+def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) -> str:
     """At a declared distance the values of the table, elsewhere those of the nearest computed one, which is told."""
     depth = nominal(tree)
     if "depth_at_places" in tree.children:
         declared = tree["depth_at_places"].to_dataset()
         depth = declared if place in declared["distance"].values else depth
     there = depth.sel(distance=[place], method="nearest")
-    values = [float(of_camera(there, "depth_uncertainty", camera)[0]) for camera in shown]
+    values = [float(of_camera(there, "depth_uncertainty", camera.key)[0]) for camera in shown]
     each = "; ".join(f"{camera.title} {pretty(v, LENGTH)}" for camera, v in zip(shown, values, strict=True))
     return f"at {distance(float(there['distance'].item()))}: {each}"
 
@@ -166,7 +160,7 @@ def _parts(tree: xr.DataTree) -> Drawing:
         + (f" Not drawn, because it moves no depth here: {silent}." if silent else "")
         + _design_words(tree),
         alt="One log-log chart per camera with a line per source of error. " + _largest_parts(tree),
-        draw=partial(uncertainty_parts.uncertainty_parts, tree),
+        draw=partial(uncertainty_parts.draw_uncertainty_parts, tree),
     )
 
 
@@ -174,24 +168,23 @@ def _largest_parts(tree: xr.DataTree) -> str:
     """The largest part of every camera at the middle of its usable range."""
     depth = nominal(tree)
     sentences = []
-    for camera in cameras(tree):
-        intervals = usable_intervals(depth, camera)
+    for camera in traces(tree):
+        intervals = where_usable(depth, camera.key)
         if not intervals:
             continue
         near, far = intervals[0]
         middle = float(np.sqrt(near * min(far, float(depth["distance"].values[-1]))))
-        part = depth["depth_uncertainty_part"].sel(camera=camera.key).sel(distance=middle, method="nearest")
-        values = np.asarray(part.values, dtype=float)
-        if np.isfinite(values).any():
-            name = str(part["part"].values[int(np.nanargmax(values))]).replace("_", " ")
-            sentences.append(f"{camera.title} at {distance(float(part['distance']))}: {name} is the largest. ")
+        place = float(depth["distance"].sel(distance=middle, method="nearest"))
+        part = largest_part(depth, camera.key, place)
+        if part is not None:
+            sentences.append(f"{camera.title} at {distance(place)}: {part.replace('_', ' ')} is the largest. ")
     return "".join(sentences)
 
 
 def _readings(tree: xr.DataTree) -> Drawing:
     decision = tree["decision"].to_dataset()
     ratio = decision["uncertainty_ratio"]
-    titles = {camera.key: camera.title for camera in cameras(tree)}
+    titles = camera_titles(tree)
     numerator, denominator = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
     sentences = []
     for place in ratio["place"].values:
@@ -211,7 +204,7 @@ def _readings(tree: xr.DataTree) -> Drawing:
         f"{denominator}." + _unbounded_words(ratio),
         alt="Dot chart of the ratio of uncertainties, one row per reading, one mark per distance, three panels: "
         "noise and calibration, noise only, calibration only. " + "".join(sentences),
-        draw=partial(readings.readings, tree),
+        draw=partial(readings.draw_readings, tree),
     )
 
 
@@ -232,7 +225,7 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
             name="sweep_map",
             caption=f"Depth uncertainty at {place} over the swept values of {names}.",
             alt=f"Depth uncertainty at {place} against {names}, for {titles}.",
-            draw=partial(sweeps.sweep_map, tree),
+            draw=partial(sweeps.draw_sweep_map, tree),
         )
     yield Drawing(
         name="pareto",
@@ -240,5 +233,5 @@ def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
         f"{place}. The line joins the designs that no other beats in both.",
         alt=f"Scatter chart of nearest usable distance against depth uncertainty at {place}, with the frontier of "
         "best designs.",
-        draw=partial(sweeps.pareto, tree),
+        draw=partial(sweeps.draw_pareto, tree),
     )

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from tradestudy.figures.depth_data import FloatArray
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import FAINT, SOFT, StudyFigure, legend, line_style, new_figure, styled
+from tradestudy.results.views.groups import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -22,7 +23,7 @@ _TICKS = (-16, -12, -8, -4, 0)
 
 
 def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
-    """Describe the figure of `errors`."""
+    """Describe the figure of `draw_hard_cases`."""
     data = tree["hard_cases"].to_dataset()
     numbers = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
     naive, ours = (np.asarray(numbers[name].values, dtype=float) for name in ("naive_error", "our_error"))
@@ -37,11 +38,11 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
         f"{int((~(naive <= bound)).sum())} of them and gives no number at all in {int(np.isinf(naive).sum())}; this "
         f"program is beyond it in {int((~(ours <= bound)).sum())}. Its largest error is "
         f"{float(np.max(ours[np.isfinite(ours)], initial=0.0)):.1e}, where rounding or sampling allows it.",
-        draw=lambda: errors(tree),
+        draw=partial(draw_hard_cases, tree),
     )
 
 
-def errors(tree: xr.DataTree) -> StudyFigure:
+def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
     """Our error against that of the usual formula."""
     with styled():
         data = tree["hard_cases"].to_dataset()

@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.gridspec import SubplotSpec
@@ -26,13 +25,14 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
-from tradestudy.light_methods import most_complete, short_title
+from tradestudy.light_methods import short_title
+from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 if TYPE_CHECKING:
     import xarray as xr
 
-FloatArray = npt.NDArray[np.float64]
 _DARKEST = 1e-4  # of the cut
 _SPREADS = {
     "half_energy_radius": "half the light",
@@ -49,7 +49,7 @@ _VARIED = {
 _SHOWN_IN = {"f_number": 1.0, "wavelength": 1e9, "field_angle": 180.0 / np.pi, "defocus": 1.0}
 
 
-def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+def light_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     """The figures of ``/images`` and ``/point_spread``, with what they show in words."""
     if "images" in tree.children:
         data = tree["images"].to_dataset()
@@ -60,7 +60,7 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             f"brightness. Below: the difference from {short_title(reference)}, in per cent of its brightest pixel, "
             "and a cut through the middle row of pixels.",
             alt="Images of a spot behind an array of microlenses. " + _image_words(data, reference),
-            draw=partial(light_spot, tree),
+            draw=partial(draw_light_spot, tree),
         )
     if "point_spread" in tree.children:
         spread = tree["point_spread"].to_dataset()
@@ -71,14 +71,8 @@ def drawings(tree: xr.DataTree) -> Iterator[Drawing]:
             f"{plain_number(float(spread.attrs['rms_radius']))} Airy radii, full width at half maximum. Solid: "
             "Kirchhoff; pale and dotted: Fresnel. Grey: one pixel.",
             alt="Line charts of widths, one row per lens, one column per varied quantity. " + _spread_words(spread),
-            draw=partial(point_spread, tree),
+            draw=partial(draw_point_spread, tree),
         )
-
-
-def reference_method(data: xr.Dataset) -> str:
-    """The method against which the others are held: what leaves out the least."""
-    methods = [str(name) for name in data["propagator"].values]
-    return most_complete(methods)
 
 
 def _image_words(data: xr.Dataset, reference: str) -> str:
@@ -93,7 +87,7 @@ def _image_words(data: xr.Dataset, reference: str) -> str:
     return "".join(sentences)
 
 
-def light_spot(tree: xr.DataTree) -> StudyFigure:
+def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
     """Images above, signed differences from the reference below them, and a cut through all at the foot."""
     with styled():
         data = tree["images"].to_dataset()
@@ -177,7 +171,7 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
                 bbox_to_anchor=(0.5, 1.22))  # fmt: skip
 
 
-def point_spread(tree: xr.DataTree) -> StudyFigure:
+def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
     """Widths against each varied quantity; a row per lens."""
     with styled():
         data = tree["point_spread"].to_dataset()

@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.ndimage import gaussian_filter
 
-from tradestudy.figures.depth_data import FloatArray
 from tradestudy.figures.style import INK, SOFT, StudyFigure, line_style, new_figure, styled
+from tradestudy.results.views.groups import FloatArray
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -29,7 +29,7 @@ def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
     return tuple(str(name) for name in data["parameter"].values[known[chosen]])
 
 
-def corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
+def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
     """Marginals of one and two parameters, in standard deviations from the mean, with the Laplace fit dashed."""
     with styled():
         names = shown_parameters(tree, posterior)
@@ -40,24 +40,25 @@ def corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
         laplace = np.asarray(data["laplace_deviation"].values, dtype=np.float64) / deviation
         size = len(names)
         figure = new_figure(0.6 * size + 0.8)
-        grid = figure.subplots(size, size, sharex=True, squeeze=False)
+        # Without shared axes, of which each would ask all others for its limits again and again.
+        grid = figure.add_gridspec(size, size)
         for row in range(size):
-            for column in range(size):
-                axes = grid[row, column]
+            for column in range(row + 1):
+                axes = figure.add_subplot(grid[row, column])
                 axes.grid(visible=False)
                 axes.set_xlim(-3.5, 3.5)
                 axes.set_xticks([-2, 0, 2])
-                axes.tick_params(labelsize=5, length=2)
-                if column > row:
-                    axes.set_visible(False)
-                elif column == row:
+                axes.tick_params(labelsize=5, length=2, labelbottom=row == size - 1)
+                if column == row:
                     _marginal(axes, scores[:, row], float(laplace[row]))
                 else:
                     _plane(axes, scores[:, column], scores[:, row])
+                if column == 0:
+                    axes.set_ylabel(_lines(names[row]), fontsize=5, rotation=0, ha="right", va="center")
                 if column > 0 or row == 0:
                     axes.tick_params(labelleft=False)
-            grid[row, 0].set_ylabel(_lines(names[row]), fontsize=5, rotation=0, ha="right", va="center")
-            grid[-1, row].set_xlabel(_lines(names[row]), fontsize=5)
+                if row == size - 1:
+                    axes.set_xlabel(_lines(names[column]), fontsize=5)
     return figure
 
 
@@ -99,7 +100,7 @@ def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     axes.set_yticks([-2, 0, 2])
 
 
-def trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
+def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
     """First walker of every ensemble, in standard deviations from the mean, over the kept steps."""
     with styled():
         names = shown_parameters(tree, posterior)

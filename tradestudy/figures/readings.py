@@ -10,7 +10,6 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from tradestudy.figures.depth_data import FloatArray, cameras
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -23,6 +22,8 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance
 
 if TYPE_CHECKING:
@@ -32,12 +33,12 @@ WAY_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibrati
 _ROW = 0.21  # inches
 
 
-def readings(tree: xr.DataTree) -> StudyFigure:
+def draw_readings(tree: xr.DataTree) -> StudyFigure:
     """One row per reading, one mark per declared distance: the ratio of the uncertainties, three ways, 1 marked."""
     with styled():
         decision = tree["decision"].to_dataset()
         ratio = decision["uncertainty_ratio"]
-        titles = {camera.key: shortened(camera.title, 28) for camera in cameras(tree)}
+        titles = {key: shortened(title, 28) for key, title in camera_titles(tree).items()}
         names = [str(name) for name in ratio["reading"].values]
         places = np.asarray(ratio["place"].values, dtype=np.float64)
         figure = new_figure(1.15 + _ROW * len(names))

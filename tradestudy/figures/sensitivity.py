@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.calibration import panels_of, propagated_cameras
-from tradestudy.figures.depth_data import Camera
+from tradestudy.figures.calibration import panels_of
+from tradestudy.figures.cameras import CameraTrace, traces_in
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     SOFT,
     StudyFigure,
@@ -20,7 +21,6 @@ from tradestudy.figures.style import (
     line_style,
     log_axis,
     new_figure,
-    printable,
     shortened,
     styled,
 )
@@ -43,10 +43,10 @@ def tornado_distance(tree: xr.DataTree) -> float:
     return float(distance[np.argmin(np.abs(np.log(distance / middle)))])
 
 
-def tornado(tree: xr.DataTree) -> StudyFigure:
+def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     """Half the central 68.27 % interval of depth from each independent source alone, largest first, per camera."""
     with styled():
-        shown = propagated_cameras(tree, "sensitivity")
+        shown = traces_in(tree, "sensitivity")
         place = tornado_distance(tree)
         data = tree["sensitivity"].to_dataset().sel(distance=place)
         rows = -(-len(shown) // 2)
@@ -65,7 +65,7 @@ def tornado(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def _bars(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
+def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
@@ -82,10 +82,10 @@ def _bars(axes: Axes, data: xr.Dataset, camera: Camera) -> None:
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 
 
-def indices(tree: xr.DataTree) -> StudyFigure:
+def draw_indices(tree: xr.DataTree) -> StudyFigure:
     """Total Sobol indices of inverse depth against distance, with the first-order ones dotted, per camera."""
     with styled():
-        shown = propagated_cameras(tree, "sensitivity")
+        shown = traces_in(tree, "sensitivity")
         data = tree["sensitivity"].to_dataset().sel(field="axis")
         names = _main_sources(data)
         figure = new_figure(0.8 + 1.7 * -(-len(shown) // _COLUMNS))

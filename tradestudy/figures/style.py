@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Final
 
 import matplotlib
-from matplotlib import font_manager, ft2font
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+
+from tradestudy.figures.fonts import printable
 
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
 INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
@@ -107,10 +107,15 @@ class StudyFigure(Figure):
 
     def svg(self) -> bytes:
         """The figure as SVG; equal figures give equal bytes."""
-        buffer = io.BytesIO()
-        with styled():
-            nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
-            self.savefig(buffer, format="svg", metadata=nothing)
+        buffer, canvas, dpi = io.BytesIO(), self.canvas, self.dpi
+        nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
+        try:
+            with styled():
+                # Lays out while it draws; `savefig` would draw everything once more, for the layout alone.
+                FigureCanvasSVG(self).print_svg(buffer, metadata=nothing)  # type: ignore[no-untyped-call]
+        finally:
+            self.set_canvas(canvas)
+            self.dpi = dpi
         return buffer.getvalue()
 
     def _repr_svg_(self) -> str:
@@ -120,26 +125,6 @@ class StudyFigure(Figure):
 def new_figure(height: float, width: float = PAGE_WIDTH) -> StudyFigure:
     """An empty figure, sizes in inches; call it and everything that fills it inside :func:`styled`."""
     return StudyFigure(figsize=(width, height), layout="constrained")
-
-
-def font_folder() -> str:
-    """The folder with the font of all figures."""
-    return str(_font_file().parent)
-
-
-def _font_file() -> Path:
-    return Path(font_manager.findfont("DejaVu Sans", fallback_to_default=False))
-
-
-@functools.cache
-def _characters() -> frozenset[int]:
-    return frozenset(ft2font.FT2Font(str(_font_file())).get_charmap())
-
-
-def printable(text: str) -> str:
-    """Text with every character that the figures' font lacks written as its code point, ``⟨U+65E5⟩``."""
-    known = _characters()
-    return "".join(letter if ord(letter) in known else f"⟨U+{ord(letter):04X}⟩" for letter in text)
 
 
 def shortened(text: str, longest: int = LONGEST_LABEL) -> str:

@@ -11,7 +11,8 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.depth_data import Camera, FloatArray, cameras, swept
+from tradestudy.figures.cameras import CameraTrace, traces
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     INK,
     SOFT,
@@ -23,10 +24,11 @@ from tradestudy.figures.style import (
     log_axis,
     new_figure,
     plain_number,
-    printable,
     shortened,
     styled,
 )
+from tradestudy.results.views.depth import swept
+from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance
 
 if TYPE_CHECKING:
@@ -46,13 +48,13 @@ def reference_distance(tree: xr.DataTree) -> float:
     return float(every[np.argmin(np.abs(np.log(every / middle)))])
 
 
-def moved_cameras(tree: xr.DataTree) -> tuple[Camera, ...]:
+def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
     """The cameras whose uncertainty depends on what is swept."""
     depth = tree["depth"].to_dataset()
     values = depth["depth_uncertainty"].transpose("camera", "distance", ...).values
     flat = values.reshape(*values.shape[:2], -1)
     moved = [not np.array_equal(one, np.broadcast_to(one[:, :1], one.shape), equal_nan=True) for one in flat]
-    return tuple(camera for camera, moves in zip(cameras(tree), moved, strict=True) if moves)
+    return tuple(camera for camera, moves in zip(traces(tree), moved, strict=True) if moves)
 
 
 # SI unit: factor and unit on axes.
@@ -77,7 +79,7 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
     return f"{plain_number(value * factor)} {unit}".rstrip()
 
 
-def sweep_map(tree: xr.DataTree) -> StudyFigure:
+def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty [mm] at the reference distance: a curve over one swept parameter, a map over two.
 
     Of more than two, all but the two with the most values stand at their first value.
@@ -93,7 +95,7 @@ def sweep_map(tree: xr.DataTree) -> StudyFigure:
         return _maps(uncertainty, moved, (dims[0], dims[1]), place)
 
 
-def _curves(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dim: str, place: float) -> StudyFigure:
+def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str, place: float) -> StudyFigure:
     figure = new_figure(3.0)
     axes = figure.subplots()
     x, names, label = _axis_values(uncertainty[dim])
@@ -114,7 +116,9 @@ def _curves(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dim: str, plac
     return figure
 
 
-def _maps(uncertainty: xr.DataArray, moved: tuple[Camera, ...], dims: tuple[str, str], place: float) -> StudyFigure:
+def _maps(
+    uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dims: tuple[str, str], place: float
+) -> StudyFigure:
     columns = min(_COLUMNS, max(len(moved), 1))
     rows = -(-len(moved) // columns)
     figure = new_figure(0.7 + 2.1 * rows)
@@ -163,13 +167,13 @@ def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
         )
 
 
-def pareto(tree: xr.DataTree) -> StudyFigure:
+def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     """Nearest usable distance against uncertainty at the reference distance, for designs usable there; the frontier."""
     with styled():
         depth, place = tree["depth"].to_dataset(), reference_distance(tree)
         figure = new_figure(3.4)
         axes = figure.subplots()
-        shown = cameras(tree)
+        shown = traces(tree)
         clouds: list[FloatArray] = []
         for camera in shown:
             near = depth["usable_near"].sel(camera=camera.key).min("interval")

@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from tradestudy.figures.depth_data import Camera, cameras, nominal, of_camera, usable_intervals
+from tradestudy.figures.cameras import CameraTrace, traces
+from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
@@ -20,10 +21,10 @@ from tradestudy.figures.style import (
     line_style,
     log_axis,
     new_figure,
-    printable,
     shortened,
     styled,
 )
+from tradestudy.results.views.depth import nominal, of_camera, where_usable
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -50,10 +51,10 @@ def _largest(depth: xr.Dataset) -> dict[str, float]:
     return {str(name): float(m) if m >= 0.0 else np.nan for name, m in zip(part["part"].values, known, strict=True)}
 
 
-def uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
+def draw_uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty of every camera and its parts against distance, both axes logarithmic."""
     with styled():
-        depth, shown = nominal(tree), cameras(tree)
+        depth, shown = nominal(tree), traces(tree)
         names = part_names(depth)
         columns = min(_COLUMNS, len(shown))
         rows = -(-len(shown) // columns)
@@ -91,14 +92,14 @@ def _limits(depth: xr.Dataset) -> tuple[float, float]:
     return max(float(finite.min()) / 30.0, top * 1e-7), top
 
 
-def _panel(axes: Axes, depth: xr.Dataset, camera: Camera, names: tuple[str, ...]) -> None:
+def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: tuple[str, ...]) -> None:
     distance = np.asarray(depth["distance"].values, dtype=float)
-    for near, far in usable_intervals(depth, camera):
+    for near, far in where_usable(depth, camera.key):
         axes.axvspan(near, min(far, float(distance[-1])), color=FAINT, alpha=0.45, linewidth=0, zorder=0)
-    total = of_camera(depth, "depth_uncertainty", camera) * MM
+    total = of_camera(depth, "depth_uncertainty", camera.key) * MM
     axes.plot(distance, np.where(np.isfinite(total), total, np.nan), color=INK, linewidth=2.2)
     for order, name in enumerate(names):
-        values = of_camera(depth, "depth_uncertainty_part", camera, part=name) * MM
+        values = of_camera(depth, "depth_uncertainty_part", camera.key, part=name) * MM
         if not np.isfinite(values).any():
             continue
         style = line_style(order + 1)

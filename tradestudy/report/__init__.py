@@ -3,15 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import xarray as xr
 
+    from tradestudy.figures.drawn import Drawer
+
 
 def write(
-    tree: xr.DataTree, run: Mapping[str, Any], directory: Path, *, cost_not_shown: str = "", pdf: bool = True
+    tree: xr.DataTree,
+    run: Mapping[str, Any],
+    directory: Path,
+    *,
+    cost_not_shown: str = "",
+    pdf: bool = True,
+    drawer: Drawer | None = None,
 ) -> None:
     """Write ``report.html``, ``report.pdf``, ``figures/*.svg`` and ``tables/*.csv`` of a finished run.
 
@@ -31,6 +40,8 @@ def write(
         Why a cost that lies in the folder is none of this run, in words; empty where none does.
     pdf
         Whether to write ``report.pdf``.
+    drawer
+        Who has begun to draw figures of these results; None draws all here.
 
     Raises
     ------
@@ -38,19 +49,20 @@ def write(
         If a file cannot be written.
     """
     from tradestudy import figures
+    from tradestudy.figures.drawn import drawn_here
     from tradestudy.report import contents, csv_tables, files, html
     from tradestudy.report import pdf as pdf_format
 
     drawings = figures.build(tree)
-    pictures = {name: drawing.draw().svg() for name, drawing in drawings.items()}
-    document = contents.compose(tree, run, drawings, cost_not_shown=cost_not_shown)
-    made = {f"figures/{name}.svg": svg for name, svg in pictures.items()}
-    made |= {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
-    made["report.html"] = html.render(document, pictures)
+    document = contents.compose_report(tree, run, drawings, cost_not_shown=cost_not_shown)
+    made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
+    pictures = drawn_here(drawings) if drawer is None else drawer.pictures(drawings)
+    made |= {f"figures/{name}.svg": svg for name, svg in pictures.items()}
+    made["report.html"] = html.render_html(document, pictures)
     if pdf:
-        made["report.pdf"] = pdf_format.render(document, pictures)
-    for name, content in made.items():
-        files.replace_file(directory / name, content)
+        made["report.pdf"] = pdf_format.render_pdf(document, pictures)
+    with ThreadPoolExecutor() as pool:  # they wait for the disk
+        list(pool.map(files.replace_file, (directory / name for name in made), made.values()))
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
         if old.relative_to(directory).as_posix() not in made:
             old.unlink(missing_ok=True)  # another run on this folder may have been quicker

@@ -5,21 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from tradestudy.report import facts
-from tradestudy.report.document import Block, Contents, Document, PageBreak
-from tradestudy.report.sections.answer import answer
-from tradestudy.report.sections.calibration import calibration
-from tradestudy.report.sections.cameras import cameras
-from tradestudy.report.sections.cost import Measuring, cost
-from tradestudy.report.sections.depth_of_field import depth_of_field, sharp_answer
-from tradestudy.report.sections.effects import effects
-from tradestudy.report.sections.fresnel_validity import fresnel_answer, fresnel_validity
-from tradestudy.report.sections.hard_cases import hard_cases
-from tradestudy.report.sections.light_spot import light_spot, light_spot_answer
-from tradestudy.report.sections.method import method
-from tradestudy.report.sections.provenance import provenance
-from tradestudy.report.sections.registers import assumptions, claims, contradictions, criteria, requirements
-from tradestudy.report.sections.results import results
+from tradestudy.report.document import Block, Contents, PageBreak, Report
+from tradestudy.report.sections.answer import describe_answer
+from tradestudy.report.sections.calibration import describe_calibration
+from tradestudy.report.sections.cameras import describe_cameras
+from tradestudy.report.sections.cost import Measuring, describe_cost
+from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
+from tradestudy.report.sections.effects import describe_effects
+from tradestudy.report.sections.fresnel_validity import describe_fresnel_answer, describe_fresnel_validity
+from tradestudy.report.sections.hard_cases import describe_hard_cases
+from tradestudy.report.sections.light_spot import describe_light_spot, describe_light_spot_answer
+from tradestudy.report.sections.method import describe_method
+from tradestudy.report.sections.provenance import describe_provenance
+from tradestudy.report.sections.registers import (
+    describe_assumptions,
+    describe_claims,
+    describe_contradictions,
+    describe_criteria,
+    describe_requirements,
+)
+from tradestudy.report.sections.results import describe_results
+from tradestudy.results.views.groups import attribute
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -27,13 +33,13 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 
-def compose(
+def compose_report(
     tree: xr.DataTree,
     run: Mapping[str, Any],
     drawings: Mapping[str, Drawing],
     *,
     cost_not_shown: str = "",
-) -> Document:
+) -> Report:
     """Write the report of a results tree.
 
     Parameters
@@ -48,9 +54,9 @@ def compose(
         As for `tradestudy.report.write`.
     """
     measuring = Measuring.of(run, not_shown=cost_not_shown)
-    return Document(
-        title=facts.attribute(tree, "title"),
-        subtitle=facts.attribute(tree, "question"),
+    return Report(
+        title=attribute(tree, "title"),
+        subtitle=attribute(tree, "question"),
         blocks=tuple(_blocks(tree, run, drawings, measuring)),
     )
 
@@ -59,28 +65,28 @@ def _blocks(
     tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing], measuring: Measuring
 ) -> Iterator[Block]:
     first_page = (
-        *sharp_answer(tree, drawings),
-        *answer(tree, drawings),
-        *fresnel_answer(tree, drawings),
-        *light_spot_answer(tree, run, drawings),
+        *describe_sharp_answer(tree, drawings),
+        *describe_answer(tree, drawings),
+        *describe_fresnel_answer(tree, drawings),
+        *describe_light_spot_answer(tree, run, drawings),
     )
     yield from first_page
     if first_page:
         yield PageBreak()
     yield Contents()
-    yield from cameras(tree)
-    yield from assumptions(tree)
-    yield from method(tree)
-    yield from effects(tree, run)
-    yield from results(tree, drawings)
-    yield from calibration(tree, drawings)
-    yield from depth_of_field(tree, drawings)
-    yield from criteria(tree)
-    yield from fresnel_validity(tree, drawings)
-    yield from light_spot(tree, run, drawings)
-    yield from hard_cases(tree, drawings)
-    yield from cost(tree, drawings, measuring)
-    yield from claims(tree)
-    yield from requirements(tree)
-    yield from contradictions(tree)
-    yield from provenance(run)
+    yield from describe_cameras(tree)
+    yield from describe_assumptions(tree)
+    yield from describe_method(tree)
+    yield from describe_effects(tree, run)
+    yield from describe_results(tree, drawings)
+    yield from describe_calibration(tree, drawings)
+    yield from describe_depth_of_field(tree, drawings)
+    yield from describe_criteria(tree)
+    yield from describe_fresnel_validity(tree, drawings)
+    yield from describe_light_spot(tree, run, drawings)
+    yield from describe_hard_cases(tree, drawings)
+    yield from describe_cost(tree, drawings, measuring)
+    yield from describe_claims(tree)
+    yield from describe_requirements(tree)
+    yield from describe_contradictions(tree)
+    yield from describe_provenance(run)

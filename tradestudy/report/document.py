@@ -47,7 +47,7 @@ def spans(text: Text) -> Spans:
     return (Span(literal(text)),) if isinstance(text, str) else text
 
 
-def plain(text: Text) -> str:
+def plain_text(text: Text) -> str:
     """Text alone, for a terminal: no styles, no spaces that do not break."""
     return "".join(span.text for span in spans(text)).replace("\N{NO-BREAK SPACE}", " ")
 
@@ -202,7 +202,7 @@ Block = Heading | Paragraph | Bullets | Callout | KeyFigures | Table | Picture |
 
 
 @dataclass(frozen=True, kw_only=True)
-class Document:
+class Report:
     """A whole report."""
 
     title: str
@@ -214,12 +214,12 @@ class Document:
         object.__setattr__(self, "numbers", _numbered(self.blocks))
 
 
-def flattened(blocks: tuple[Block, ...]) -> Iterator[Block]:
+def all_blocks(blocks: tuple[Block, ...]) -> Iterator[Block]:
     """All blocks in reading order, those inside callouts too."""
     for block in blocks:
         yield block
         if isinstance(block, Callout):
-            yield from flattened(block.blocks)
+            yield from all_blocks(block.blocks)
 
 
 def _numbered(blocks: tuple[Block, ...]) -> dict[str, str]:
@@ -227,7 +227,7 @@ def _numbered(blocks: tuple[Block, ...]) -> dict[str, str]:
     numbers: dict[str, str] = {}
     section = [0, 0, 0]
     figures = tables = 0
-    for block in flattened(blocks):
+    for block in all_blocks(blocks):
         match block:
             case Heading():
                 section[block.level - 1] += 1

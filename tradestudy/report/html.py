@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import jinja2
 import markupsafe
 
-from tradestudy.report.document import Document, Equation, Heading, flattened, spans
+from tradestudy.report.document import Equation, Heading, Report, all_blocks, spans
 from tradestudy.report.typesetting import template, typeset
 
 _EQUATION_TEXT_SIZE_PT = 11.0  # as in templates/equations.typ
@@ -22,7 +22,7 @@ class _DrawnEquation:
     width_em: str
 
 
-def render(document: Document, pictures: Mapping[str, bytes]) -> bytes:
+def render_html(document: Report, pictures: Mapping[str, bytes]) -> bytes:
     """Write a document as HTML.
 
     Figures and equations are images of their own (data URIs), so identifiers inside them cannot collide.
@@ -34,7 +34,7 @@ def render(document: Document, pictures: Mapping[str, bytes]) -> bytes:
     pictures
         SVG bytes of every figure that the document shows, by name.
     """
-    blocks = tuple(flattened(document.blocks))
+    blocks = tuple(all_blocks(document.blocks))
     drawn = _drawn_equations(tuple(block for block in blocks if isinstance(block, Equation)))
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, keep_trailing_newline=True)
     page = environment.from_string(template("report.html.jinja")).render(

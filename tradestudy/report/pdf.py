@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tradestudy import figures
+from tradestudy.figures.fonts import printable
 from tradestudy.report.document import (
     Block,
     Bullets,
     Callout,
-    Document,
     Heading,
     KeyFigures,
     Picture,
+    Report,
     Span,
     Table,
     Text,
@@ -24,7 +24,7 @@ from tradestudy.report.typesetting import typeset
 Json = dict[str, Any]
 
 
-def render(document: Document, pictures: Mapping[str, bytes]) -> bytes:
+def render_pdf(document: Report, pictures: Mapping[str, bytes]) -> bytes:
     """Typeset a document.
 
     Parameters
@@ -40,8 +40,8 @@ def render(document: Document, pictures: Mapping[str, bytes]) -> bytes:
         A PDF/UA-1 file without dates; equal inputs give equal bytes.
     """
     content = {
-        "title": figures.printable(document.title),
-        "subtitle": figures.printable(document.subtitle),
+        "title": printable(document.title),
+        "subtitle": printable(document.subtitle),
         "blocks": [_block(block, document.numbers) for block in document.blocks],
     }
     inputs: dict[str, object] = {"document": content}
@@ -55,7 +55,7 @@ def _text(text: Text, numbers: Mapping[str, str]) -> list[Json]:
 
 def _span(span: Span, numbers: Mapping[str, str]) -> Json:
     text = span.text or numbers.get(span.target, "")
-    return {"text": figures.printable(text), "style": span.style, "target": span.target}
+    return {"text": printable(text), "style": span.style, "target": span.target}
 
 
 def _block(block: Block, numbers: Mapping[str, str]) -> Json:
@@ -68,7 +68,7 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
             content["items"] = [_text(item, numbers) for item in block.items]
         case KeyFigures():
             content["items"] = [
-                {"value": figures.printable(one.value), "label": _text(one.label, numbers)} for one in block.items
+                {"value": printable(one.value), "label": _text(one.label, numbers)} for one in block.items
             ]
         case Table():
             content |= {
@@ -77,14 +77,13 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
                 "caption": _text(block.caption, numbers),
             }
             content["columns"] = [
-                vars(one) | {"title": _text(one.title, numbers), "unit": figures.printable(one.unit)}
-                for one in block.columns
+                vars(one) | {"title": _text(one.title, numbers), "unit": printable(one.unit)} for one in block.columns
             ]
             content["rows"] = [[_text(cell, numbers) for cell in row] for row in block.rows]
             content["notes"] = [_text(note, numbers) for note in block.notes]
         case Picture():
             content |= vars(block) | {"number": numbers[block.name], "caption": _text(block.caption, numbers)}
-            content["alt"] = figures.printable(block.alt)
+            content["alt"] = printable(block.alt)
         case Heading():
             content |= vars(block) | {"number": numbers[block.anchor], "text": _text(block.text, numbers)}
         case _:

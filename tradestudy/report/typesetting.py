@@ -10,8 +10,8 @@ from typing import Final, Literal
 
 import typst
 
-from tradestudy import figures
 from tradestudy.errors import TradestudyError
+from tradestudy.figures.fonts import font_folder
 
 PDF_STANDARD: Final = "ua-1"  # accessible PDF: tagged, every figure and equation with its alternative text
 
@@ -23,7 +23,7 @@ def template(name: str) -> str:
 
 @functools.cache
 def _fonts() -> typst.Fonts:
-    return typst.Fonts(include_system_fonts=False, font_paths=[figures.font_folder()])
+    return typst.Fonts(include_system_fonts=False, font_paths=[font_folder()])
 
 
 def typeset(name: str, inputs: Mapping[str, object], output: Literal["pdf", "svg"]) -> list[bytes]:

@@ -62,15 +62,15 @@ def _is_running(process: int) -> bool:
     return True
 
 
-def write_finished(tree: xr.DataTree, run: Mapping[str, Any], directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:
+def write_finished(tree: xr.DataTree, run: Mapping[str, Any], directory: Path) -> dict[str, Any]:
     """Write ``run.json`` with the checksum of the results, then ``results.nc``, each whole or not at all.
 
     Results come last: once they are there whole, a run is finished and its record is there too.
 
     Returns
     -------
-    tuple
-        Both as they are read back, so that a report made now and one made later from the files are the same bytes.
+    dict
+        The record as it is read back, so that a report made now and one made later from the files are the same bytes.
     """
     content = tree.to_netcdf(engine="h5netcdf")  # in memory: HDF5 brings the process down where a disk is full
     record = {**run, CHECKSUM: _checksum(content)}
@@ -79,7 +79,8 @@ def write_finished(tree: xr.DataTree, run: Mapping[str, Any], directory: Path) -
         results.write_bytes(content)
         with replacing(directory / RUN) as beside:
             beside.write_text(text, encoding="utf-8")
-    return _tree_of(bytes(content), directory / RESULTS), json.loads(text)
+    read_back: dict[str, Any] = json.loads(text)
+    return read_back
 
 
 def read_finished(directory: Path) -> tuple[xr.DataTree, dict[str, Any]]:

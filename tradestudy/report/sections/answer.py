@@ -7,20 +7,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.report import facts
 from tradestudy.report.document import (
     Block,
     Bullets,
     Callout,
     Column,
     Heading,
-    Picture,
     Spans,
     Table,
     Text,
     say,
 )
-from tradestudy.report.facts import in_words, length, share
+from tradestudy.report.pictures import pictures_of
+from tradestudy.report.words import in_words, length, share
+from tradestudy.results.views.cameras import camera_titles, titles_in
+from tradestudy.results.views.decision import Flips, candidates, flips, handovers, solved_questions, told_winners
+from tradestudy.results.views.depth import nominal, nominal_is_declared
+from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.largest import largest_part
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, span
 
@@ -30,9 +34,9 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 
-def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera for which distance, how sure, what decides it, and what would turn it over."""
-    if not facts.has(tree, "decision", "best_camera") or not facts.has(tree, "depth"):
+    if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return
     yield Heading(text="The answer", anchor="answer")
     yield Callout(
@@ -40,17 +44,13 @@ def answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block
         blocks=(Bullets((*_stretches(tree), *_changes(tree), *_ways(tree), *_solved(tree))),),
         tone="answer",
     )
-    if "whole_range" in drawings:
-        drawing = drawings["whole_range"]
-        yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
+    yield from pictures_of(drawings, "whole_range")
     yield from _stability(tree)
 
 
 def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
     """One sentence per stretch of distance with one best camera."""
-    from tradestudy.figures.depth_data import candidates, nominal, nominal_is_declared, told_winners
-
-    titles, depth, declared = facts.titles(tree), nominal(tree), nominal_is_declared(tree)
+    titles, depth, declared = camera_titles(tree), nominal(tree), nominal_is_declared(tree)
     for start, end, key in told_winners(tree):
         where = span(start, end)
         if not key:
@@ -70,10 +70,8 @@ def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _why_none(tree: xr.DataTree, depth: xr.Dataset, start: float, end: float) -> str:
     """Which candidate begins or ends where none is usable, by which limit, and who is usable without being one."""
-    from tradestudy.figures.depth_data import candidates
-
-    titles, among = facts.titles(tree), candidates(tree) or tuple(facts.depth_titles(tree))
-    others = [key for key in facts.depth_titles(tree) if key not in among]
+    titles, among = camera_titles(tree), candidates(tree) or tuple(titles_in(tree, "depth"))
+    others = [key for key in titles_in(tree, "depth") if key not in among]
     depth = depth.transpose("camera", "interval", ...)
     usable = [
         titles[key]
@@ -103,23 +101,18 @@ def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
     near, far = (
         f"{length(float(s))} ({share(float(s / z))})" for s, z in zip(inside.values[[0, -1]], places, strict=True)
     )
-    first, last = (_largest_part(depth, camera, float(place)) for place in places)
+    first, last = (in_words(largest_part(depth, camera, float(place)) or "nothing") for place in places)
     cause = f"set by {first}" if first == last else f"set first by {first}, then by {last}"
     return f"±{near} near to ±{far} far, {cause}"
 
 
-def _largest_part(depth: xr.Dataset, camera: str, place: float) -> str:
-    parts = depth["depth_uncertainty_part"].sel(camera=camera).sel(distance=place, method="nearest")
-    return in_words(str(parts["part"].values[int(np.nanargmax(np.asarray(parts.values, dtype=np.float64)))]))
-
-
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     """Where the verdict on the headline pair changes hands, and how far other readings move that."""
-    if not facts.has(tree, "decision", "change_distance"):
+    if not has(tree, "decision", "change_distance"):
         return
-    decision, titles = facts.dataset(tree, "decision").sel(way="both"), facts.titles(tree)
+    decision, titles = group(tree, "decision").sel(way="both"), camera_titles(tree)
     first, second = (titles[decision.attrs[end]] for end in ("first", "second"))
-    handed = [list(facts.handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
+    handed = [list(handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
     own = "at " + " and ".join(distance(place) for place in handed[0]) if handed[0] else "nowhere"
     others = [place for row in handed[1:] for place in row]
     alone = sum(not row for row in handed[1:])
@@ -140,9 +133,9 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
 
 def _ways(tree: xr.DataTree) -> Iterator[Spans]:
     """Whom noise alone and calibration alone favour, at how many of the declared distances."""
-    if not facts.has(tree, "decision", "more_certain", "uncertainty_ratio"):
+    if not has(tree, "decision", "more_certain", "uncertainty_ratio"):
         return
-    decision, titles = facts.dataset(tree, "decision"), facts.titles(tree)
+    decision, titles = group(tree, "decision"), camera_titles(tree)
     pair = [str(decision.attrs[end]) for end in ("first", "second")]
     yield say(
         "Of {first} and {second}, {noise}; {calibration}.",
@@ -170,16 +163,16 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
 
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
     """The inverse questions with their answers."""
-    for one in facts.solved(tree):
+    for one in solved_questions(tree):
         yield say("{says} **{answer}**.", says=one.says, answer=one.answer)
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:
     """How the verdict on the headline pair fares under the other readings, at each declared distance."""
-    flips = tuple(facts.flips(tree))
-    if not flips:
+    found = tuple(flips(tree))
+    if not found:
         return
-    titles, decision = facts.titles(tree) | {"": "neither"}, facts.dataset(tree, "decision")
+    titles, decision = camera_titles(tree) | {"": "neither"}, group(tree, "decision")
 
     yield Table(
         name="verdict-table",
@@ -201,7 +194,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
                 titles[one.more_certain],
                 _factor(one.ratio),
             )
-            for one in flips
+            for one in found
         ),
     )
 
@@ -213,7 +206,7 @@ def _factor(ratio: float) -> str:
     return significant(max(ratio, 1.0 / ratio), 2) if 0.0 < ratio < np.inf else "∞"
 
 
-def _flipped(one: facts.Flips, titles: Mapping[str, str]) -> Text:
+def _flipped(one: Flips, titles: Mapping[str, str]) -> Text:
     if not one.alternatives:
         return "no other reading was tried"
     return say(

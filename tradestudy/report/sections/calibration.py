@@ -7,20 +7,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.report import facts
 from tradestudy.report.document import (
     Block,
     Column,
     Heading,
     Paragraph,
-    Picture,
     Table,
     Text,
     say,
 )
-from tradestudy.report.facts import in_words, interval, length, share
-from tradestudy.report.sections.posterior import posteriors
-from tradestudy.report.sections.uncertain_decision import computed_places, crossovers, ranks, stability, verdict
+from tradestudy.report.pictures import pictures_of
+from tradestudy.report.sections.posterior import describe_posteriors
+from tradestudy.report.sections.uncertain_decision import (
+    computed_places,
+    describe_crossovers,
+    describe_ranks,
+    describe_stability,
+    describe_verdict,
+)
+from tradestudy.report.words import in_words, interval, length, share
+from tradestudy.results.views.cameras import titles_in
+from tradestudy.results.views.groups import group, has
 from tradestudy.units import significant
 from tradestudy.wording import distance
 
@@ -38,43 +45,38 @@ _CAUSES = {
 }
 
 
-def calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write what a study found by drawing its calibration errors; nothing for a study that draws none."""
-    if not facts.has(tree, "calibration", "depth_quantile"):
+    if not has(tree, "calibration", "depth_quantile"):
         return
     yield Heading(text="Calibration errors through the exact models", anchor="calibration")
-    yield from verdict(tree)
+    yield from describe_verdict(tree)
     yield _how(tree)
-    yield from posteriors(tree, drawings)
+    yield from describe_posteriors(tree, drawings)
     yield Heading(text="What one reading is worth", anchor="calibration-depth", level=2)
-    yield from _picture(drawings, "calibration-bands")
+    yield from pictures_of(drawings, "calibration-bands")
     yield _intervals(tree)
     yield _classes(tree)
     yield _moments(tree)
-    yield from _picture(drawings, "failure-share")
+    yield from pictures_of(drawings, "failure-share")
     yield _failures(tree)
     yield Heading(text="Which method was good enough", anchor="calibration-tiers", level=2)
     yield _tiers(tree)
-    if facts.has(tree, "sensitivity", "source_uncertainty"):
+    if has(tree, "sensitivity", "source_uncertainty"):
         yield Heading(text="What drives depth", anchor="sensitivity", level=2)
-        yield from _picture(drawings, "tornado")
-        yield from _picture(drawings, "sobol-indices")
+        yield from pictures_of(drawings, "tornado")
+        yield from pictures_of(drawings, "sobol-indices")
         yield from _refusals(tree)
-    if facts.has(tree, "decision", "rank_first"):
+    if has(tree, "decision", "rank_first"):
         yield Heading(text="Who errs less, with what probability", anchor="ranks", level=2)
-        yield from _picture(drawings, "rank-probability")
-        yield ranks(tree)
-        yield from crossovers(tree)
-    yield from stability(tree)
-
-
-def _picture(drawings: Mapping[str, Drawing], name: str) -> Iterator[Picture]:
-    if name in drawings:
-        yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
+        yield from pictures_of(drawings, "rank-probability")
+        yield describe_ranks(tree)
+        yield from describe_crossovers(tree)
+    yield from describe_stability(tree)
 
 
 def _how(tree: xr.DataTree) -> Paragraph:
-    data = facts.dataset(tree, "calibration")
+    data = group(tree, "calibration")
     return Paragraph(
         say(
             "Every error is drawn from its distribution, correlated ones together, and every draw goes through the "
@@ -89,16 +91,11 @@ def _how(tree: xr.DataTree) -> Paragraph:
     )
 
 
-def _titles(tree: xr.DataTree) -> dict[str, str]:
-    titles = facts.titles(tree)
-    return {str(key): titles[str(key)] for key in facts.dataset(tree, "calibration")["camera"].values}
-
-
 def _intervals(tree: xr.DataTree) -> Table:
     """One stretch of rows per camera and place in the field; distances that it does not see are left out."""
-    data = facts.dataset(tree, "calibration").sel(way="both")
+    data = group(tree, "calibration").sel(way="both")
     rows: list[tuple[Text, ...]] = []
-    for key, title in _titles(tree).items():
+    for key, title in titles_in(tree, "calibration").items():
         for field, where in _FIELDS.items():
             one = data.sel(camera=key, field=field)
             seen = [
@@ -151,7 +148,7 @@ def _moment(value: float) -> str:
 
 def _classes(tree: xr.DataTree) -> Table:
     """Noise, calibration and both at the declared distances, on the axis."""
-    data = facts.dataset(tree, "calibration").sel(field="axis")
+    data = group(tree, "calibration").sel(field="axis")
     places = computed_places(tree)
     return Table(
         name="class-table",
@@ -171,15 +168,15 @@ def _classes(tree: xr.DataTree) -> Table:
                     for place in places
                 ),
             )
-            for key, title in _titles(tree).items()
+            for key, title in titles_in(tree, "calibration").items()
             for way, words in _WAYS.items()
         ),
     )
 
 
 def _moments(tree: xr.DataTree) -> Table:
-    group = facts.dataset(tree, "calibration")
-    data, last = group["moments_end"], float(group["distance"].values[-1])
+    every = group(tree, "calibration")
+    data, last = every["moments_end"], float(every["distance"].values[-1])
 
     def words(value: float) -> str:
         return "nowhere" if np.isnan(value) else f"> {distance(last)}" if np.isinf(value) else distance(value)
@@ -201,15 +198,15 @@ def _moments(tree: xr.DataTree) -> Table:
                     for field in ("axis", "edge")
                 ),
             )
-            for key, title in _titles(tree).items()
+            for key, title in titles_in(tree, "calibration").items()
         ),
     )
 
 
 def _failures(tree: xr.DataTree) -> Table:
-    data = facts.dataset(tree, "calibration").sel(way="both")
+    data = group(tree, "calibration").sel(way="both")
     rows: list[tuple[Text, ...]] = []
-    for key, title in _titles(tree).items():
+    for key, title in titles_in(tree, "calibration").items():
         for field, where in _FIELDS.items():
             one = data.sel(camera=key, field=field)
             failed = one["failed_fraction"].max("distance")
@@ -234,9 +231,9 @@ def _small(value: float) -> str:
 
 
 def _tiers(tree: xr.DataTree) -> Table:
-    data = facts.dataset(tree, "calibration").sel(way="both")
+    data = group(tree, "calibration").sel(way="both")
     rows: list[tuple[Text, ...]] = []
-    for key, title in _titles(tree).items():
+    for key, title in titles_in(tree, "calibration").items():
         one = data.sel(camera=key, field="axis")
         chosen = [str(name) for name in one["tier"].values if str(name)]
         rows.append(
@@ -282,9 +279,9 @@ def _milliseconds(seconds: float) -> str:
 
 def _refusals(tree: xr.DataTree) -> Iterator[Block]:
     """What was refused because it would mislead, with the reason."""
-    data, rows = facts.dataset(tree, "sensitivity"), []
-    status = facts.dataset(tree, "calibration")["status"].sel(way="both", field="axis")
-    for key, title in _titles(tree).items():
+    data, rows = group(tree, "sensitivity"), []
+    status = group(tree, "calibration")["status"].sel(way="both", field="axis")
+    for key, title in titles_in(tree, "calibration").items():
         reason = str(data["parameter_refused"].sel(camera=key).item())
         if reason:
             rows.append((title, "tornado by parameter", reason))

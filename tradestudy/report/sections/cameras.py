@@ -5,16 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from tradestudy.report import facts
 from tradestudy.report.document import Block, Bullets, Column, Heading, Table, say
+from tradestudy.results.views.cameras import camera_families, camera_titles
+from tradestudy.results.views.groups import group, has, records
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def cameras(tree: xr.DataTree) -> Iterator[Block]:
+def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
     """Write one line per camera and a table of their derived properties, one per family."""
-    rows = facts.records(tree, "cameras", "camera")
+    rows = records(tree, "cameras", "camera")
     if not rows:
         return
     yield Heading(text="Cameras", anchor="cameras")
@@ -24,16 +25,16 @@ def cameras(tree: xr.DataTree) -> Iterator[Block]:
             for r in rows
         )
     )
-    families = facts.families(tree)
+    families = camera_families(tree)
     for family in dict.fromkeys(families.values()):
         yield from _properties(tree, family, [key for key, other in families.items() if other == family])
 
 
 def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Block]:
     """Write the derived properties of the cameras of one family side by side."""
-    if not facts.has(tree, "cameras", "property_camera", "property_name", "property_value"):
+    if not has(tree, "cameras", "property_camera", "property_name", "property_value"):
         return
-    data, titles = facts.dataset(tree, "cameras"), facts.titles(tree)
+    data, titles = group(tree, "cameras"), camera_titles(tree)
     values = {
         (str(camera), str(name)): str(value)
         for camera, name, value in zip(

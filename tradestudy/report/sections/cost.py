@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tradestudy.report import facts
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -19,13 +18,14 @@ from tradestudy.report.document import (
     Column,
     Heading,
     Paragraph,
-    Picture,
     Spans,
     Table,
     Text,
     say,
 )
+from tradestudy.report.pictures import pictures_of
 from tradestudy.results.cost import NO_ANSWER
+from tradestudy.results.views.groups import group, has
 from tradestudy.units import DURATION, pretty, significant
 
 if TYPE_CHECKING:
@@ -77,12 +77,12 @@ class Measuring:
         return " ".join(["python -m tradestudy cost", *map(_in_a_shell, words)])
 
 
-def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing], measuring: Measuring) -> Iterator[Block]:
+def describe_cost(tree: xr.DataTree, drawings: Mapping[str, Drawing], measuring: Measuring) -> Iterator[Block]:
     """Write the last measured cost of the study on this machine, or say how to measure it."""
     if not any(group in tree.children for group in _HAS_PRICES):
         return
     yield Heading(text="What accuracy costs", anchor="what-accuracy-costs")
-    if not facts.has(tree, "cost", "relative_error"):
+    if not has(tree, "cost", "relative_error"):
         yield Paragraph(
             say(
                 "Not measured on this machine for this study as it stands. `{command}` measures error against seconds "
@@ -92,14 +92,12 @@ def cost(tree: xr.DataTree, drawings: Mapping[str, Drawing], measuring: Measurin
             )
         )
         return
-    data = facts.dataset(tree, "cost")
+    data = group(tree, "cost")
     yield Callout(
         title="What would one more digit cost?", blocks=(Bullets(tuple(answers(data, measuring))),), tone="answer"
     )
     yield Paragraph(_circumstances(data, str(tree.attrs.get("code_hash", ""))))
-    if "cost" in drawings:
-        drawing = drawings["cost"]
-        yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
+    yield from pictures_of(drawings, "cost")
     yield _digits(data)
     for name in (str(key) for key in data["cost_quantity"].values):
         yield from _quantity(data, name)

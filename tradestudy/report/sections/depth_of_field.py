@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.report import facts
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -16,13 +15,16 @@ from tradestudy.report.document import (
     Column,
     Heading,
     Paragraph,
-    Picture,
     Spans,
     Table,
     Text,
     say,
 )
-from tradestudy.report.facts import length, share
+from tradestudy.report.pictures import pictures_of
+from tradestudy.report.words import length, share
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_stretches
+from tradestudy.results.views.groups import group, has
 from tradestudy.units import PIXELS, pretty, significant
 from tradestudy.wording import counted
 
@@ -52,9 +54,9 @@ class _Row:
         return self.share >= 1.0 - 1e-9
 
 
-def sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera keeps the scene sharp, at what resolution, with how many exposures and moving parts."""
-    if not facts.has(tree, "depth_of_field", "scene_share"):
+    if not has(tree, "depth_of_field", "scene_share"):
         return
     rows = sorted(_rows(tree), key=lambda row: (not row.keeps_all, -row.share, row.resolution))
     yield Heading(text="What stays sharp", anchor="sharp-answer")
@@ -64,29 +66,23 @@ def sharp_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator
         tone="answer",
     )
     yield _answer_table(tree, rows)
-    yield from _pictures(drawings, "depth-of-field")
-
-
-def _pictures(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Picture]:
-    for name in names:
-        if name in drawings:
-            yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
+    yield from pictures_of(drawings, "depth-of-field")
 
 
 def _scene(tree: xr.DataTree) -> str:
-    data = facts.dataset(tree, "depth_of_field")
+    data = group(tree, "depth_of_field")
     return f"{length(float(data.attrs['scene_near']))} to {length(float(data.attrs['scene_far']))}"
 
 
 def _rows(tree: xr.DataTree) -> Iterator[_Row]:
-    data = facts.dataset(tree, "depth_of_field").isel(sharp=0)
-    for key, title in facts.titles(tree).items():
+    data = by_first_criterion(tree)
+    for key, title in camera_titles(tree).items():
         one = data.sel(camera=key)
         yield _Row(
             key=key,
             title=title,
             share=float(one["scene_share"]),
-            stretches=_stretches(one, "sharp"),
+            stretches=sharp_stretches(one, "sharp"),
             resolution=float(one["scene_resolution"]),
             diffraction=float(one["scene_diffraction"]),
             images=int(one["images"]),
@@ -94,16 +90,11 @@ def _rows(tree: xr.DataTree) -> Iterator[_Row]:
         )
 
 
-def _stretches(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ...]:
-    near, far = (np.atleast_1d(one[f"{name}_{side}"].values) for side in ("near", "far"))
-    return tuple((float(a), float(b)) for a, b in zip(near, far, strict=True) if np.isfinite(a) and not np.isnan(b))
-
-
 def _criterion(tree: xr.DataTree, key: str, name: str) -> str:
     """One trade criterion of one camera; a dash where the study does not ask for it."""
-    if not facts.has(tree, "criteria", "value"):
+    if not has(tree, "criteria", "value"):
         return "—"
-    data = facts.dataset(tree, "criteria")
+    data = group(tree, "criteria")
     known = name in data["criterion"].values and key in data["camera"].values
     return str(data["value"].sel(camera=key, criterion=name).item()) if known else "—"
 
@@ -139,7 +130,7 @@ def _findings(tree: xr.DataTree, rows: list[_Row]) -> Iterator[Spans]:
 
 def _diffraction_finding(tree: xr.DataTree) -> Iterator[Spans]:
     """For how many cameras diffraction alone is wider than what counts as sharp, by each criterion that counts it."""
-    data = facts.dataset(tree, "depth_of_field")
+    data = group(tree, "depth_of_field")
     words = []
     for name in data["sharp"].values:
         one = data.sel(sharp=name)
@@ -159,12 +150,12 @@ def _criterion_words(one: xr.Dataset) -> str:
     return f"{pretty(float(one['blur_px']), PIXELS)} {_SPOT[str(one['diffraction'].item())]}"
 
 
-def _ends(stretches: tuple[tuple[float, float], ...]) -> str:
-    return " and ".join(f"{length(near)} – {length(far)}" for near, far in stretches) or "nowhere"
+def _ends(found: tuple[tuple[float, float], ...]) -> str:
+    return " and ".join(f"{length(near)} – {length(far)}" for near, far in found) or "nowhere"
 
 
 def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
-    first = facts.dataset(tree, "depth_of_field").isel(sharp=0)
+    first = by_first_criterion(tree)
 
     def cells(row: _Row) -> tuple[Text, ...]:
         sharp = share(row.share) if row.share > 0.0 else "nothing"
@@ -202,9 +193,9 @@ def _answer_table(tree: xr.DataTree, rows: list[_Row]) -> Table:
     )
 
 
-def depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write depth of field by every criterion, at equal resolution, and the lateral resolution."""
-    if not facts.has(tree, "depth_of_field", "scene_share"):
+    if not has(tree, "depth_of_field", "scene_share"):
         return
     yield Heading(text="Depth of field", anchor="depth-of-field-results")
     yield Paragraph(
@@ -220,20 +211,20 @@ def depth_of_field(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterat
     yield _criteria_of_sharpness(tree)
     yield from _slices(tree)
     yield from _equal_resolution(tree)
-    yield from _pictures(drawings, "lateral-resolution")
+    yield from pictures_of(drawings, "lateral-resolution")
     yield from _coverage(tree)
 
 
 def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
-    data, titles = facts.dataset(tree, "depth_of_field"), facts.titles(tree)
+    data, titles = group(tree, "depth_of_field"), camera_titles(tree)
     rows: list[tuple[Text, ...]] = []
     for name in data["sharp"].values:
         one = data.sel(sharp=name)
         rows.append((f"{name}: {_criterion_words(one)}",))
         for key, title in titles.items():
             camera = one.sel(camera=key)
-            found = _stretches(camera, "sharp")
-            gaps = _stretches(camera, "gap")
+            found = sharp_stretches(camera, "sharp")
+            gaps = sharp_stretches(camera, "gap")
             rows.append(
                 (
                     title,
@@ -261,7 +252,7 @@ def _criteria_of_sharpness(tree: xr.DataTree) -> Table:
 
 def _slices(tree: xr.DataTree) -> Iterator[Block]:
     """Slice by slice, for the cameras that have several."""
-    data, titles = facts.dataset(tree, "depth_of_field").isel(sharp=0), facts.titles(tree)
+    data, titles = by_first_criterion(tree), camera_titles(tree)
     rows: list[tuple[Text, ...]] = []
     for key, title in titles.items():
         one = data.sel(camera=key)
@@ -272,7 +263,7 @@ def _slices(tree: xr.DataTree) -> Iterator[Block]:
                 f"{name} {_ends(((float(near), float(far)),))}" if np.isfinite(near) else f"{name} nowhere"
                 for name, (near, far) in zip(names, limits, strict=False)
             ]
-            overlaps = _ends(_stretches(one, "overlap")) if _stretches(one, "overlap") else "none"
+            overlaps = _ends(sharp_stretches(one, "overlap")) if sharp_stretches(one, "overlap") else "none"
             rows.append((title, "; ".join(parts), overlaps))
     if rows:
         yield Table(
@@ -288,7 +279,7 @@ def _slices(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
-    data, titles = facts.dataset(tree, "depth_of_field"), facts.titles(tree)
+    data, titles = group(tree, "depth_of_field"), camera_titles(tree)
     if "resolved_near" not in data:
         return
     size = length(float(data.attrs["equal_resolution"]))
@@ -310,7 +301,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
         rows=tuple(
             (
                 title,
-                _ends(_stretches(data.sel(camera=key), "resolved")),
+                _ends(sharp_stretches(data.sel(camera=key), "resolved")),
                 length(float(data["resolved_extent"].sel(camera=key))),
                 share(float(data["resolved_scene_share"].sel(camera=key))),
                 str(data["resolved_reason"].sel(camera=key).item()),
@@ -322,7 +313,7 @@ def _equal_resolution(tree: xr.DataTree) -> Iterator[Block]:
 
 def _coverage(tree: xr.DataTree) -> Iterator[Block]:
     """How many microlenses see a point of the scene, for the cameras where that is a question."""
-    data, titles = facts.dataset(tree, "depth_of_field"), facts.titles(tree)
+    data, titles = group(tree, "depth_of_field"), camera_titles(tree)
     ends = (float(data.attrs["scene_near"]), float(data.attrs["scene_far"]))
     rows = []
     for key, title in titles.items():

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from tradestudy.report import facts
 from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.facts import share
+from tradestudy.report.words import share
+from tradestudy.results.views.cameras import titles_in
+from tradestudy.results.views.groups import group, has
 from tradestudy.units import significant
 from tradestudy.wording import distance
 
@@ -30,12 +31,12 @@ _CAUSES: Final = {
 }
 
 
-def disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
+def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
     """Write what counts most for every camera whose disparity error is derived, and the table behind it."""
-    if not facts.has(tree, "disparity_causes"):
+    if not has(tree, "disparity_causes"):
         return
-    found = facts.dataset(tree, "disparity_causes")
-    titles = {key: title for key, title in facts.titles(tree).items() if key in found["camera"].values}
+    found = group(tree, "disparity_causes")
+    titles = titles_in(tree, "disparity_causes")
     middle = found.sizes["distance"] // 2
     yield Heading(text="What the disparity error is made of", anchor="disparity-causes", level=2)
     yield Paragraph(

@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.words import in_words
 from tradestudy.results.effects import OF_NOISE_ALONE, TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.groups import group, has, records
 from tradestudy.units import DURATION, FRACTION, pretty, significant
 from tradestudy.wording import distance
 
@@ -32,12 +34,12 @@ _NOTHING = "nothing is left out"
 _LITTLE = 0.5  # of the variance: below that, what changes noise changes the whole by less than half as much
 
 
-def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
+def describe_effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
     """Write the section on effects: what was asked for, what acts, and what was weighed and not taken."""
-    rows = facts.records(tree, "effects", "decision")
+    rows = records(tree, "effects", "decision")
     if not rows:
         return
-    data = facts.dataset(tree, "effects")
+    data = group(tree, "effects")
     changes = data["bound"].max("quantity").values
     rows = [row | {"change": float(change)} for row, change in zip(rows, changes, strict=True)]
     yield Heading(text="What was simulated, and what was not", anchor="effects")
@@ -70,7 +72,7 @@ def effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
 
 def _of_depth(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
     """What the bounds on depth hold for, and where their numbers are taken; nothing where none is of a distance."""
-    data = facts.dataset(tree, "effects")
+    data = group(tree, "effects")
     if np.isfinite(data["wanted"].sel(quantity="depth_uncertainty")).any():
         yield " ".join((OF_NOISE_ALONE, *_noise_shares(tree, rows), WHERE_NUMBERS_ARE_TAKEN))
     elif np.isfinite(data["number_at"]).any():
@@ -79,11 +81,11 @@ def _of_depth(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
 
 def _noise_shares(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
     """How little noise makes of the depth uncertainty of cameras whose picture was weighed."""
-    if not facts.has(tree, "depth"):
+    if not has(tree, "depth"):
         return
     pictured = {str(row["situation"]) for row in rows if row["slot"] == "sensor_noise" and row["change"] > 0.0}
-    depth = facts.dataset(tree, "depth")
-    for name, title in facts.titles(tree).items():
+    depth = group(tree, "depth")
+    for name, title in camera_titles(tree).items():
         if name not in pictured:
             continue
         own = depth.sel(camera=name)
@@ -209,7 +211,7 @@ def _of_a_piece(rows: list[dict[str, Any]]) -> list[_Row]:
 def _row(row: dict[str, Any]) -> _Row:
     number = _number(row)
     return _Row(
-        effects=(facts.in_words(str(row["slot"])),),
+        effects=(in_words(str(row["slot"])),),
         model=str(row["model"]),
         pieces="",
         numbers=(number,) if number else (),

@@ -6,9 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from tradestudy.report import facts
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -17,13 +15,15 @@ from tradestudy.report.document import (
     Equation,
     Heading,
     Paragraph,
-    Picture,
     Spans,
     Table,
     Text,
     say,
 )
-from tradestudy.report.facts import length, share
+from tradestudy.report.pictures import pictures_of
+from tradestudy.report.words import length, share
+from tradestudy.results.views.groups import FloatArray, group, has
+from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
 from tradestudy.units import significant
 
 if TYPE_CHECKING:
@@ -31,52 +31,37 @@ if TYPE_CHECKING:
 
     from tradestudy.figures.drawing import Drawing
 
-FloatArray = npt.NDArray[np.float64]
 _METRICS = {"peak": "peak", "l1": "L1", "largest": "largest"}
 
 
-def fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_fresnel_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say from which f-number on Fresnel may be used, lens by lens, and what the lens phase does to that."""
-    if not facts.has(tree, "fresnel_validity", "psf_error"):
+    if not has(tree, "fresnel_validity", "psf_error"):
         return
-    data = facts.dataset(tree, "fresnel_validity")
+    data = group(tree, "fresnel_validity")
     yield Heading(text="The answer", anchor="fresnel-answer")
     yield Callout(
         title="From which f-number on Fresnel may stand for Kirchhoff",
         blocks=(Bullets(tuple(_findings(data))),),
         tone="answer",
     )
-    yield from _picture(drawings, "fresnel_error")
+    yield from pictures_of(drawings, "fresnel_error")
 
 
-def fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_fresnel_validity(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write how the error is measured, its size by every measure, and what the criteria say."""
-    if not facts.has(tree, "fresnel_validity", "psf_error"):
+    if not has(tree, "fresnel_validity", "psf_error"):
         return
-    data = facts.dataset(tree, "fresnel_validity")
+    data = group(tree, "fresnel_validity")
     yield Heading(text="Fresnel against Kirchhoff", anchor="fresnel-validity")
     yield from _measures(data)
     for element in data["element"].values:
         yield _error_table(data, str(element))
     yield _limit_table(data)
     yield Heading(text="Criteria in closed form", anchor="fresnel-criteria", level=2)
-    yield from _picture(drawings, "fresnel_criteria")
+    yield from pictures_of(drawings, "fresnel_criteria")
     yield _criteria_table(data)
     yield from _printed_criterion(data, drawings)
-
-
-def _picture(drawings: Mapping[str, Drawing], name: str) -> Iterator[Picture]:
-    if name in drawings:
-        yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
-
-
-def _title(data: xr.Dataset, element: str) -> str:
-    return str(data["title"].sel(element=element).item())
-
-
-def _middle(data: xr.Dataset, name: str) -> float:
-    values = data[name].values
-    return float(values[(len(values) - 1) // 2])
 
 
 def _range(values: FloatArray) -> str:
@@ -86,7 +71,7 @@ def _range(values: FloatArray) -> str:
 
 
 def _findings(data: xr.Dataset) -> Iterator[Spans]:
-    window, limit = _middle(data, "window"), float(data.attrs["error_limit"])
+    window, limit = middle_window(data), float(data.attrs["error_limit"])
     first = str(data["lens_phase"].values[0])
     over = f"over {significant(window)} Airy radii"
     for element in data["element"].values:
@@ -95,7 +80,7 @@ def _findings(data: xr.Dataset) -> Iterator[Spans]:
         yield say(
             "**{title}, {phase} phase: from {f_numbers} on** the summed difference {over} stays below {limit}, "
             "in light from {start} to {end}.",
-            title=_title(data, str(element)),
+            title=element_title(data, str(element)),
             phase=first,
             f_numbers=_f_numbers(limits, data),
             over=over,
@@ -113,7 +98,7 @@ def _as_used(data: xr.Dataset, window: float) -> str:
         at = data["camera_point_error"].sel(element=element, metric="l1", window=window)
         parts = [f"{_range(np.asarray(at.sel(lens_phase=p).values))} {p}" for p in data["lens_phase"].values]
         f_number = significant(float(data["camera_f_number"].sel(element=element)))
-        sentences.append(f"{_title(data, str(element)).lower()} at f/{f_number} {', '.join(parts)}")
+        sentences.append(f"{element_title(data, str(element)).lower()} at f/{f_number} {', '.join(parts)}")
     return "; ".join(sentences)
 
 
@@ -124,7 +109,7 @@ def _off_axis(data: xr.Dataset, window: float) -> Iterator[Spans]:
     for element in data["element"].values:
         at = data["off_axis_camera_error"].sel(element=element, metric="l1", window=window)
         each = [f"{share(float(at.sel(lens_phase=phase)))} {phase}" for phase in data["lens_phase"].values]
-        parts.append(f"{_title(data, str(element)).lower()} {', '.join(each)}")
+        parts.append(f"{element_title(data, str(element)).lower()} {', '.join(each)}")
     yield say(
         "**The lens phase decides more than the propagator.** {angle}° off the axis, at the same f-numbers: {parts}; "
         "Fresnel knows neither the coma nor the distortion of a fixed element.",
@@ -183,8 +168,7 @@ def _worst(data: xr.Dataset) -> float:
 
 def _error_table(data: xr.Dataset, element: str) -> Table:
     one = data.sel(element=element)
-    published = float(one["published_f_number"])
-    place = published if np.isfinite(published) else float(one["camera_f_number"])
+    place = published_place(data, element)
     waves, windows = data["wavelength"].values, data["window"].values
     columns = [("peak", windows[0])] + [(m, w) for m in ("l1", "largest") for w in windows]
     rows: list[tuple[Text, ...]] = []
@@ -198,8 +182,8 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
     note = f"Published for f/{significant(place)}: {share(stated)}." if np.isfinite(stated) else ""
     return Table(
         name=f"fresnel-error-{element}",
-        caption=f"{_title(data, element)} at f/{significant(place)}: error of Fresnel's point-spread function by every "
-        "measure, window (in Airy radii) and wavelength.",
+        caption=f"{element_title(data, element)} at f/{significant(place)}: error of Fresnel's point-spread function "
+        "by every measure, window (in Airy radii) and wavelength.",
         columns=(
             Column(title="Wavelength", weight=1),
             *(
@@ -213,11 +197,11 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
 
 
 def _limit_table(data: xr.Dataset) -> Table:
-    limit, window = share(float(data.attrs["error_limit"])), _middle(data, "window")
+    limit, window = share(float(data.attrs["error_limit"])), middle_window(data)
     columns = [("peak", float(data["window"].values[0])), ("l1", window), ("largest", window)]
     rows: list[tuple[Text, ...]] = []
     for element in data["element"].values:
-        rows.append((_title(data, str(element)),))
+        rows.append((element_title(data, str(element)),))
         for phase in data["lens_phase"].values:
             for wave in data["wavelength"].values:
                 at = data["limit_f_number"].sel(element=element, lens_phase=phase, wavelength=wave)
@@ -249,7 +233,7 @@ def _criteria_table(data: xr.Dataset) -> Table:
         one = data.sel(element=element)
         printed = float(one["published_minimum"])
         stated = f"; printed in the paper: {significant(printed)}" if np.isfinite(printed) else ""
-        rows.append((f"{_title(data, str(element))}{stated}",))
+        rows.append((f"{element_title(data, str(element))}{stated}",))
         named: list[tuple[str, xr.DataArray]] = [
             ("eq. 27, smaller zero", one["paper_eq27_f_number"].sel(zero="first")),
             ("eq. 27, bigger zero", one["paper_eq27_f_number"].sel(zero="second")),
@@ -285,10 +269,10 @@ def _printed_criterion(data: xr.Dataset, drawings: Mapping[str, Drawing]) -> Ite
         "over the sum of one over alpha cubed and one over beta cubed.",
         reference="paper, eq. 27",
     )
-    yield from _picture(drawings, "paper_eq27")
+    yield from pictures_of(drawings, "paper_eq27")
     second = data["paper_eq27_sweep"].sel(zero="second")
     spans = "; ".join(
-        f"{_title(data, str(e)).lower()} {significant(float(second.sel(element=e).min()))} to "
+        f"{element_title(data, str(e)).lower()} {significant(float(second.sel(element=e).min()))} to "
         f"{significant(float(second.sel(element=e).max()))}"
         + (f" (printed: {significant(p)})" if np.isfinite(p := float(data["published_minimum"].sel(element=e))) else "")
         for e in data["element"].values

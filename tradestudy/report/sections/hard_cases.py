@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tradestudy.report import facts
-from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Picture, Spans, Table, Text, say
+from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Spans, Table, Text, say
+from tradestudy.report.pictures import pictures_of
+from tradestudy.results.views.groups import records
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -16,9 +17,9 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 
-def hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the verdict, the figure, and a table of cases in numbers and one of cases in words for each family."""
-    rows = facts.records(tree, "hard_cases", "case")
+    rows = records(tree, "hard_cases", "case")
     if not rows:
         return
     yield Heading(text="Hard cases", anchor="hard-cases")
@@ -33,9 +34,7 @@ def hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[B
             "shown and not used."
         )
     )
-    if "hard_cases" in drawings:
-        drawing = drawings["hard_cases"]
-        yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
+    yield from pictures_of(drawings, "hard_cases")
     for family in dict.fromkeys(str(row["family"]) for row in rows):
         yield from _family([row for row in rows if row["family"] == family], family)
 

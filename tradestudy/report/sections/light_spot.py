@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tradestudy.light_methods import long_title, most_complete
-from tradestudy.report import facts
+from tradestudy.light_methods import long_title
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -16,13 +15,15 @@ from tradestudy.report.document import (
     Column,
     Heading,
     Paragraph,
-    Picture,
     Spans,
     Table,
     Text,
     say,
 )
-from tradestudy.report.facts import length, share
+from tradestudy.report.pictures import pictures_of
+from tradestudy.report.words import length, share
+from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import significant
 
 if TYPE_CHECKING:
@@ -47,40 +48,37 @@ _ERRORS = {
 _VARIED = {"f_number": "f-number", "wavelength": "wavelength", "field_angle": "field angle", "defocus": "defocus"}
 
 
-def light_spot_answer(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_light_spot_answer(
+    tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]
+) -> Iterator[Block]:
     """Say how far the methods differ on the detector and what each took."""
-    if not facts.has(tree, "images", "image"):
+    if not has(tree, "images", "image"):
         return
-    data = facts.dataset(tree, "images")
+    data = group(tree, "images")
     yield Heading(text="The answer", anchor="light-spot-answer")
     yield Callout(
         title="How far the methods differ, and what each costs",
         blocks=(Bullets(tuple(_findings(data, run))),),
         tone="answer",
     )
-    yield from _picture(drawings, "light_spot")
+    yield from pictures_of(drawings, "light_spot")
     if any(data["published_words"].values):
         yield Paragraph(_NOT_STATED)
 
 
-def light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_light_spot(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write how the images are made and how far single points spread."""
-    if facts.has(tree, "images", "image"):
+    if has(tree, "images", "image"):
         yield Heading(text="How the light spot is computed", anchor="light-spot")
-        yield from _method(facts.dataset(tree, "images"))
-        yield _comparison(facts.dataset(tree, "images"), run)
-        yield from _benchmarks(facts.dataset(tree, "images"), run)
-    if facts.has(tree, "point_spread", "value"):
+        yield from _method(group(tree, "images"))
+        yield _comparison(group(tree, "images"), run)
+        yield from _benchmarks(group(tree, "images"), run)
+    if has(tree, "point_spread", "value"):
         yield Heading(text="How far points spread", anchor="point-spread")
-        yield from _picture(drawings, "point_spread")
-        data = facts.dataset(tree, "point_spread")
+        yield from pictures_of(drawings, "point_spread")
+        data = group(tree, "point_spread")
         for element in data["element"].values:
             yield _spread_table(data, str(element))
-
-
-def _picture(drawings: Mapping[str, Drawing], name: str) -> Iterator[Picture]:
-    if name in drawings:
-        yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
 
 
 def _seconds(run: Mapping[str, Any], name: str) -> float:
@@ -94,12 +92,8 @@ def _duration(seconds: float) -> str:
     return f"{significant(seconds, 2)}\N{NO-BREAK SPACE}s" if np.isfinite(seconds) else "—"
 
 
-def _against(data: xr.Dataset) -> str:
-    return most_complete(str(name) for name in data["propagator"].values)
-
-
 def _findings(data: xr.Dataset, run: Mapping[str, Any]) -> Iterator[Spans]:
-    reference = _against(data)
+    reference = reference_method(data)
     for method in (str(name) for name in data["propagator"].values):
         one = data.sel(propagator=method)
         published = str(one["published_words"].item())
@@ -154,7 +148,7 @@ def _within_a_sentence(method: str) -> str:
 
 
 def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
-    reference = _against(data)
+    reference = reference_method(data)
     rows: list[tuple[Text, ...]] = []
     for method in (str(name) for name in data["propagator"].values):
         one = data.sel(propagator=method)

@@ -5,31 +5,32 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from tradestudy.report import facts
 from tradestudy.report.document import Block, Bullets, Equation, Heading, Paragraph, say
+from tradestudy.results.views.cameras import depth_methods
+from tradestudy.results.views.groups import group, has
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def method(tree: xr.DataTree) -> Iterator[Block]:
+def describe_method(tree: xr.DataTree) -> Iterator[Block]:
     """Write the method, for the kinds of camera that the study has."""
-    if not facts.has(tree, "depth"):
+    if not has(tree, "depth"):
         return
     yield Heading(text="Method", anchor="method")
-    methods = {method["name"]: method for method in facts.method_of_cameras(tree).values()}
+    methods = {method["name"]: method for method in depth_methods(tree).values()}
     for method in methods.values():
         yield from _of_camera(method)
     yield from _uncertainty()
     derived = "matching" in _limits_in_use(tree)
     if derived:
-        yield from _derived_disparity(str(facts.dataset(tree, "depth").attrs["matching_needs"]))
+        yield from _derived_disparity(str(group(tree, "depth").attrs["matching_needs"]))
     yield from _ranges(derived=derived)
 
 
 def _limits_in_use(tree: xr.DataTree) -> set[str]:
     """Names of the limits that some camera has."""
-    met = facts.dataset(tree, "depth")["limit_met"]
+    met = group(tree, "depth")["limit_met"]
     used = (met >= 0).any([dim for dim in met.dims if dim != "limit"])
     return {str(name) for name, there in zip(used["limit"].values, used.values, strict=True) if there}
 

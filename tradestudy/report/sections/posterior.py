@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.report import facts
-from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Picture, Table, Text, say
-from tradestudy.report.facts import in_words, share
+from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.pictures import pictures_of
+from tradestudy.report.words import in_words, share
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.groups import group, has
 from tradestudy.units import significant
 
 if TYPE_CHECKING:
@@ -18,11 +20,11 @@ if TYPE_CHECKING:
     from tradestudy.figures.drawing import Drawing
 
 
-def posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the inferred calibrations; nothing where none was."""
-    if not facts.has(tree, "calibration", "posterior_mean"):
+    if not has(tree, "calibration", "posterior_mean"):
         return
-    data, titles = facts.dataset(tree, "calibration"), facts.titles(tree)
+    data, titles = group(tree, "calibration"), camera_titles(tree)
     yield Heading(text="Calibration as inference", anchor="posterior", level=2)
     yield Paragraph(
         say(
@@ -43,9 +45,7 @@ def posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[B
     for name in map(str, data["posterior"].values):
         yield _parameters(data.sel(posterior=name), name, titles[name])
         for kind in ("corner", "trace"):
-            drawing = drawings.get(f"{kind}-{name}")
-            if drawing is not None:
-                yield Picture(name=drawing.name, caption=drawing.caption, alt=drawing.alt)
+            yield from pictures_of(drawings, f"{kind}-{name}")
     if "rig_value" in data:
         yield _rig(data, titles)
 

@@ -9,7 +9,7 @@ from tradestudy.report.document import Block, Column, Heading, Table
 from tradestudy.units import significant
 
 
-def provenance(run: Mapping[str, Any]) -> Iterator[Block]:
+def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
     """Write the content of ``run.json`` as a table; what the study declares stands in the sections before it."""
     rows = tuple(_rows({key: value for key, value in run.items() if key != "inputs"}))
     if rows:

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tradestudy.report import facts
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.words import in_words
+from tradestudy.results.views.cameras import camera_families, camera_titles
+from tradestudy.results.views.groups import group, has, records
 from tradestudy.units import significant
 
 if TYPE_CHECKING:
@@ -20,9 +22,9 @@ _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES = ("set for this run", "assumed", "derived", "datasheet", "measured", "paper")
 
 
-def assumptions(tree: xr.DataTree) -> Iterator[Block]:
+def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     """Write the register of assumptions: every value with a basis, what is assumed first."""
-    rows = facts.records(tree, "assumptions", "path")
+    rows = records(tree, "assumptions", "path")
     if not rows:
         return
     yield Heading(text="Assumptions", anchor="assumptions")
@@ -58,14 +60,14 @@ def _by_basis(rows: list[dict[str, Any]], bases: list[str], tree: xr.DataTree) -
         of_basis = [row for row in rows if str(row["basis"]) == basis]
         yield (f"{basis.capitalize()} ({len(of_basis)})",)
         for row in of_basis:
-            what = facts.in_words(str(row["path"]).replace(".", " › "))
+            what = in_words(str(row["path"]).replace(".", " › "))
             owners = [key for key in str(row["cameras"]).split(", ") if key]
             yield _shared(owners, tree) or "study", what, str(row["value"]), str(row["note"])
 
 
 def _shared(owners: list[str], tree: xr.DataTree) -> str:
     """Name the cameras that share a value, all of a larger family at once."""
-    titles, families = facts.titles(tree), facts.families(tree)
+    titles, families = camera_titles(tree), camera_families(tree)
     left, parts = list(owners), []
     for family in dict.fromkeys(families.values()):
         members = [key for key, other in families.items() if other == family]
@@ -75,9 +77,9 @@ def _shared(owners: list[str], tree: xr.DataTree) -> str:
     return ", ".join([*(titles.get(key, key) for key in left), *parts])
 
 
-def contradictions(tree: xr.DataTree) -> Iterator[Block]:
+def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
     """List where over-determined inputs contradict each other, and which reading is used."""
-    rows = facts.records(tree, "contradictions", "contradiction")
+    rows = records(tree, "contradictions", "contradiction")
     if not rows:
         return
     yield Heading(text="Contradictions found", anchor="contradictions")
@@ -87,7 +89,7 @@ def contradictions(tree: xr.DataTree) -> Iterator[Block]:
     )
     weights = {"Camera": 4, "What": 5, "Stated": 4, "Implied": 7, "Used": 9}
     columns = tuple(Column(title=title, weight=weight) for title, weight in weights.items())
-    titles = facts.titles(tree)
+    titles = camera_titles(tree)
     yield Table(
         name="contradiction-table",
         caption="Contradictions between inputs.",
@@ -102,9 +104,9 @@ def contradictions(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-def claims(tree: xr.DataTree) -> Iterator[Block]:
+def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
     """Answer the declared claims one by one, under every reading."""
-    rows = facts.records(tree, "claims", "claim")
+    rows = records(tree, "claims", "claim")
     if not rows:
         return
     yield Heading(text="Claims", anchor="claims")
@@ -146,7 +148,7 @@ def _with_source(row: dict[str, Any]) -> Text:
 
 def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Block]:
     """Write the value of every claim under every reading that it was tried under."""
-    data = facts.dataset(tree, "claims")
+    data = group(tree, "claims")
     if not {"value_text", "met"} <= set(map(str, data.data_vars)):
         return
 
@@ -168,12 +170,12 @@ def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Blo
     )
 
 
-def requirements(tree: xr.DataTree) -> Iterator[Block]:
+def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
     """Answer the requirements of the study, with their margins."""
-    rows = facts.records(tree, "requirements", "requirement")
+    rows = records(tree, "requirements", "requirement")
     if not rows:
         return
-    titles = facts.titles(tree)
+    titles = camera_titles(tree)
     yield Heading(text="Requirements", anchor="requirements")
     yield Table(
         name="requirement-table",
@@ -201,11 +203,11 @@ def requirements(tree: xr.DataTree) -> Iterator[Block]:
     )
 
 
-def criteria(tree: xr.DataTree) -> Iterator[Block]:
+def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
     """Compare the cameras by what is not a curve: moving parts, images per scene, data volume."""
-    if not facts.has(tree, "criteria", "value"):
+    if not has(tree, "criteria", "value"):
         return
-    data, titles = facts.dataset(tree, "criteria"), facts.titles(tree)
+    data, titles = group(tree, "criteria"), camera_titles(tree)
     shown = [key for key in titles if key in data["camera"].values]
 
     known = data["basis"].values if "basis" in data else np.empty(0)
@@ -223,12 +225,10 @@ def criteria(tree: xr.DataTree) -> Iterator[Block]:
         name="criteria-table",
         caption="Attributes of the cameras; those without a mark are derived from the other inputs.",
         columns=(Column(title="Criterion", weight=3), *(Column(title=titles[key], weight=2) for key in shown)),
-        rows=tuple(
-            (facts.in_words(str(name)), *(cell(key, name) for key in shown)) for name in data["criterion"].values
-        ),
+        rows=tuple((in_words(str(name)), *(cell(key, name) for key in shown)) for name in data["criterion"].values),
         notes=(
             *(
-                say("**{name}**: {says}.", name=facts.in_words(str(name)), says=str(text))
+                say("**{name}**: {says}.", name=in_words(str(name)), says=str(text))
                 for name, text in zip(data["criterion"].values, says, strict=False)
             ),
             *(

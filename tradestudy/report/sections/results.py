@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tradestudy.report import facts
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Picture, Table, Text, say
-from tradestudy.report.facts import in_words, interval, length, share
-from tradestudy.report.sections.disparity_causes import disparity_causes
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.pictures import pictures_of
+from tradestudy.report.sections.disparity_causes import describe_disparity_causes
+from tradestudy.report.words import in_words, interval, length, share
+from tradestudy.results.views.cameras import camera_titles, depth_methods, titles_in
+from tradestudy.results.views.decision import solved_questions
+from tradestudy.results.views.depth import nominal, told_places
+from tradestudy.results.views.groups import group, has
 from tradestudy.units import significant
 from tradestudy.wording import distance
 
@@ -23,30 +27,22 @@ _NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
 WAYS = {"noise": "noise", "calibration": "calibration", "both": "both"}
 
 
-def results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Write the results, one part per question; parts without their group are left out."""
-    if facts.has(tree, "depth"):
+    if has(tree, "depth"):
         yield Heading(text="Results", anchor="results")
         yield from _usable_range(tree)
         yield from _curves(tree, drawings)
         yield from _parts(drawings)
-        yield from disparity_causes(tree)
+        yield from describe_disparity_causes(tree)
         yield from _decision(tree, drawings)
         yield from _sweeps(drawings)
 
 
-def _pictures(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Picture]:
-    for name in names:
-        if name in drawings:
-            yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)
-
-
 def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
-    from tradestudy.figures.depth_data import nominal
-
     depth = nominal(tree)
     rows: list[tuple[Text, ...]] = []
-    for key, title in facts.depth_titles(tree).items():
+    for key, title in titles_in(tree, "depth").items():
         camera = depth.sel(camera=key)
         intervals = [
             (distance(float(near)), in_words(str(near_limit)), distance(float(far)), in_words(str(far_limit)))
@@ -85,26 +81,24 @@ def _what_is_missing(camera: xr.Dataset) -> str:
 
 def _curves(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     yield Heading(text="Depth discrimination and uncertainty", anchor="depth", level=2)
-    yield from _pictures(drawings, "close_range", "mid_range")
+    yield from pictures_of(drawings, "close_range", "mid_range")
     yield _values_at_places(tree)
     yield from _over_places(tree)
 
 
 def _at_places(tree: xr.DataTree) -> xr.Dataset:
     """Depth at the declared distances themselves; on the study's grid where none are declared."""
-    from tradestudy.figures.depth_data import nominal
-
-    return facts.dataset(tree, "depth_at_places") if facts.has(tree, "depth_at_places") else nominal(tree)
+    return group(tree, "depth_at_places") if has(tree, "depth_at_places") else nominal(tree)
 
 
 def _values_at_places(tree: xr.DataTree) -> Table:
     """Numbers behind the curves at the declared distances."""
     depth = _at_places(tree)
     rows: list[tuple[Text, ...]] = []
-    for place in facts.places(tree):
+    for place in told_places(tree):
         there = depth.sel(distance=place, method="nearest")
         rows.append((f"At {distance(float(place))}",))
-        for key, title in facts.depth_titles(tree).items():
+        for key, title in titles_in(tree, "depth").items():
             camera = there.sel(camera=key)
             sigma = {way: float(camera["depth_uncertainty_way"].sel(way=way)) for way in WAYS}
             nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
@@ -141,8 +135,6 @@ def _values_at_places(tree: xr.DataTree) -> Table:
 
 def _numerical_error(tree: xr.DataTree) -> str:
     """How far the computed uncertainty may be from that of the exact camera model, where cameras are usable."""
-    from tradestudy.figures.depth_data import nominal
-
     depth = nominal(tree)
     if "depth_uncertainty_error" not in depth:
         return ""
@@ -157,7 +149,7 @@ def _numerical_error(tree: xr.DataTree) -> str:
 
 def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     """Equivalent baselines and failed measurements, one column per declared distance."""
-    depth, places = _at_places(tree), facts.places(tree)
+    depth, places = _at_places(tree), told_places(tree)
 
     def table(
         name: str, variable: str, caption: str, write: Callable[[float], str], notes: tuple[Text, ...] = ()
@@ -172,7 +164,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
             ),
             rows=tuple(
                 (title, *(write(float(data.sel(camera=key).sel(distance=p, method="nearest"))) for p in places))
-                for key, title in facts.depth_titles(tree).items()
+                for key, title in titles_in(tree, "depth").items()
             ),
             notes=notes,
         )
@@ -197,7 +189,7 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
 def _baseline_note(tree: xr.DataTree, depth: xr.Dataset) -> tuple[Text, ...]:
     """Why a camera is not equivalent to its own baseline, for studies in which that of one changes with distance."""
     notes: dict[str, None] = {}
-    for key, method in facts.method_of_cameras(tree).items():
+    for key, method in depth_methods(tree).items():
         if note := method["baseline_note"]:
             values = depth["equivalent_baseline"].sel(camera=key)
             spread = values.max("distance") - values.min("distance")
@@ -218,13 +210,13 @@ def _step(nearer: float, farther: float) -> str:
 def _parts(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     if "uncertainty_parts" in drawings:
         yield Heading(text="What the uncertainty is made of", anchor="parts", level=2)
-        yield from _pictures(drawings, "uncertainty_parts")
+        yield from pictures_of(drawings, "uncertainty_parts")
 
 
 def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """The verdict under every reading, the crossovers, and the inverse questions."""
-    if facts.has(tree, "decision", "uncertainty_ratio", "certainty_flips", "reading_says"):
-        decision, titles = facts.dataset(tree, "decision"), facts.titles(tree)
+    if has(tree, "decision", "uncertainty_ratio", "certainty_flips", "reading_says"):
+        decision, titles = group(tree, "decision"), camera_titles(tree)
         pair = {end: titles[decision.attrs[end]] for end in ("first", "second")}
         yield Heading(text="The decision under every reading", anchor="decision", level=2)
         if decision.sizes["reading"] > 1:
@@ -240,7 +232,7 @@ def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Bl
                 say("The study declares no other reading. The pair compared is {first} and {second}.", **pair)
             )
         yield _ratio_table(decision, pair)
-        yield from _pictures(drawings, "readings")
+        yield from pictures_of(drawings, "readings")
         yield from _crossovers(decision)
     yield from _solved(tree)
 
@@ -304,7 +296,7 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
 
 
 def _solved(tree: xr.DataTree) -> Iterator[Block]:
-    rows = facts.solved(tree)
+    rows = solved_questions(tree)
     if rows:
         yield Table(
             name="solved-table",
@@ -315,7 +307,7 @@ def _solved(tree: xr.DataTree) -> Iterator[Block]:
 
 
 def _sweeps(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    pictures = tuple(_pictures(drawings, "sweep_map", "pareto"))
+    pictures = tuple(pictures_of(drawings, "sweep_map", "pareto"))
     if pictures:
         yield Heading(text="Swept designs", anchor="sweeps", level=2)
         yield from pictures

@@ -7,9 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.report import facts
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Table, Text, say
-from tradestudy.report.facts import in_words, length, share
+from tradestudy.report.words import in_words, length, share
+from tradestudy.results.views.cameras import camera_titles
+from tradestudy.results.views.depth import told_places
+from tradestudy.results.views.groups import group, has, records
+from tradestudy.results.views.largest import largest_source
 from tradestudy.units import significant
 from tradestudy.wording import distance
 
@@ -19,16 +22,16 @@ if TYPE_CHECKING:
 
 def computed_places(tree: xr.DataTree) -> list[float]:
     """Computed distances nearest to the declared ones, each once."""
-    grid = np.asarray(facts.dataset(tree, "calibration")["distance"].values, dtype=np.float64)
-    nearest = [float(grid[np.argmin(np.abs(np.log(grid / place)))]) for place in facts.places(tree)]
+    grid = np.asarray(group(tree, "calibration")["distance"].values, dtype=np.float64)
+    nearest = [float(grid[np.argmin(np.abs(np.log(grid / place)))]) for place in told_places(tree)]
     return list(dict.fromkeys(nearest))
 
 
-def verdict(tree: xr.DataTree) -> Iterator[Block]:
+def describe_verdict(tree: xr.DataTree) -> Iterator[Block]:
     """For each declared distance who errs less with what probability, and what drives it; then what would change it."""
-    if not facts.has(tree, "decision", "rank_first"):
+    if not has(tree, "decision", "rank_first"):
         return
-    decision, titles = facts.dataset(tree, "decision"), facts.titles(tree)
+    decision, titles = group(tree, "decision"), camera_titles(tree)
     pair = decision.isel(pair=0).sel(field="axis")
     first, second = (str(pair[name].item()) for name in ("pair_first", "pair_second"))
     items = [
@@ -45,26 +48,22 @@ def verdict(tree: xr.DataTree) -> Iterator[Block]:
         )
         for place in computed_places(tree)
     ]
-    if facts.has(tree, "decision", "stability_answer"):
+    if has(tree, "decision", "stability_answer"):
         items += [
             say("{says} **{answer}**.", says=str(row["stability_says"]), answer=str(row["stability_answer"]))
-            for row in facts.records(tree, "decision", "stability")
+            for row in records(tree, "decision", "stability")
         ]
     yield Callout(title="The verdict under calibration errors", blocks=(Bullets(tuple(items)),), tone="answer")
 
 
 def _driver(tree: xr.DataTree, camera: str, place: float) -> str:
-    """The source that alone gives the largest uncertainty on the axis."""
-    data = facts.dataset(tree, "sensitivity")["source_uncertainty"].sel(camera=camera, field="axis", distance=place)
-    values = np.asarray(data.values, dtype=np.float64)
-    return (
-        in_words(str(data["source"].values[int(np.nanargmax(values))])) if np.isfinite(values).any() else "nothing seen"
-    )
+    source = largest_source(tree, camera, place)
+    return "nothing seen" if source is None else in_words(source)
 
 
-def ranks(tree: xr.DataTree) -> Table:
+def describe_ranks(tree: xr.DataTree) -> Table:
     """Probabilities of the ranks of every pair at the declared distances."""
-    data, titles = facts.dataset(tree, "decision"), facts.titles(tree)
+    data, titles = group(tree, "decision"), camera_titles(tree)
     places = computed_places(tree)
 
     def cell(there: xr.Dataset, place: float) -> str:
@@ -94,9 +93,9 @@ def ranks(tree: xr.DataTree) -> Table:
     )
 
 
-def crossovers(tree: xr.DataTree) -> Iterator[Block]:
+def describe_crossovers(tree: xr.DataTree) -> Iterator[Block]:
     """Distances at which the cameras of a pair are equally uncertain, with their Monte Carlo error."""
-    data, titles = facts.dataset(tree, "decision"), facts.titles(tree)
+    data, titles = group(tree, "decision"), camera_titles(tree)
     rows: list[tuple[Text, ...]] = []
     for pair in data["pair"].values:
         one = data.sel(pair=pair)
@@ -135,11 +134,11 @@ def _crossing(there: xr.Dataset) -> str:
     return ", ".join(found) or "nowhere"
 
 
-def stability(tree: xr.DataTree) -> Iterator[Block]:
+def describe_stability(tree: xr.DataTree) -> Iterator[Block]:
     """The inverse questions and their answers; nothing where none was asked."""
-    if not facts.has(tree, "decision", "stability_answer"):
+    if not has(tree, "decision", "stability_answer"):
         return
-    rows = facts.records(tree, "decision", "stability")
+    rows = records(tree, "decision", "stability")
     yield Heading(text="What stability it takes", anchor="stability", level=2)
     yield Callout(
         title="Solved, not read off a chart",

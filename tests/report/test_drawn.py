@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+import xarray as xr
+
+from tradestudy import figures
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.drawn import Drawer, drawer, drawn_here
+
+STUDY = Path(__file__).parents[2] / "studies" / "close_range.yaml"
+
+
+@pytest.fixture(scope="module")
+def small(tree: xr.DataTree) -> xr.DataTree:
+    """A part of the results that allows one figure, quickly drawn."""
+    return xr.DataTree.from_dict({f"/{name}": tree[name].to_dataset() for name in ("cameras", "decision")})
+
+
+@pytest.fixture(scope="module")
+def drawings(small: xr.DataTree) -> Mapping[str, Drawing]:
+    return figures.build(small)
+
+
+def test_another_interpreter_draws_the_same_bytes(small: xr.DataTree, drawings: Mapping[str, Drawing]) -> None:
+    assert list(drawings) == ["readings"]
+    with drawer() as there:
+        there.begin(small)
+        assert there.pictures({}) == drawn_here(drawings)
+
+
+def test_what_could_not_be_drawn_elsewhere_is_drawn_here(
+    small: xr.DataTree, drawings: Mapping[str, Drawing], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "path", [])  # where the other interpreter finds nothing
+    with drawer() as there:
+        there.begin(small)
+        assert there.pictures(drawings) == drawn_here(drawings)
+
+
+def test_an_interpreter_that_was_not_asked_ends_with_the_run() -> None:
+    with pytest.raises(KeyboardInterrupt), drawer() as there:
+        raise KeyboardInterrupt
+    assert isinstance(there, Drawer)
+    assert there.tasks.closed
+    assert there.answers.closed
+
+
+def test_a_script_needs_no_guard(tmp_path: Path) -> None:
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"from pathlib import Path\nimport tradestudy\nfrom tradestudy import api\nprint('once')\n"
+        f"api.run(tradestudy.load({str(STUDY)!r}), Path({str(tmp_path / 'out')!r}), pdf=False)\n",
+        encoding="utf-8",
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "once\n", "")
+    assert (tmp_path / "out" / "figures" / "whole_range.svg").is_file()

@@ -1,0 +1,28 @@
+"""The font of all figures, which reports use too, and which characters it has."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+from matplotlib import font_manager, ft2font
+
+
+def font_folder() -> str:
+    """The folder with the font."""
+    return str(_font_file().parent)
+
+
+def _font_file() -> Path:
+    return Path(font_manager.findfont("DejaVu Sans", fallback_to_default=False))
+
+
+@functools.cache
+def _characters() -> frozenset[int]:
+    return frozenset(ft2font.FT2Font(str(_font_file())).get_charmap())
+
+
+def printable(text: str) -> str:
+    """Text with every character that the font lacks written as its code point, ``⟨U+65E5⟩``."""
+    known = _characters()
+    return "".join(letter if ord(letter) in known else f"⟨U+{ord(letter):04X}⟩" for letter in text)

@@ -1,0 +1,151 @@
+"""The group ``/decision``: the best camera along the distance, other readings under which that changes, questions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.views.cameras import titles_in
+from tradestudy.results.views.depth import nominal, nominal_is_declared
+from tradestudy.results.views.groups import FloatArray, group, has, records
+from tradestudy.wording import distance
+
+_WAY = "both"  # noise and calibration together
+_SLIVER = 0.01  # of the range of the study
+
+
+def has_winners(tree: xr.DataTree) -> bool:
+    """Whether the results name a best camera for every distance, of the design that the curves show."""
+    return has(tree, "decision", "best_camera") and nominal_is_declared(tree)
+
+
+def candidates(tree: xr.DataTree) -> tuple[str, ...]:
+    """The cameras among which a decision names the best, in the order of the study; none where all are candidates."""
+    declared = str(tree["decision"].attrs.get("candidates", "")).split(", ") if has(tree, "decision") else []
+    every = titles_in(tree, "depth")
+    chosen = tuple(key for key in every if key in declared)
+    return chosen if len(chosen) < len(every) else ()
+
+
+def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
+    """Stretches of distance with one best camera: (from, to, camera), camera "" where none is usable.
+
+    Between two computed distances the stretch ends at the end of a usable range or at the crossover that lies there;
+    where neither does, half way (in logarithm).
+    """
+    best = group(tree, "decision")["best_camera"].sel(way=_WAY)
+    names = [str(name) for name in best.values]
+    every = np.asarray(best["distance"].values, dtype=np.float64)
+    exact = _exact_ends(tree)
+    start, start_distance = 0, float(every[0])
+    for index in range(1, len(names) + 1):
+        if index == len(names):
+            yield start_distance, float(every[-1]), names[start]
+        elif names[index] != names[start]:
+            low, high = float(every[index - 1]), float(every[index])
+            between = exact[(exact >= low) & (exact <= high)]
+            end = float(between[0]) if between.size else float(np.sqrt(low * high))
+            yield start_distance, end, names[start]
+            start, start_distance = index, end
+
+
+def told_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
+    """The stretches of `winners` without slivers: hundredths of the range whose ends read the same in three digits."""
+    found = list(winners(tree))
+    whole = found[-1][1] - found[0][0]
+    return (one for one in found if distance(one[0]) != distance(one[1]) or one[1] - one[0] > _SLIVER * whole)
+
+
+def _exact_ends(tree: xr.DataTree) -> FloatArray:
+    """Distances [m] at which the best camera can change: ends of usable ranges, and crossovers of the own reading."""
+    ends = [np.empty(0)]
+    if nominal_is_declared(tree):
+        depth = nominal(tree)
+        ends += [depth["usable_near"].values.ravel(), depth["usable_far"].values.ravel()]
+    decision = group(tree, "decision")
+    if "crossover_distance" in decision:
+        ends.append(decision["crossover_distance"].sel(way=_WAY).values[0].ravel())
+    every = np.concatenate(ends).astype(np.float64)
+    return np.asarray(every[np.isfinite(every)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flips:
+    """The verdict on the headline pair at one declared distance, and the readings under which it differs.
+
+    Parameters
+    ----------
+    place
+        Distance [m].
+    more_certain, winner
+        The camera of lower uncertainty, and the better usable one (may be empty), in the study's own reading.
+    ratio
+        Uncertainty of the pair's first camera over that of the second, in the study's own reading.
+    alternatives
+        How many other readings there are.
+    flipped
+        Those in which the winner is another one, and which (may be empty).
+    """
+
+    place: float
+    more_certain: str
+    winner: str
+    ratio: float
+    alternatives: int
+    flipped: tuple[tuple[str, str], ...]
+
+
+def flips(tree: xr.DataTree) -> Iterator[Flips]:
+    """Count the readings under which another camera wins, for every declared distance."""
+    if not has(tree, "decision", "more_certain", "winner", "flips", "uncertainty_ratio"):
+        return
+    decision = group(tree, "decision").sel(way=_WAY)
+    names = [str(name) for name in decision["reading"].values]
+    for place in decision["place"].values:
+        there = decision.sel(place=place)
+        flipped = np.asarray(there["flips"].values, dtype=bool)
+        yield Flips(
+            place=float(place),
+            more_certain=str(there["more_certain"].values[0]),
+            winner=str(there["winner"].values[0]),
+            ratio=float(there["uncertainty_ratio"].values[0]),
+            alternatives=len(names) - 1,
+            flipped=tuple(
+                (name, str(winner))
+                for name, winner, flips_here in zip(names[1:], there["winner"].values[1:], flipped[1:], strict=True)
+                if flips_here
+            ),
+        )
+
+
+def handovers(decision: xr.Dataset) -> Iterator[float]:
+    """Distances [m] where one camera of the pair takes over from the other, for one reading and one way."""
+    for place, nearer, farther in zip(
+        decision["change_distance"].values,
+        decision["change_nearer"].values,
+        decision["change_farther"].values,
+        strict=True,
+    ):
+        if np.isfinite(place) and nearer and farther:
+            yield float(place)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolvedQuestion:
+    """An inverse question with its answer, in words."""
+
+    says: str
+    answer: str
+
+
+def solved_questions(tree: xr.DataTree) -> tuple[SolvedQuestion, ...]:
+    """Read the inverse questions of a study."""
+    if not has(tree, "decision", "solved_says", "solved_answer"):
+        return ()
+    return tuple(
+        SolvedQuestion(says=str(row["solved_says"]), answer=str(row["solved_answer"]))
+        for row in records(tree, "decision", "question")
+    )

@@ -1,0 +1,49 @@
+"""The group ``/depth`` of one design: what it is of a sweep, arrays by camera, where each camera is usable."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.depth import distances_without_decision
+from tradestudy.results.views.groups import FloatArray, group, has, stretches
+
+
+def swept(depth: xr.Dataset) -> tuple[str, ...]:
+    """The names of the swept parameters: the dimensions that a study without a sweep does not have."""
+    return tuple(str(d) for d in depth["depth_uncertainty"].dims if d not in ("camera", "distance"))
+
+
+def nominal(tree: xr.DataTree) -> xr.Dataset:
+    """``/depth`` of one design: the declared value of every swept parameter, or the first where that is not swept."""
+    depth = group(tree, "depth")
+    return depth.isel({name: _declared_place(depth[name]) or 0 for name in swept(depth)})
+
+
+def nominal_is_declared(tree: xr.DataTree) -> bool:
+    """Whether the design of :func:`nominal` is the one that the study declares, and ``/decision`` is about."""
+    depth = group(tree, "depth")
+    return all(_declared_place(depth[name]) is not None for name in swept(depth))
+
+
+def _declared_place(coordinate: xr.DataArray) -> int | None:
+    """Where the declared value, which the coordinate carries as an attribute, stands among the swept ones."""
+    same = np.flatnonzero(coordinate.values == coordinate.attrs.get("declared"))
+    return int(same[0]) if same.size else None
+
+
+def of_camera(depth: xr.Dataset, variable: str, camera: str, **where: str) -> FloatArray:
+    """One variable of one camera, over distance."""
+    return np.asarray(depth[variable].sel({"camera": camera, **where}).values, dtype=np.float64)
+
+
+def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], ...]:
+    """Where a camera is usable, as (near, far) in metres; empty where it nowhere is."""
+    return stretches(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
+
+
+def told_places(tree: xr.DataTree) -> FloatArray:
+    """Get the distances [m] of tables: those declared; without a decision, a few from end to end of the range."""
+    if has(tree, "decision") and "place" in tree["decision"].coords:
+        return np.asarray(group(tree, "decision")["place"].values, dtype=np.float64)
+    return distances_without_decision(np.asarray(group(tree, "depth")["distance"].values, dtype=np.float64))
