@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.contradictions import PRINTED_TOLERANCE, Contradiction, show
-from tradestudy.cameras.depth_camera import NO_ERROR, ErrorSource
+from tradestudy.cameras.depth_camera import NO_ERROR, DepthCamera, DepthErrorPart, ErrorSource
 from tradestudy.cameras.parts import Lens, MicrolensArray
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.units import FRACTION, LENGTH, pretty
 
 if TYPE_CHECKING:
@@ -104,6 +105,42 @@ class PlenopticCalibration:
             )
         yield from per_rig("microlens_gap", self.microlens_gap)
         yield measured("pixel_noise", noise)
+
+
+def plenoptic_parts(
+    camera: DepthCamera,
+    calibration: PlenopticCalibration,
+    distance: ArrayLike,
+    *,
+    of_mla_distance: FloatArray,
+    of_focal_length: FloatArray,
+    of_gap: FloatArray,
+    expanded: float,
+) -> tuple[DepthErrorPart, ...]:
+    """Parts of the depth error of a camera as errors of disparity [m], to first order.
+
+    Parameters
+    ----------
+    camera, calibration, distance
+        The camera with its errors, and where [m].
+    of_mla_distance, of_focal_length, of_gap
+        Change of disparity per change of z, of −f_M and of b_L [1]: an error of z acts against one of f_M, and the two
+        are one part, with their correlation.
+    expanded
+        Standard deviation [m] of z with temperature.
+    """
+    sigma_z, sigma_f = calibration.mla_distance.standard_deviation, calibration.focal_length.standard_deviation
+    from_z, from_f = of_mla_distance * sigma_z, of_focal_length * sigma_f
+    joint = np.sqrt(np.maximum(from_z**2 - 2.0 * calibration.correlation * from_z * from_f + from_f**2, 0.0))
+    drawn = ErrorSource(standard_deviation=1.0) if sigma_z > 0.0 or sigma_f > 0.0 else NO_ERROR
+    return camera.parts_of(
+        distance,
+        {
+            "mla_distance_and_focal_length": (drawn, joint),
+            "microlens_gap": (calibration.microlens_gap, np.abs(of_gap)),
+            "temperature": (ErrorSource(standard_deviation=expanded), np.abs(of_mla_distance)),
+        },
+    )
 
 
 def fill_factor(array: MicrolensArray) -> str:

@@ -14,7 +14,6 @@ from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
 from tradestudy.cameras.depth_camera import (
     DepthErrorPart,
-    ErrorShape,
     Limit,
     UsableCriteria,
     declared_disparity_error,
@@ -39,7 +38,7 @@ from tradestudy.cameras.focused_plenoptic.relay import Observation, Relay, relay
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradictions
+from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradictions, plenoptic_parts
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -207,27 +206,16 @@ class FocusedPlenoptic(ExactModel):
         f, gap = self.main_lens.focal_length, self.microlenses.gap
         s, v = focus_shift(distance, f), self.virtual_depth(distance)
         d = self.disparity(distance)
-        errors = self.calibration
-        sigma_z, sigma_f = errors.mla_distance.standard_deviation, errors.focal_length.standard_deviation
-        weight = (1.0 + s / f) ** 2
-        joint = sigma_z**2 - 2.0 * errors.correlation * weight * sigma_z * sigma_f + (weight * sigma_f) ** 2
         with np.errstate(divide="ignore", invalid="ignore"):  # an image on the array has no disparity: NaN is meant
             per_shift = d / (gap * v)
-        parts: tuple[tuple[str, FloatArray, ErrorShape], ...] = (
-            ("pixel_noise", self.noise(distance), "normal"),
-            ("mla_distance_and_focal_length", np.abs(per_shift) * np.sqrt(np.maximum(joint, 0.0)), "normal"),
-            ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
-            ("temperature", np.abs(per_shift) * self.mla_distance * self.expansion, "normal"),
-        )
-        return tuple(
-            DepthErrorPart(
-                name=name,
-                disparity_error=np.asarray(error),
-                shape=shape,
-                error_class="per measurement" if name == "pixel_noise" else "per rig",
-            )
-            for name, error, shape in parts
-            if np.any(error > 0.0)
+        return plenoptic_parts(
+            self,
+            self.calibration,
+            distance,
+            of_mla_distance=per_shift,
+            of_focal_length=per_shift * (1.0 + s / f) ** 2,
+            of_gap=d / gap,
+            expanded=self.expansion * self.mla_distance,
         )
 
     def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:

@@ -22,11 +22,11 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
-from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart, ErrorShape
+from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradictions, fill_factor
+from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradictions, fill_factor, plenoptic_parts
 from tradestudy.cameras.reading import Errors, require_known, value_of
 from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
 from tradestudy.cameras.unfocused_plenoptic.method import METHOD
@@ -224,25 +224,14 @@ class UnfocusedPlenoptic(DepthCamera):
         z, f, gap = self.mla_distance, self.main_lens.focal_length, self.microlenses.gap
         d = self.disparity(distance)
         reach = self.estimator_baseline * z
-        errors = self.calibration
-        from_z = reach * (1.0 / z**2 - 2.0 * (d / reach) / z) * errors.mla_distance.standard_deviation
-        from_f = reach / f**2 * errors.focal_length.standard_deviation
-        joint = from_z**2 - 2.0 * errors.correlation * from_z * from_f + from_f**2
-        parts: tuple[tuple[str, FloatArray, ErrorShape], ...] = (
-            ("pixel_noise", self.noise(distance), "normal"),
-            ("mla_distance_and_focal_length", np.sqrt(np.maximum(joint, 0.0)), "normal"),
-            ("microlens_gap", np.abs(d / gap) * errors.microlens_gap.standard_deviation, errors.microlens_gap.shape),
-            ("temperature", np.abs(reach * (1.0 / z**2 - 2.0 * (d / reach) / z)) * z * self.expansion, "normal"),
-        )
-        return tuple(
-            DepthErrorPart(
-                name=name,
-                disparity_error=np.asarray(error),
-                shape=shape,
-                error_class="per measurement" if name == "pixel_noise" else "per rig",
-            )
-            for name, error, shape in parts
-            if np.any(error > 0.0)
+        return plenoptic_parts(
+            self,
+            self.calibration,
+            distance,
+            of_mla_distance=reach * (1.0 / z**2 - 2.0 * (d / reach) / z),
+            of_focal_length=np.full_like(d, reach / f**2),
+            of_gap=d / gap,
+            expanded=self.expansion * z,
         )
 
     def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
