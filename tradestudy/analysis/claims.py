@@ -15,7 +15,7 @@ from tradestudy.analysis.focus_claims import (
     depth_of_field_value,
     depth_of_field_words,
 )
-from tradestudy.analysis.usable import boundaries, evaluate_limits
+from tradestudy.analysis.usable import boundaries, evaluate_limits, margin
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case
 from tradestudy.study.schema.questions import (
@@ -83,12 +83,7 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
         case ShareBetterClaim():
             return _share_better(claim, case)
         case RelativeUncertaintyDistanceClaim():
-            camera = case.cameras[claim.camera]
-            reached = boundaries(
-                lambda points: depth_uncertainty(camera, points, claim.way) > claim.threshold * points, case.distance
-            )
-            begins = [end.distance for end in reached if end.begins]
-            return begins[-1] if begins else math.nan
+            return _relative_uncertainty_distance(claim, case)
         case DepthOfFieldClaim():
             return depth_of_field_value(claim, case)
         case DepthOfFieldRatioClaim():
@@ -106,11 +101,11 @@ def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
     ten times the study's own reach; it is then 0 or infinite if it holds there still.
     """
     camera, near = case.cameras[claim.camera], claim.end == "near"
-    if claim.limit not in evaluate_limits(camera, case.criteria, case.distance[:1]):
+    if not evaluate_limits(camera, case.criteria, case.distance[:1], (claim.limit,)):
         return math.nan
 
     def holds(points: FloatArray) -> BoolArray:
-        return evaluate_limits(camera, case.criteria, points)[claim.limit].met
+        return evaluate_limits(camera, case.criteria, points, (claim.limit,))[claim.limit].met
 
     first, last = float(case.distance[0]), float(case.distance[-1])
     if near and holds(case.distance[:1])[0]:
@@ -121,6 +116,17 @@ def _limit_distance(claim: LimitDistanceClaim, case: Case) -> float:
         return next((end.distance for end in ends if not end.begins), math.inf)
     found = [end.distance for end in boundaries(holds, case.distance) if end.begins == near]
     return math.nan if not found else found[0] if near else found[-1]
+
+
+def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case: Case) -> float:
+    camera = case.cameras[claim.camera]
+
+    def above(points: FloatArray) -> FloatArray:
+        difference = depth_uncertainty(camera, points, claim.way) - claim.threshold * points
+        return margin(difference > 0.0, difference)
+
+    begins = [end.distance for end in boundaries(above, case.distance) if end.begins]
+    return begins[-1] if begins else math.nan
 
 
 def _share_better(claim: ShareBetterClaim, case: Case) -> float:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from tradestudy.analysis.depth import WAYS, depth_uncertainty
-from tradestudy.analysis.usable import all_met, boundaries, evaluate_limits
+from tradestudy.analysis.usable import all_met, boundaries, evaluate_limits, margin, usable_ends
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -64,7 +64,7 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
     """Who of two cameras is more certain, and who wins among the usable, at places [m] and three ways."""
     first, second = (case.cameras[name] for name in pair)
     ratios = np.stack([_ratio(first, second, places, way) for way in WAYS], axis=-1)
-    winners = [_winners(case, pair, places, way) for way in WAYS]
+    winners = _winners(case, pair, places, WAYS)
     crossings = {way: _crossings(case, pair, way) for way in WAYS}
     ends = {place for name in pair for place in _ends_of_use(case, name)}
     return PairVerdict(
@@ -90,14 +90,19 @@ def _more_certain(pair: tuple[str, str], ratio: float) -> str:
     return pair[0] if ratio < 1.0 else pair[1]
 
 
-def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, way: str) -> list[str]:
+def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, ways: Iterable[str]) -> list[list[str]]:
     usable = {name: is_usable(case, name, distance) for name in pair}
-    return best_cameras(usable, {name: depth_uncertainty(case.cameras[name], distance, way) for name in pair})
+    return [
+        best_cameras(usable, {name: depth_uncertainty(case.cameras[name], distance, way) for name in pair})
+        for way in ways
+    ]
 
 
 def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
     """Distances [m] where a camera becomes usable or ceases to be."""
-    return tuple(end.distance for end in boundaries(lambda points: is_usable(case, name, points), case.distance))
+    camera = case.cameras[name]
+    limits = evaluate_limits(camera, case.criteria, case.distance)
+    return tuple(end.distance for end in usable_ends(camera, case.criteria, case.distance, limits))
 
 
 def _changes(case: Case, pair: tuple[str, str], way: str, places: set[float]) -> tuple[tuple[float, str, str], ...]:
@@ -105,7 +110,7 @@ def _changes(case: Case, pair: tuple[str, str], way: str, places: set[float]) ->
     if not places:
         return ()
     ordered = np.array(sorted(places))
-    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - 1e-9), ordered * (1.0 + 1e-9)]), way)
+    (sides,) = _winners(case, pair, np.concatenate([ordered * (1.0 - 1e-9), ordered * (1.0 + 1e-9)]), (way,))
     found: list[tuple[float, str, str]] = []
     for place, nearer, farther in zip(ordered.tolist(), sides[: ordered.size], sides[ordered.size :], strict=True):
         # Both cameras change at one place, to the last digit or next to it: it is told once.
@@ -116,8 +121,13 @@ def _changes(case: Case, pair: tuple[str, str], way: str, places: set[float]) ->
 
 def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[tuple[float, str], ...]:
     first, second = (case.cameras[name] for name in pair)
+
+    def below_one(points: FloatArray) -> FloatArray:
+        ratio = _ratio(first, second, points, way)
+        return margin(ratio < 1.0, ratio - 1.0)
+
     # Between the poles of either camera the ratio is undecided; it counts as "not below one" on both sides alike.
-    found = boundaries(lambda points: _ratio(first, second, points, way) < 1.0, case.distance)
+    found = boundaries(below_one, case.distance)
     return tuple((end.distance, pair[1] if end.begins else pair[0]) for end in found)
 
 

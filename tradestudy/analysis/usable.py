@@ -142,6 +142,12 @@ def boundaries(
     )
 
 
+def margin(met: BoolArray, difference: FloatArray) -> FloatArray:
+    """By how much a condition is kept, negative where it is broken, from the difference of its value and its bound."""
+    size = np.maximum(np.abs(difference), np.finfo(np.float64).tiny)
+    return np.where(met, size, -size)
+
+
 def _holds(found: BoolArray | FloatArray) -> BoolArray:
     return np.asarray(found if found.dtype == np.bool_ else found >= 0.0)
 
@@ -160,15 +166,15 @@ def _towards_zero(at_low: FloatArray, at_high: FloatArray) -> FloatArray:
     return np.vstack([zero * reach, zero, (1.0 - (1.0 - zero) * reach)[::-1]])
 
 
-def usable_stretches(
+def usable_ends(
     camera: DepthCamera,
     criteria: UsableCriteria,
     distance: FloatArray,
     limits: Mapping[str, Limit],
     *,
     to: float = 0.0,
-) -> tuple[tuple[Boundary, ...], tuple[Boundary, ...]]:
-    """Where usable intervals begin and where they end within a grid, whose limits are known; ``to`` as of `boundaries`.
+) -> tuple[Boundary, ...]:
+    """Where a camera becomes usable or ceases to be within a grid, whose limits are known; ``to`` as of `boundaries`.
 
     Between two grid points only the limits are followed that are broken on one side, and those that this leaves broken
     at an end that it finds.
@@ -184,12 +190,18 @@ def usable_stretches(
         at_ends = evaluate_limits(camera, criteria, np.array([end.distance for end in ends]))
         broken = [name for name, limit in at_ends.items() if name not in names and not limit.met.all()]
         names = [*names, *broken]
-    near, far = [end for end in ends if end.begins], [end for end in ends if not end.begins]
+    return ends
+
+
+def usable_stretches(ends: Sequence[Boundary], distance: FloatArray, held: BoolArray) -> list[tuple[float, float]]:
+    """The nearest and the farthest distance [m] of each usable stretch of a grid, from its ends within the grid."""
+    near = [end.distance for end in ends if end.begins]
+    far = [end.distance for end in ends if not end.begins]
     if held[0]:
-        near.insert(0, Boundary(distance=float(distance[0]), begins=True))
+        near.insert(0, float(distance[0]))
     if held[-1]:
-        far.append(Boundary(distance=float(distance[-1]), begins=False))
-    return tuple(near), tuple(far)
+        far.append(float(distance[-1]))
+    return list(zip(near, far, strict=True))
 
 
 def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray, names: Collection[str]) -> FloatArray:
@@ -200,9 +212,8 @@ def _kept_by(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray
         kept.append(law.margin(camera, distance))
     others = [name for name in names if name != "matching"]
     if others:
-        for limit in evaluate_limits(camera, criteria, distance, others).values():
-            size = np.maximum(np.abs(limit.value - limit.bound), np.finfo(np.float64).tiny)
-            kept.append(np.where(limit.met, size, -size))
+        limits = evaluate_limits(camera, criteria, distance, others).values()
+        kept += [margin(limit.met, limit.value - limit.bound) for limit in limits]
     return np.asarray(np.min(kept, axis=0))
 
 
@@ -218,19 +229,17 @@ def usable_intervals(
     is named so.
     """
     limits = evaluate_limits(camera, criteria, distance) if limits is None else limits
-    near, far = usable_stretches(camera, criteria, distance, limits)
-    held = all_met(limits, distance.shape)
-    near_limits = _binding(camera, criteria, near[int(held[0]) :])
-    far_limits = _binding(camera, criteria, far[: len(far) - int(held[-1])])
+    ends = usable_ends(camera, criteria, distance, limits)
+    bindings = zip(ends, _binding(camera, criteria, ends), strict=True)
+    names = {(end.begins, end.distance): name for end, name in bindings}
     return tuple(
-        Interval(near=start.distance, far=stop.distance, near_limit=near_limit, far_limit=far_limit)
-        for start, stop, near_limit, far_limit in zip(
-            near,
-            far,
-            [*([END_OF_STUDY] if held[0] else []), *near_limits],
-            [*far_limits, *([END_OF_STUDY] if held[-1] else [])],
-            strict=True,
+        Interval(
+            near=near,
+            far=far,
+            near_limit=names.get((True, near), END_OF_STUDY),
+            far_limit=names.get((False, far), END_OF_STUDY),
         )
+        for near, far in usable_stretches(ends, distance, all_met(limits, distance.shape))
     )
 
 

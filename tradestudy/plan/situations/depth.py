@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
-from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_stretches
+from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, declared_disparity_error
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.effects.base import OFF, EffectCriterion, Slot, SlotName
@@ -306,10 +306,10 @@ def _trial_places(variant: _Variant) -> FloatArray:
     """
     camera, distance = variant.as_forced, variant.distance
     found = [np.asarray(variant.asked), _in_focus(variant)]
-    ends = usable_stretches(camera, variant.criteria, distance, variant.limits, to=_ENDS_ARE_KNOWN_TO)
-    for near, far in zip(*ends, strict=True):
-        found.append(np.geomspace(0.9 * near.distance, 1.1 * far.distance, _TRIAL_DISTANCES))
-        found.append(np.array([near.distance, far.distance]))
+    ends = usable_ends(camera, variant.criteria, distance, variant.limits, to=_ENDS_ARE_KNOWN_TO)
+    for near, far in usable_stretches(ends, distance, variant.usable):
+        found.append(np.geomspace(0.9 * near, 1.1 * far, _TRIAL_DISTANCES))
+        found.append(np.array([near, far]))
     if not variant.usable.any():
         found.append(distance[np.unique(np.linspace(0, distance.size - 1, _TRIAL_DISTANCES).astype(int))])
     places = np.unique(np.concatenate(found))
