@@ -39,6 +39,7 @@ HEAVY = {
     "typer": ("cli",),
     "rich": ("cli",),
     "emcee": ("calibration",),
+    "arviz_stats": ("calibration",),
     "distributed": ("execution",),
 }
 # module, library → why it may break the rule above.

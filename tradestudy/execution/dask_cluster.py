@@ -3,24 +3,26 @@
 from __future__ import annotations
 
 import math
-import pickle
+import re
 import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
-from dataclasses import dataclass, field
-from queue import Empty, SimpleQueue
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from tradestudy.errors import TradestudyError
-from tradestudy.execution.dask_connection import SAME_CODE, connected
 from tradestudy.execution.environment import environment
 from tradestudy.execution.executor import LostPointError, Point, Raised, UnavailableError, Value, attempt
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-GRAIN: Final = 0.2
-"""Seconds of work that go to a worker at once: one point, or as many cheap ones as take this long."""
+# Checked here, since a client that cannot read its address neither starts nor ends.
+_ADDRESS: Final = re.compile(r"(tcp|tls|ws|wss)://[^\s/:]+:\d{1,5}")
+_SAME_CODE: Final = "install the same tradestudy and libraries on every worker as here"
+_GRAIN: Final = 0.2
+"""Seconds of work that go to a worker at once, as sending a point takes 20 ms: one point, or as many cheap ones."""
 _LOOK_AGAIN: Final = 2.0  # s without a result until the cluster is looked at
 _WITHOUT_WORKERS: Final = 30.0  # s until a cluster that has lost all its workers is given up
 
@@ -54,7 +56,7 @@ class DaskCluster:
         UnavailableError
             Dask is not installed; the scheduler does not answer; it has no workers; a worker runs other code.
         """
-        with connected(self.address, self.timeout):
+        with self._connected():
             pass
 
     def map_unordered(
@@ -69,101 +71,114 @@ class DaskCluster:
         """
         if not points:
             return
-        with connected(self.address, self.timeout) as client:
-            work = _Work(client=client, address=self.address, function=function, points=points)
-            while work.left:
-                work.submit()
-                yield from work.received()
-
-
-@dataclass(kw_only=True)
-class _Work:
-    """Points on their way: sent in chunks, whose size follows the time that points take."""
-
-    client: Client
-    address: str
-    function: Callable[[Any], Any]
-    points: Sequence[Any]
-    computed: int = 0
-    seconds: float = 0.0
-    underway: dict[Future[Any], list[int]] = field(default_factory=dict)
-    suspects: deque[int] = field(default_factory=deque)  # were on workers that died; computed alone to find the one
-    alone: bool = False
-    done: SimpleQueue[Future[Any]] = field(default_factory=SimpleQueue)
-
-    def __post_init__(self) -> None:
-        self.waiting = deque(range(len(self.points)))
-        self.threads: int = max(1, sum(self.client.nthreads().values()))
-
-    @property
-    def left(self) -> int:
-        return len(self.points) - self.computed
-
-    def submit(self) -> None:
-        """Give every thread of the cluster one chunk, and no more.
-
-        A worker has nothing to compute until its last results have been fetched, or they would die with it.
-        """
-        self.alone = bool(self.suspects) and not self.underway
-        if self.alone:
-            self._send([self.suspects.popleft()])
-        while self.waiting and not self.suspects and len(self.underway) < self.threads:
-            self._send([self.waiting.popleft() for _ in range(min(self._chunk_size(), len(self.waiting)))])
-
-    def _send(self, chunk: list[int]) -> None:
-        # As bytes of our own, since Dask would look for its futures in every part of a point.
-        payload = pickle.dumps((self.function, [self.points[index] for index in chunk]))
-        future = self.client.submit(_compute, payload, environment(), pure=False)
-        self.underway[future] = chunk
-        future.add_done_callback(self.done.put)
-
-    def _chunk_size(self) -> int:
-        if not self.computed:
-            return 1
-        affordable = int(GRAIN * self.computed / max(self.seconds, 1e-9))
-        return max(1, min(affordable, math.ceil(len(self.waiting) / self.threads / 2)))
-
-    def received(self) -> Iterator[tuple[int, Any]]:
-        """Wait for a chunk and give what it holds."""
         from distributed.scheduler import KilledWorker
 
-        future = self._next()
-        chunk = self.underway.pop(future)
+        waiting, suspects = deque(range(len(points))), deque[int]()
+        underway: dict[Future[Any], list[int]] = {}
+        computed, seconds = 0, 0.0
+        with self._connected() as client:
+
+            def send(chunk: list[int]) -> None:
+                future = client.submit(_compute, function, [points[i] for i in chunk], environment(), pure=False)
+                underway[future] = chunk
+
+            threads = max(1, sum(client.nthreads().values()))
+            while waiting or suspects or underway:
+                alone = bool(suspects) and not underway
+                if alone:
+                    send([suspects.popleft()])
+                # No more than one chunk to a thread: results that wait on a worker would die with it, and Dask blames
+                # everything that a dead worker had, also what it had not begun.
+                while waiting and not (alone or suspects) and len(underway) < threads:
+                    affordable = int(_GRAIN * computed / max(seconds, 1e-9))
+                    size = max(1, min(affordable, math.ceil(len(waiting) / threads / 2)))
+                    send([waiting.popleft() for _ in range(min(size, len(waiting)))])
+                for future in self._done(client, underway):
+                    chunk = underway.pop(future)
+                    try:
+                        took, outcomes = future.result()
+                    except KilledWorker as killed:
+                        if alone:
+                            raise LostPointError(chunk[0], killed.allowed_failures + 1) from killed
+                        suspects.extend(chunk)  # of all that the dead workers had; computed alone to find the one
+                        continue
+                    except Exception as error:  # by the worker around the points, whose own errors are values
+                        raise self._lost() if future.status != "error" else self._unable(error) from error
+                    seconds, computed = seconds + took, computed + len(chunk)
+                    yield from zip(chunk, outcomes, strict=True)
+
+    @contextmanager
+    def _connected(self) -> Iterator[Client]:
+        """Give a client of a cluster whose workers compute as this process does."""
         try:
-            seconds, outcomes = pickle.loads(future.result())
-        except KilledWorker as killed:
-            if self.alone:
-                raise LostPointError(chunk[0], killed.allowed_failures + 1) from killed
-            self.suspects.extend(chunk)  # whatever the dead workers had: Dask cannot tell which it was
-            return
-        except Exception as error:  # by the worker around the points, which themselves raise nothing
-            if future.status != "error":
-                raise self._lost() from error
+            from distributed import Client
+        except ModuleNotFoundError as error:
+            raise UnavailableError("Dask is not installed", remedy="pip install 'tradestudy[dask]'") from error
+        if not _ADDRESS.fullmatch(self.address):
             raise UnavailableError(
-                "a worker of the Dask cluster cannot compute", value=f"{self.address}: {error}", remedy=SAME_CODE
-            ) from error
-        self.seconds += seconds
-        self.computed += len(chunk)
-        yield from zip(chunk, outcomes, strict=True)
-
-    def _next(self) -> Future[Any]:
-        """The next future that is done, unless the cluster is."""
-        empty_since: float | None = None
-        while True:
-            try:
-                return self.done.get(timeout=_LOOK_AGAIN)
-            except Empty:  # look at the cluster
-                pass
-            if self._has_workers():
-                empty_since = None
-            elif empty_since is None:
-                empty_since = time.monotonic()
-            elif time.monotonic() - empty_since > _WITHOUT_WORKERS:
-                raise self._lost()
-
-    def _has_workers(self) -> bool:
+                "this cannot be the address of a Dask scheduler",
+                value=repr(self.address),
+                limit="such as tcp://10.0.0.1:8786",
+                remedy="a scheduler says its own when it starts",
+            )
         try:
-            return bool(self.client.nthreads())
+            client = Client(self.address, timeout=self.timeout, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise UnavailableError(
+                "no Dask scheduler answers",
+                value=self.address,
+                remedy="start one with 'dask scheduler' and 'dask worker'",
+            ) from error
+        try:
+            self._check_workers(client)
+            yield client
+        finally:
+            client.close(timeout=self.timeout)
+
+    def _check_workers(self, client: Client) -> None:
+        try:
+            client.wait_for_workers(1, timeout=self.timeout)
+        except TimeoutError as error:
+            raise UnavailableError(
+                "the Dask cluster has no workers", value=self.address, remedy=f"start one: dask worker {self.address}"
+            ) from error
+        try:
+            found: dict[str, dict[str, str]] = client.run(environment)
+        except Exception as error:
+            raise self._unable(error) from error
+        for worker, theirs in found.items():
+            differing = [
+                f"{name} {theirs.get(name, 'none')[:12]} there, {ours[:12]} here"
+                for name, ours in environment().items()
+                if theirs.get(name) != ours
+            ]
+            if differing:
+                raise UnavailableError(
+                    f"the Dask worker {worker} computes with other code", value="; ".join(differing), remedy=_SAME_CODE
+                )
+
+    def _done(self, client: Client, underway: Iterable[Future[Any]]) -> Iterable[Future[Any]]:
+        """Wait for points that are done, unless the cluster is."""
+        from distributed import wait
+
+        with_workers = time.monotonic()
+        while time.monotonic() - with_workers < _WITHOUT_WORKERS:
+            try:
+                with client.as_current():
+                    found = wait(list(underway), timeout=_LOOK_AGAIN, return_when="FIRST_COMPLETED")
+            except TimeoutError:  # look at the cluster
+                if self._has_workers(client):
+                    with_workers = time.monotonic()
+            except Exception as error:  # futures are cancelled where the scheduler is gone
+                raise self._lost() from error
+            else:
+                done: set[Future[Any]] = found.done
+                return done
+        raise self._lost()
+
+    def _has_workers(self, client: Client) -> bool:
+        try:
+            return bool(client.nthreads())
         except Exception as error:  # whatever the client says where its scheduler is gone
             raise self._lost() from error
 
@@ -172,12 +187,18 @@ class _Work:
             "the Dask cluster was lost", value=self.address, remedy="what is finished is kept; run again"
         )
 
+    def _unable(self, error: Exception) -> UnavailableError:
+        return UnavailableError(
+            "a worker of the Dask cluster cannot compute", value=f"{self.address}: {error}", remedy=_SAME_CODE
+        )
 
-def _compute(payload: bytes, expected: dict[str, str]) -> bytes:
-    """Compute a chunk on a worker, which may have joined after the others were checked."""
+
+def _compute(
+    function: Callable[[Point], Value], points: Sequence[Point], expected: dict[str, str]
+) -> tuple[float, list[Value | Raised]]:
+    """Seconds and values of a chunk on a worker, which may have joined after the others were checked."""
     if environment() != expected:
         raise RuntimeError(f"other code than that of the run: {environment()}, not {expected}")
-    function, points = pickle.loads(payload)
     begin = time.perf_counter()
     outcomes = [attempt(function, point) for point in points]
-    return pickle.dumps((time.perf_counter() - begin, outcomes), protocol=pickle.HIGHEST_PROTOCOL)
+    return time.perf_counter() - begin, outcomes

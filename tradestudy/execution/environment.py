@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 from tradestudy.provenance import code_hash
 
-_COMPUTING = ("numpy", "scipy", "finufft", "emcee")
+_COMPUTING = ("numpy", "scipy", "finufft", "emcee", "arviz-stats")
 
 
 @cache

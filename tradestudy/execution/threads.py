@@ -41,7 +41,7 @@ class Threads:
                     return
                 done.put((index, attempt(function, point)))
 
-        # Daemons, so that an interrupted run does not wait for points that nobody will read.
+        # Daemons of our own: those of the standard library would finish their points before an interrupted run ends.
         for _ in range(min(self.count, len(points))):
             Thread(target=work, daemon=True).start()
         try:
