@@ -21,6 +21,8 @@ ORDER = (
 # Figures and reports are made from results, and from nothing that computes them.
 READ_RESULTS_ONLY = ("figures", "report")
 MAY_BE_READ = ("errors", "units", "light_methods", "wording", "results", "figures", "report")
+# What reports take from figures: facts come from the views of the results.
+DRAWINGS = ("figures", "figures.drawing", "figures.drawn", "figures.fonts")
 # library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
     "pydantic": ("declarations", "calibration.declaration", "study"),
@@ -92,6 +94,11 @@ def test_figures_and_reports_read_results_only() -> None:
         for here, there in own_imports()
         if top(here) in READ_RESULTS_ONLY and top(there) not in MAY_BE_READ
     ] == []
+
+
+def test_reports_take_nothing_but_drawings_from_figures() -> None:
+    taken = {there for here, there in own_imports() if top(here) == "report" and top(there) == "figures"}
+    assert taken <= set(DRAWINGS)
 
 
 def test_heavy_libraries_stay_in_their_rooms() -> None:
