@@ -27,6 +27,8 @@ DECLARATIONS = (
     "cameras.kinds", "cameras.declaration", "cameras.stated_declaration", "cameras.plenoptic_declaration",
     *(f"cameras.{kind}.declaration" for kind in KINDS),
 )  # fmt: skip
+# What reports take from figures: facts come from the views of the results.
+DRAWINGS = ("figures", "figures.drawing", "figures.drawn", "figures.fonts")
 # library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
     "pydantic": ("declarations", "calibration.declaration", "study", *DECLARATIONS),
@@ -118,6 +120,11 @@ def test_figures_and_reports_read_results_only() -> None:
         for here, there in own_imports()
         if top(here) in READ_RESULTS_ONLY and top(there) not in MAY_BE_READ
     ] == []
+
+
+def test_reports_take_nothing_but_drawings_from_figures() -> None:
+    taken = {there for here, there in own_imports() if top(here) == "report" and top(there) == "figures"}
+    assert taken <= set(DRAWINGS)
 
 
 def test_heavy_libraries_stay_in_their_rooms() -> None:
