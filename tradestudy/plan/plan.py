@@ -50,7 +50,9 @@ class Plan:
         return math.fsum(step.low for step in self.steps), math.fsum(step.high for step in self.steps)
 
     def __str__(self) -> str:
-        return plan_text(self)
+        file = self.definition.file
+        pieces = [(one, self.selections[one.name]) for one in self.situations]
+        return "\n".join(plan_text(f"{file.study}: {file.title}", self.accuracy, pieces, self.steps, self.seconds))
 
 
 def _models(selections: Mapping[str, Selection]) -> Mapping[str, Mapping[SlotName, str]]:

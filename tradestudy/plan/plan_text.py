@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
-from tradestudy.accuracy import Quantity
+from tradestudy.accuracy import Accuracy, Quantity
 from tradestudy.effects.base import NOTHING_LEFT_OUT, Bound
-from tradestudy.effects.selection import Decision
+from tradestudy.effects.selection import Decision, Selection
+from tradestudy.plan.predicted_time import PredictedStep
+from tradestudy.plan.situations.situation import Situation
 from tradestudy.results.effects import OF_NOISE_ALONE, TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
 from tradestudy.units import DURATION, FRACTION, pretty, significant
 from tradestudy.wording import distance
 
-if TYPE_CHECKING:
-    from tradestudy.plan.plan import Plan
-
+Pieces = Sequence[tuple[Situation, Selection]]
 _QUANTITIES: Final[Mapping[Quantity, str]] = {
     "depth_uncertainty": "depth uncertainty",
     "depth_of_field": "the ends of depth of field",
@@ -25,23 +25,20 @@ _QUANTITIES: Final[Mapping[Quantity, str]] = {
 _TAKEN, _LEFT = "●", "○"
 
 
-def plan_text(plan: Plan) -> str:
-    """The whole plan, ready to print."""
-    return "\n".join(_lines(plan))
-
-
-def _lines(plan: Plan) -> Iterator[str]:
-    yield f"{plan.definition.file.study}: {plan.definition.file.title}"
-    for situation in plan.situations:
-        chosen = plan.selections[situation.name]
+def plan_text(
+    heading: str, accuracy: Accuracy, pieces: Pieces, steps: Sequence[PredictedStep], seconds: tuple[float, float]
+) -> Iterator[str]:
+    """The lines of a whole plan: what acts in every piece of a study, every step, and the seconds of all together."""
+    yield heading
+    for situation, chosen in pieces:
         wanted = ", ".join(
-            f"{pretty(plan.accuracy.relative[q], FRACTION)} of {_QUANTITIES[q]} wanted, "
+            f"{pretty(accuracy.relative[q], FRACTION)} of {_QUANTITIES[q]} wanted, "
             f"omissions change at most {_share(chosen.bounds[q])}"
             for q in situation.quantities
         )
         yield ""
         yield f"{situation.title} ({situation.name}): {wanted}; takes {_duration(chosen.seconds)}"
-        if any(chosen.bounds[q] > plan.accuracy.relative[q] * (1.0 + 1e-9) for q in situation.quantities):
+        if any(chosen.bounds[q] > accuracy.relative[q] * (1.0 + 1e-9) for q in situation.quantities):
             yield "  more than is wanted: models are forced, and the others were chosen as if these changed nothing"
         yield from _harmless(chosen.decisions)
         weighed = [decision for decision in chosen.decisions if not _is_harmless(decision)]
@@ -53,24 +50,24 @@ def _lines(plan: Plan) -> Iterator[str]:
             yield f"  {mark} {head}  {_duration(decision.seconds):>8}  {decision.why}{number}"
             if decision.chosen:
                 yield f"    {'':<{width}}  {'':>8}  {_because(decision)}"
-    yield from _explained(plan)
+    yield from _explained(pieces)
     yield ""
-    width = max(len(step.name) for step in plan.steps)
-    for step in plan.steps:
+    width = max(len(step.name) for step in steps)
+    for step in steps:
         yield f"  {step.name:<{width}}  {_seconds(step.low, step.high):>16}  {step.work}"
-    yield f"  {'in all':<{width}}  {_seconds(*plan.seconds):>16}  predicted for this machine"
+    yield f"  {'in all':<{width}}  {_seconds(*seconds):>16}  predicted for this machine"
 
 
-def _explained(plan: Plan) -> Iterator[str]:
+def _explained(pieces: Pieces) -> Iterator[str]:
     """What the columns are, the rules that refused what did not fit, and the formula of every number above."""
-    decisions = [decision for one in plan.situations for decision in plan.selections[one.name].decisions]
+    decisions = [decision for _, chosen in pieces for decision in chosen.decisions]
     rules = {_head(one): bound.reason for one in decisions if not one.chosen and (bound := _told(one)) is not None}
     numbers = {bound.criterion.words: bound.criterion for one in decisions if (bound := _told(one)) is not None}
     if not numbers:
         return
     yield ""
     yield f"  Times above: {TIMES_WITH_A_MODEL}."
-    if any("depth_uncertainty" in one.quantities for one in plan.situations):
+    if any("depth_uncertainty" in one.quantities for one, _ in pieces):
         yield f"  {OF_NOISE_ALONE}"
     if any(not math.isnan(criterion.at) for criterion in numbers.values()):
         yield f"  {WHERE_NUMBERS_ARE_TAKEN}"
