@@ -33,7 +33,7 @@ import pypdfium2
 import xarray as xr
 
 from tests.campaigns import record
-from tradestudy.execution import Checkpoints
+from tests.execution.execution_points import keys_on_disk
 from tradestudy.execution.checkpoints import FOLDER as UNFINISHED
 from tradestudy.verification.hard_cases.study_files import study
 
@@ -435,12 +435,6 @@ def flipped(bench: Bench, trials: int) -> Row:
     return row
 
 
-def points_on_disk(out: Path) -> int:
-    """Finished points that an unfinished run has left."""
-    with contextlib.closing(Checkpoints(out)) as kept:
-        return len(kept)
-
-
 def points_of_record(out: Path) -> dict[str, int]:
     """How many points of the sweep the finished run computed, and how many it took up."""
     counts: dict[str, int] = json.loads((out / "run.json").read_text(encoding="utf-8"))["points"]["depth"]
@@ -462,7 +456,7 @@ def stopped_in_a_sweep(bench: Bench, trials: int) -> Row:
         _, stderr = process.communicate(timeout=PATIENCE)
         if how != signal.SIGKILL:
             one_line(row, process.returncode, (0, 130), stderr)
-        kept = points_on_disk(out)
+        kept = len(keys_on_disk(out))
         look_and_resume(bench, row, out, was_finished=False)
         if process.returncode != 0:
             counts = points_of_record(out)
@@ -529,7 +523,7 @@ def _see_that_it_vanished(row: Row, out: Path) -> None:
 
 
 def _wait_for_points(process: subprocess.Popen[str], out: Path, count: int) -> None:
-    while process.poll() is None and not ((out / UNFINISHED).is_dir() and points_on_disk(out) >= count):
+    while process.poll() is None and len(keys_on_disk(out)) < count:
         time.sleep(0.01)
 
 

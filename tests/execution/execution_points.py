@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import time
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.execution.checkpoints import FOLDER, _whole_records
 from tradestudy.optics.arrays import FloatArray
 
 
@@ -40,6 +42,15 @@ def compute(point: LoggedPoint) -> FloatArray:
     if point.fate == "cannot be sent":
         return lambda: None  # type: ignore[return-value]  # on purpose
     return np.random.default_rng(point.number).normal(size=5)
+
+
+def keys_on_disk(folder: Path) -> set[bytes]:
+    """Finished points that an unfinished run has left in its output folder."""
+    found: set[bytes] = set()
+    for path in (folder / FOLDER).glob("*"):
+        with contextlib.suppress(FileNotFoundError):  # the run has finished in the meantime
+            found |= {key for key, _, _ in _whole_records(path.read_bytes())}
+    return found
 
 
 def times_computed(folder: Path) -> dict[int, int]:

@@ -22,7 +22,7 @@ import xarray as xr
 
 import tradestudy
 from tests.calibration.conftest import HEAD
-from tests.execution.execution_points import LoggedPoint, compute, times_computed, workers
+from tests.execution.execution_points import LoggedPoint, compute, keys_on_disk, times_computed, workers
 from tradestudy import api
 from tradestudy.errors import OutOfRangeError, ResultsError
 from tradestudy.execution import Checkpoints, DaskCluster, Executor, Processes, Serial, Steps, Threads
@@ -308,7 +308,7 @@ class TestCheckpoints:
         log.mkdir()
         with contextlib.closing(Checkpoints(tmp_path)) as kept:
             mapped(Serial(), points(log, 1), kept)
-            key = next(iter(_keys(tmp_path)))
+            key = next(iter(keys_on_disk(tmp_path)))
             kept.add(key, Evil())
         with contextlib.closing(Checkpoints(tmp_path)) as kept:
             assert_same(mapped(Serial(), points(log, 1), kept), 1)
@@ -341,12 +341,6 @@ class TestCheckpoints:
         assert time.process_time() - begin < 1.3 * without  # a tenth is measured; a busy machine may need more
 
 
-def _keys(directory: Path) -> set[bytes]:
-    from tradestudy.execution.checkpoints import _whole_records
-
-    return {key for path in (directory / FOLDER).iterdir() for key, _, _ in _whole_records(path.read_bytes())}
-
-
 class TestCommand:
     def command(self, study_file: Path, out: Path, *more: str) -> list[str]:
         return [
@@ -356,12 +350,12 @@ class TestCommand:
     def stop_after_some(self, study_file: Path, out: Path, how: int, *more: str) -> tuple[int, str, int]:
         """Status, complaint and the number of points on disk of a run that is stopped on its way."""
         with subprocess.Popen(self.command(study_file, out, *more), stderr=subprocess.PIPE, text=True) as running:
-            while running.poll() is None and not ((out / FOLDER).is_dir() and len(_keys(out)) >= 3):
+            while running.poll() is None and not ((out / FOLDER).is_dir() and len(keys_on_disk(out)) >= 3):
                 time.sleep(0.005)
             running.send_signal(how)
             assert running.stderr is not None
             told = running.stderr.read()
-        return running.returncode, told, len(_keys(out))
+        return running.returncode, told, len(keys_on_disk(out))
 
     @pytest.mark.parametrize(
         ("how", "first", "second"),

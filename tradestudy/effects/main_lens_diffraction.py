@@ -11,10 +11,10 @@ from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     bound_of,
     complete,
+    fresnel_law,
     law_change,
     lit_transfer,
     picture_change,
-    ray_displacement,
     rim_light,
 )
 
@@ -73,16 +73,7 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                     "and twice this number",
                 ),
             ),
-            Model(
-                name="fresnel",
-                bounds=bound_of(
-                    scene,
-                    fresnel,
-                    criterion=ray_displacement(scene, law, "main lens"),
-                    reason="second-order paths leave out aberration of the main lens, which moves light so far: it "
-                    "counts unless that is well below a pixel, or the picture has no detail as fine",
-                ),
-            ),
+            fresnel_law(scene, law, fresnel, lens="main lens", aberration="aberration of the main lens"),
             Model(name="kirchhoff", bounds=complete()),
         ),
     )

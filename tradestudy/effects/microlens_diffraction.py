@@ -13,10 +13,10 @@ from tradestudy.effects.picture_change import (
     diffraction_width,
     edge_wave,
     frequencies,
+    fresnel_law,
     law_change,
     picture_change,
     pixel_transfer,
-    ray_displacement,
     rim_light,
     source_transfer,
 )
@@ -60,16 +60,7 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                 ),
             ),
             *((_boundary_wave(scene),) if scene.path.microlenses.aperture == "circular" else ()),
-            Model(
-                name="fresnel",
-                bounds=bound_of(
-                    scene,
-                    fresnel,
-                    criterion=ray_displacement(scene, law, "array"),
-                    reason="second-order paths leave out aberration behind the array, which moves light so far: it "
-                    "counts unless that is well below a pixel, or the picture has no detail as fine",
-                ),
-            ),
+            fresnel_law(scene, law, fresnel, lens="array", aberration="aberration behind the array"),
             Model(name="kirchhoff", bounds=complete()),
         ),
     )

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import j0, j1
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, EffectCriterion
+from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, EffectCriterion, Model
 from tradestudy.effects.light_scene import LawDifference, LightScene
 from tradestudy.imaging.transfer import disc_transfer
 from tradestudy.optics.arrays import FloatArray
@@ -169,13 +169,22 @@ def complete() -> Mapping[Quantity, Bound]:
     return {"pixel_intensity": Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)}
 
 
-def ray_displacement(scene: LightScene, law: LawDifference, of: str) -> EffectCriterion:
-    """By what Fresnel's law leaves out of the paths of a lens."""
-    return EffectCriterion(
-        words=f"displacement of rays by the {of} over pixel",
-        definition="δ/p; δ the root mean square by which rays land elsewhere on the detector by exact than by "
-        "parabolic paths, p the pixel pitch",
-        value=law.displacement / scene.path.pixels.pitch,
+def fresnel_law(scene: LightScene, law: LawDifference, change: float, *, lens: str, aberration: str) -> Model:
+    """Fresnel's law at a lens, and the change by what it leaves out of its paths."""
+    return Model(
+        name="fresnel",
+        bounds=bound_of(
+            scene,
+            change,
+            criterion=EffectCriterion(
+                words=f"displacement of rays by the {lens} over pixel",
+                definition="δ/p; δ the root mean square by which rays land elsewhere on the detector by exact than by "
+                "parabolic paths, p the pixel pitch",
+                value=law.displacement / scene.path.pixels.pitch,
+            ),
+            reason=f"second-order paths leave out {aberration}, which moves light so far: it counts unless that is "
+            "well below a pixel, or the picture has no detail as fine",
+        ),
     )
 
 

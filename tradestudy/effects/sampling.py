@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final
 
 from tradestudy.accuracy import Quantity
@@ -11,15 +10,13 @@ from tradestudy.effects.base import Bound, EffectCriterion, Model, Slot
 TOLERANCES: Final = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 
-def sampling(quantity: Quantity, tolerances: Sequence[float] = TOLERANCES) -> Slot:
+def sampling(quantity: Quantity) -> Slot:
     """Tolerances from the loosest to the tightest; each is the bound of what it may change.
 
     Parameters
     ----------
     quantity
         That is computed to them.
-    tolerances
-        Relative, in decreasing order.
     """
     return Slot(
         name="sampling",
@@ -38,7 +35,7 @@ def sampling(quantity: Quantity, tolerances: Sequence[float] = TOLERANCES) -> Sl
                     )
                 },
             )
-            for tolerance in tolerances
+            for tolerance in TOLERANCES
         ),
     )
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
-from tradestudy.accuracy import Quantity
 from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot, SlotName
 
 
@@ -16,12 +15,7 @@ def declared_reason(disparity_error_px: float) -> str:
     )
 
 
-def unused_slots(
-    *,
-    reason: str,
-    numbers: Mapping[SlotName, EffectCriterion],
-    quantities: Sequence[Quantity] = ("depth_uncertainty",),
-) -> tuple[Slot, ...]:
+def unused_slots(*, reason: str, numbers: Mapping[SlotName, EffectCriterion]) -> tuple[Slot, ...]:
     """Slots that can only be off, each with the number that tells how strong the effect would be in a picture.
 
     Parameters
@@ -30,11 +24,9 @@ def unused_slots(
         Why nothing of it matters.
     numbers
         The slots; for each, the number that tells a reader how strong the effect is.
-    quantities
-        That do not move.
     """
     found = []
     for name, criterion in numbers.items():
         bound = Bound(relative_change=0.0, criterion=criterion, reason=reason)
-        found.append(Slot(name=name, models=(Model(name=OFF, bounds=dict.fromkeys(quantities, bound)),)))
+        found.append(Slot(name=name, models=(Model(name=OFF, bounds={"depth_uncertainty": bound}),)))
     return tuple(found)

@@ -46,10 +46,6 @@ class Checkpoints:
         else:
             self._index_all()
 
-    def __len__(self) -> int:
-        """Number of finished points that were there at the beginning."""
-        return len(self._index)
-
     def finished(self, keys: Sequence[bytes]) -> dict[int, Any]:
         """Values of those keys that are there, by their place among the keys."""
         values = {}

@@ -76,13 +76,13 @@ def order_quantile(ascending: FloatArray, probability: ArrayLike) -> FloatArray:
     return np.moveaxis(value, -1, 0) if p.ndim else np.asarray(value)
 
 
-def shortest_interval(ascending: FloatArray, coverage: float = COVERAGE) -> tuple[FloatArray, FloatArray]:
+def shortest_interval(ascending: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Shortest interval with this share of sorted rows (JCGM 101, 7.7): ends (2, rows) and width (rows,).
 
     Where more than the share left out is +∞, no interval is bounded: the ends are (NaN, +∞), the width +∞.
     """
     n = ascending.shape[-1]
-    steps = min(int(coverage * n + 0.5), n - 1)
+    steps = min(int(COVERAGE * n + 0.5), n - 1)
     upper, lower = ascending[..., steps:], ascending[..., : n - steps]
     width = np.full(upper.shape, np.inf)
     np.subtract(upper, lower, out=width, where=np.isfinite(upper))
