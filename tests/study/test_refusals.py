@@ -17,7 +17,7 @@ from tradestudy.api import Study, load
 from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
 from tradestudy.cameras.stereo import StereoCalibration
 from tradestudy.errors import StudyError
-from tradestudy.study.definition import Value
+from tradestudy.study.document import Value
 from tradestudy.study.schema.cameras import PixelCount
 
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
