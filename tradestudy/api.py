@@ -24,7 +24,8 @@ from typing import TYPE_CHECKING, Any
 from tradestudy import provenance
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.execution.progress import Progress
-from tradestudy.study.definition import StudyDefinition, Value
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Value
 from tradestudy.study.loading import load_definition
 from tradestudy.study.options import options
 from tradestudy.wording import counted

@@ -18,7 +18,7 @@ from tradestudy.cameras.declaration import PixelCount
 from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
 from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import StudyError
-from tradestudy.study.definition import Value
+from tradestudy.study.document import Value
 
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
 

@@ -54,13 +54,14 @@ def _table(data: xr.Dataset, dims: tuple[str, ...], names: list[str]) -> bytes:
 def _cells(values: NDArray[Any]) -> list[str]:
     """Write every value once, however often it stands there: a sweep leaves most of what it computes as it was."""
     flat = np.ravel(values)
-    if flat.dtype.kind == "f":
-        bits, places = np.unique(flat.astype(np.float64).view(np.int64), return_inverse=True)  # −0 is another text
-        texts = list(map(repr, bits.view(np.float64).tolist()))
-        return [texts[place] for place in places.tolist()]
-    cells = [_cell(value) for value in flat.tolist()]
-    quoted = {cell: _quoted(cell) for cell in set(cells)}
-    return [quoted[cell] for cell in cells]
+    if flat.dtype.kind not in "fiub":
+        cells = [_cell(value) for value in flat.tolist()]
+        quoted = {cell: _quoted(cell) for cell in set(cells)}
+        return [quoted[cell] for cell in cells]
+    bits = flat.view(f"i{flat.itemsize}") if flat.dtype.kind == "f" else flat  # −0 is another text than 0
+    _, first, places = np.unique(bits, return_index=True, return_inverse=True)
+    texts: list[str] = np.array([str(number) for number in flat[first].tolist()], dtype=object)[places].tolist()
+    return texts
 
 
 def _titled(data: xr.Dataset, name: str) -> str:

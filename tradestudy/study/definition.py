@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from tradestudy.calibration.uncertain_cameras import UncertainCameras
     from tradestudy.execution import Steps
 
-__all__ = ["Case", "StudyDefinition", "Value"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
