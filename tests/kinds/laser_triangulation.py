@@ -35,7 +35,7 @@ from tradestudy.cameras.depth_camera import (
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cameras.focus import SingleLensFocus
-from tradestudy.cameras.method import Law, Method
+from tradestudy.cameras.method import Formula, Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
@@ -77,7 +77,7 @@ class LaserScanner(ExactModel):
         title="Depth from a projected line",
         statements=(
             "A sheet of light from a projector at a baseline *B*, turned by θ, is seen at *u*.",
-            Law(typst="1 / Z = (u / f + tan theta) / B", alt="one over Z equals u over f plus tangent theta, over B"),
+            Formula(typst="1 / Z = (u / f + tan theta) / B", alt="one over Z is u over f plus tan theta, over B"),
         ),
     )
 
@@ -163,10 +163,10 @@ class LaserScanner(ExactModel):
         return replace(self, calibration=LaserCalibration())
 
     def declared_errors(self) -> tuple[Group, ...]:
-        from tradestudy.cameras.error_groups import measured, per_rig
+        from tradestudy.cameras.error_groups import measurement_noise, per_rig
 
         of_rig = (group for name, source in self._deviations().items() for group in per_rig(name, source))
-        return (*of_rig, measured("pixel_noise", declared_disparity_error(self) * self.sensor.pixel_pitch))
+        return (*of_rig, measurement_noise("pixel_noise", declared_disparity_error(self) * self.sensor.pixel_pitch))
 
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None

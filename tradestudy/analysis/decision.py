@@ -16,7 +16,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.expectations import question_ends
 from tradestudy.study.schema.questions import SolvePart
-from tradestudy.study.sweep import quantity
+from tradestudy.study.sweep import quantity_entry
 from tradestudy.units import Dimension, pretty
 
 _ROOT_TOLERANCE = 1e-10
@@ -159,7 +159,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     distance = np.array([question.at])
 
     def log_ratio(log_value: float) -> float:
-        value = quantity(math.exp(log_value), dimension)
+        value = quantity_entry(math.exp(log_value), dimension)
         cameras = definition.with_values({question.vary: value}).case.cameras
         first, second = (cameras[name] for name in question.equal)
         ratio = float(_ratio(first, second, distance, question.way)[0])

@@ -38,7 +38,7 @@ def tied(name: str, parameters: tuple[str, str], marginal: Distribution, correla
     )
 
 
-def measured(name: str, deviation: float) -> Source:
+def measurement_noise(name: str, deviation: float) -> Source:
     """Normal noise that is drawn anew for every measurement."""
     noise = Normal(mean=0.0, standard_deviation=deviation)
     return Source(name=name, distribution=noise, error_class=ErrorClass.MEASUREMENT)

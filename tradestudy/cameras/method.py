@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
-class Law:
+class Formula:
     """An equation.
 
     Parameters
@@ -42,5 +42,5 @@ class Method:
 
     name: str
     title: str
-    statements: tuple[str | Law, ...]
+    statements: tuple[str | Formula, ...]
     baseline_note: str = ""

@@ -86,7 +86,7 @@ class PlenopticCalibration:
 
     def groups(self, noise: float) -> Iterator[Group]:
         """These errors and the noise of disparity [m], as they are drawn under the names of an exact model."""
-        from tradestudy.cameras.error_groups import measured, per_rig
+        from tradestudy.cameras.error_groups import measurement_noise, per_rig
         from tradestudy.uncertainty.joint import JointNormal
         from tradestudy.uncertainty.sources import ErrorClass
 
@@ -104,7 +104,7 @@ class PlenopticCalibration:
                 error_class=ErrorClass.RIG,
             )
         yield from per_rig("microlens_gap", self.microlens_gap)
-        yield measured("pixel_noise", noise)
+        yield measurement_noise("pixel_noise", noise)
 
 
 def plenoptic_parts(

@@ -39,11 +39,11 @@ def _picture_law(scene: ScenePart | None, *, microlenses: bool) -> PictureDispar
     """What a derived disparity error follows; None without a picture."""
     if scene is None or scene.picture is None:
         return None
-    settings = picture_of(scene.picture, scene.wavelength)
+    settings = picture_settings(scene.picture, scene.wavelength)
     return PictureDisparityError(settings=settings, models=closed_form_models(settings, microlenses=microlenses))
 
 
-def picture_of(part: PicturePart, wavelength: float) -> PictureSettings:
+def picture_settings(part: PicturePart, wavelength: float) -> PictureSettings:
     """Texture, light, sensor and window in SI; ``wavelength`` [m] is the central one."""
     window = part.window
     return PictureSettings(

@@ -27,7 +27,7 @@ from tradestudy.study.document import (
     merged,
 )
 from tradestudy.study.schema.validation import validate
-from tradestudy.study.source import MOST_VALUES, UnreadableError, compose, entry_of
+from tradestudy.study.source import MOST_VALUES, UnreadableError, compose, entry_of_value
 from tradestudy.units import nearest
 
 __all__ = ["Document", "read", "validate", "with_values"]
@@ -305,7 +305,7 @@ def _read_value(value: Value | Entry, place: Place) -> tuple[Entry, list[Problem
     if isinstance(value, Entry):
         return value, []
     if not isinstance(value, str):
-        return entry_of(value, place)
+        return entry_of_value(value, place)
     if _is_comment(value):
         what = f"{value.strip()!r} is a comment in YAML, which gives no value; quote it where the sign is meant"
         raise _refused(place, what)

@@ -97,7 +97,7 @@ def compose(text: str, start: Place) -> tuple[Entry, list[Problem]]:
     return composer.root, composer.problems
 
 
-def entry_of(value: Value, place: Place) -> tuple[Entry, list[Problem]]:
+def entry_of_value(value: Value, place: Place) -> tuple[Entry, list[Problem]]:
     """Turn a value of Python into entries under the rules of `compose`; a text in it is itself and not YAML.
 
     Raises

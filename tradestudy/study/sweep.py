@@ -87,10 +87,10 @@ def _values_of_range(path: str, part: SweepRangePart) -> tuple[ScalarEntry, ...]
     if not math.isfinite(stop - start) or (part.spacing == "log" and not (start > 0.0 and stop > 0.0)):
         raise UnitError(f"{path}: a {part.spacing} range from '{part.start}' to '{part.stop}' is impossible")
     numbers = (np.geomspace if part.spacing == "log" else np.linspace)(start, stop, part.points)
-    return tuple(quantity(float(number), dimension) for number in numbers)
+    return tuple(quantity_entry(float(number), dimension) for number in numbers)
 
 
-def quantity(number: float, dimension: Dimension) -> ScalarEntry:
+def quantity_entry(number: float, dimension: Dimension) -> ScalarEntry:
     """A number in SI as a value of a study."""
     return ScalarEntry.of(f"{number!r} {dimension.unit}" if dimension.unit else number)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tradestudy.cameras.method import Law, Method
+from tradestudy.cameras.method import Formula, Method
 
 METHOD: Final = Method(
     name="plenoptic",
@@ -15,7 +15,7 @@ METHOD: Final = Method(
         "gap *b*~L~ behind the array. The virtual depth *v* = *a*~L~/*b*~L~ is positive for a Keplerian relay "
         "(image before the array) and negative for a Galilean one. Micro-image coordinates σ count from the "
         "centre of their own microlens.",
-        Law(
+        Formula(
             typst='a_M = f_M [1 + f_M / ((z - f_M) - b_L (x_"off"^1 - x_"off"^2) / (sigma^1 - sigma^2))]',
             alt="a M equals f M times one plus f M over the quantity z minus f M minus b L times the difference of the "
             "two microlens centres over the difference of the two micro-image coordinates.",
@@ -23,7 +23,7 @@ METHOD: Final = Method(
         ),
         "It is evaluated through the focus shift *s* = *f*~M~²/(*a*~M~ − *f*~M~), an inverse depth that loses "
         "no digits at large distances. An error of the virtual depth and errors of *z* and *f*~M~ move depth by",
-        Law(
+        Formula(
             typst="sigma_(a_M) = ((a_M - f_M) / f_M)^2 b_L sigma_v, quad"
             " (partial a_M) / (partial z) = -((a_M - f_M) / f_M)^2, quad"
             " (partial a_M) / (partial f_M) = (a_M / f_M)^2",

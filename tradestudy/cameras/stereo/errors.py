@@ -82,7 +82,7 @@ class StereoCalibration:
         The common focal length moves both sides together; the difference of the principal points moves them apart; the
         noise is shared equally by the two pictures.
         """
-        from tradestudy.cameras.error_groups import centred, measured, per_rig, tied
+        from tradestudy.cameras.error_groups import centred, measurement_noise, per_rig, tied
 
         for name in ("yaw", "pitch", "roll", "baseline"):
             yield from per_rig(name, getattr(self, name))
@@ -93,4 +93,4 @@ class StereoCalibration:
             names = ("left_principal_point_x", "right_principal_point_x")
             yield tied("principal_point", names, centred(self.principal_point, share=0.5), -1.0)
         for side in SIDES:
-            yield measured(f"{side}_pixel_noise", noise / 2.0**0.5)
+            yield measurement_noise(f"{side}_pixel_noise", noise / 2.0**0.5)

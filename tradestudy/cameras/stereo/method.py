@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tradestudy.cameras.method import Law, Method
+from tradestudy.cameras.method import Formula, Method
 
 METHOD: Final = Method(
     name="stereo",
@@ -12,7 +12,7 @@ METHOD: Final = Method(
     statements=(
         "Two cameras of principal distance *c*, a baseline *B* apart, see a point at distance *Z* with disparity "
         "*d*; a yaw ψ between them adds *c*ψ to the disparity.",
-        Law(
+        Formula(
             typst="Z = (c B) / d, quad delta Z = Z^2 / (c B) thin delta d, quad "
             "delta Z approx Z^2 / B (1 + x^2 / c^2) psi",
             alt="Z equals c times B over d. The change of Z equals Z squared over c B times the change of d. A yaw psi "

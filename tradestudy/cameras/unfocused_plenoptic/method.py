@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from tradestudy.cameras.method import Law, Method
+from tradestudy.cameras.method import Formula, Method
 
 METHOD: Final = Method(
     name="unfocused",
@@ -14,7 +14,7 @@ METHOD: Final = Method(
         "microlens sees through its own part of the pupil. Two views whose parts are Δ*u* apart show a point at "
         "distance *a* shifted by *d* on the array: a stereo rig inside one lens, whose sample is a microlens and "
         "not a pixel. Errors of disparity count in microlenses accordingly.",
-        Law(
+        Formula(
             typst="d = Delta u thin z (1/a - 1/a_0), quad 1/a = 1/f_M - 1/z + d / (Delta u thin z)",
             alt="d equals delta u times z times the quantity one over a minus one over a zero. One over a equals one "
             "over f M minus one over z plus d over delta u z.",

@@ -40,7 +40,7 @@ from tradestudy.study.acting import acting, in_closed_form
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry
 from tradestudy.study.expectations import question_ends
-from tradestudy.study.sweep import SweepAxis, quantity, sweep_axes
+from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
 
 # Bounds are looked for at this many of the study's distances; they change slowly in between, where the disparity error
 # is derived by less than the margin.
@@ -140,7 +140,7 @@ def every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
     for question in definition.file.solve.values():
         dimension, low, high = question_ends(question)
         for value in np.linspace(low, high, _OF_QUESTIONS):
-            yield definition.with_values({question.vary: quantity(float(value), dimension)})
+            yield definition.with_values({question.vary: quantity_entry(float(value), dimension)})
 
 
 def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
