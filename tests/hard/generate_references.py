@@ -15,7 +15,7 @@ import mpmath as mp
 
 from tests.hard.field_reference import ANGLES, RINGS, intensity
 from tradestudy.verification.hard_case_families import all_families
-from tradestudy.verification.hard_cases import depth_of_field, equation_27, fields, phases, stereo, thin_lens
+from tradestudy.verification.hard_cases import depth_of_field, equation_27, fields, phases, thin_lens, triangulation
 from tradestudy.verification.hard_cases.case import Law, NumericCase
 
 FILE = Path(__file__).parents[2] / "tradestudy" / "verification" / "hard_cases" / "references.json"
@@ -134,10 +134,10 @@ LAWS: Mapping[str, Exact] = {
     thin_lens.RELAY_DISTANCE_TO_SCALE.name: lambda a, z, f: z - image(a, f),
     thin_lens.MICRO_IMAGE.name: micro_image,
     thin_lens.EQUATION_8.name: equation_8,
-    stereo.DEPTH.name: stereo_depth,
-    stereo.TURNED_DEPTH.name: stereo_depth,
-    stereo.TURNED_DISPARITY.name: disparity,
-    stereo.MIDPOINT.name: midpoint,
+    triangulation.DEPTH.name: stereo_depth,
+    triangulation.TURNED_DEPTH.name: stereo_depth,
+    triangulation.TURNED_DISPARITY.name: disparity,
+    triangulation.MIDPOINT.name: midpoint,
     phases.PHASE.name: phase,
     phases.SINGLE_PRECISION.name: phase,
     phases.DROPPED_PATH.name: dropped,

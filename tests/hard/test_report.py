@@ -16,7 +16,7 @@ STUDY = Path(__file__).parents[2] / "studies" / "hard_cases.yaml"
 
 @pytest.fixture(scope="module")
 def tree() -> xr.DataTree:
-    return api.load(STUDY, ("hard_cases.families=[thin-lens, stereo]",)).run().data
+    return api.load(STUDY, ("hard_cases.families=[thin-lens, triangulation]",)).run().data
 
 
 def tables(tree: xr.DataTree) -> dict[str, Table]:

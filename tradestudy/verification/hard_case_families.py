@@ -9,16 +9,16 @@ from tradestudy.verification.hard_cases.equation_27 import EQUATION_27
 from tradestudy.verification.hard_cases.fields import FIELDS
 from tradestudy.verification.hard_cases.phases import PHASES
 from tradestudy.verification.hard_cases.propagation import propagation_family
-from tradestudy.verification.hard_cases.stereo import STEREO
 from tradestudy.verification.hard_cases.study_files import study_file_family
 from tradestudy.verification.hard_cases.thin_lens import THIN_LENS
+from tradestudy.verification.hard_cases.triangulation import TRIANGULATION
 
 
 def all_families() -> tuple[Family, ...]:
     """The whole catalogue, in the order of the report."""
     return (
         THIN_LENS,
-        STEREO,
+        TRIANGULATION,
         PHASES,
         FIELDS,
         EQUATION_27,

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import Field
 
 from tradestudy.declarations.part import Part
 
 FamilyName = Literal[
-    "thin-lens", "stereo", "phases", "fields", "equation-27", "depth-of-field", "propagation", "study-files"
+    "thin-lens", "triangulation", "phases", "fields", "equation-27", "depth-of-field", "propagation", "study-files"
 ]
-EVERY_FAMILY: tuple[FamilyName, ...] = (
-    "thin-lens",
-    "stereo",
-    "phases",
-    "fields",
-    "equation-27",
-    "depth-of-field",
-    "propagation",
-    "study-files",
-)
+EVERY_FAMILY: tuple[FamilyName, ...] = get_args(FamilyName)
 
 
 class HardCasesPart(Part):

@@ -87,8 +87,8 @@ _AT_TEN_METRES = _RIG["f"] * _RIG["baseline"] / 10.0
 _POLE = -2.0 * math.atan(_AT_TEN_METRES / (2.0 * _RIG["f"]))
 _CONVERGING = 2.0 * math.atan(0.05)  # the axes cross at 1 m
 
-STEREO: Final = Family(
-    name="stereo",
+TRIANGULATION: Final = Family(
+    name="triangulation",
     title="Stereo poles",
     cases=(
         _depth("disparity 0", 0.0),
