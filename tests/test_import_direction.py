@@ -147,3 +147,15 @@ def test_every_room_and_every_exception_is_still_needed() -> None:
             assert any(top(name) == library for here in users for name in imports(here)), f"{room}: no {library}"
     for here, library in EXCEPTIONS:
         assert any(top(name) == library for name in imports(here)), f"{here} no longer imports {library}"
+
+
+def test_only_rooms_of_kinds_name_a_kind() -> None:
+    names = {kind.replace("_", "-") for kind in KINDS}
+    strays = [
+        f"{module}: {node.value!r}"
+        for module, path in modules().items()
+        if top(module) != "cameras"
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and node.value in names
+    ]
+    assert not strays
