@@ -212,7 +212,7 @@ class LaserCalibrationPart(Part):
 class LaserDeclaration(DepthCameraDeclaration):
     """A camera and a projected line."""
 
-    error_units: ClassVar[Mapping[str, str]] = ERRORS
+    camera: ClassVar[type[LaserScanner]] = LaserScanner
 
     kind: Literal["laser-triangulation"]
     lens: LensPart

@@ -316,8 +316,8 @@ def calibration_mistakes(study: CalibrationStudyPart, cameras: Mapping[str, Came
         at = ("calibration", "cameras", name)
         if name not in cameras:
             mistakes.append(MistakeAt(at, f"no camera is called {name!r}{nearest_name(name, cameras)}"))
-        elif not cameras[name].error_units:
-            known = ", ".join(kind_name(kind) for kind in KINDS if kind.error_units)
+        elif not cameras[name].camera.error_units:
+            known = ", ".join(kind_name(kind) for kind in KINDS if kind.camera.error_units)
             what = f"a {cameras[name].kind} camera has no error model; those that have: {known}"
             mistakes.append(MistakeAt(at, what))
         else:
@@ -330,20 +330,20 @@ def calibration_mistakes(study: CalibrationStudyPart, cameras: Mapping[str, Came
 
 
 def _mistakes_of_camera(
-    at: tuple[str | int, ...], part: CameraCalibrationPart, camera: CameraDeclaration
+    at: tuple[str | int, ...], part: CameraCalibrationPart, declared: CameraDeclaration
 ) -> Iterator[MistakeAt]:
     given = part.errors.given()
     for error in given:
-        if error not in camera.error_units:
-            near = nearest_name(error, camera.error_units)
-            yield MistakeAt((*at, "errors", error), f"a {camera.kind} camera has no such error{near}")
+        if error not in declared.camera.error_units:
+            near = nearest_name(error, declared.camera.error_units)
+            yield MistakeAt((*at, "errors", error), f"a {declared.kind} camera has no such error{near}")
     for name, joint in part.joint.items():
         for position, parameter in enumerate(joint.parameters):
             if parameter not in given:
                 what = f"{parameter!r} is not among the errors of this camera{nearest_name(parameter, given)}"
                 yield MistakeAt((*at, "joint", name, "parameters", position), what)
-    if part.corners is not None and not camera.corners_calibrate:
-        pairs = " or ".join(f"a {kind_name(kind)} rig" for kind in KINDS if kind.corners_calibrate)
+    if part.corners is not None and not declared.camera.corners_calibrate:
+        pairs = " or ".join(f"a {kind_name(kind)} rig" for kind in KINDS if kind.camera.corners_calibrate)
         yield MistakeAt((*at, "corners"), f"corners of two cameras calibrate {pairs}")
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -180,10 +179,8 @@ class CameraDeclaration(Part, ABC):
     What a kind adds has a ``kind`` of its own, the name by which studies call it.
     """
 
-    error_units: ClassVar[Mapping[str, str]] = {}
-    """What can be in error in the exact model of the kind; empty where there is none."""
-    corners_calibrate: ClassVar[bool] = False
-    """Whether the corners of a board in its pictures calibrate it."""
+    camera: ClassVar[type[Camera]]
+    """What it declares: it tells what is true of every camera of the kind."""
 
     kind: str
     title: str = Field(min_length=1, max_length=80, description="Name in figures and tables.")
@@ -210,8 +207,7 @@ class CameraDeclaration(Part, ABC):
 class DepthCameraDeclaration(CameraDeclaration):
     """A camera that measures depth by triangulation."""
 
-    pictured_by_microlenses: ClassVar[bool] = False
-    """Whether microlenses blur the picture that is matched."""
+    camera: ClassVar[type[DepthCamera]]
 
     depth: DisparityPart
     thermal_expansion: ThermalExpansion | None = Field(

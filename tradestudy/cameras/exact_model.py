@@ -6,9 +6,8 @@ Both halves invert each other. Temperature and pressure change the camera; a cal
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
@@ -24,11 +23,6 @@ if TYPE_CHECKING:  # whoever draws errors has loaded it
 @dataclass(frozen=True, kw_only=True)
 class ExactModel(DepthCamera):
     """A camera with an exact model of every parameter in error, on and off the axis."""
-
-    error_units: ClassVar[Mapping[str, str]]
-    """What can be in error, with its SI unit."""
-    corners_calibrate: ClassVar[bool] = False
-    """Whether the corners of a board in its pictures calibrate it as two cameras."""
 
     @abstractmethod
     def declared_errors(self) -> tuple[Group, ...]:

@@ -101,7 +101,6 @@ def _json_schema(dimension: Dimension, limits: str, *, infinite: bool) -> dict[s
 Length = Annotated[float, *quantity(units.LENGTH)]
 PositiveLength = Annotated[float, *quantity(units.LENGTH, above=0.0)]
 NonNegativeLength = Annotated[float, *quantity(units.LENGTH, at_least=0.0)]
-PositiveLengthOrInfinity = Annotated[float, *quantity(units.LENGTH, above=0.0, infinite=True)]
 # Outside of these ends a wavelength is a slip of the unit ("550 mm"), not light.
 PositiveWavelength = Annotated[float, *quantity(units.WAVELENGTH, at_least=1e-8, at_most=1e-2)]
 
@@ -136,9 +135,7 @@ Angle = Annotated[float, *quantity(units.ANGLE)]
 PositiveAngle = Annotated[float, *quantity(units.ANGLE, above=0.0)]
 NonNegativeAngle = Annotated[float, *quantity(units.ANGLE, at_least=0.0)]
 # A field of view of a flat sensor behind a lens stays below half a turn.
-FieldOfView = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=179.0 * units.DEGREE)]
 
-Pixels = Annotated[float, *quantity(units.PIXELS)]
 PositivePixels = Annotated[float, *quantity(units.PIXELS, above=0.0)]
 PositiveElectrons = Annotated[float, *quantity(units.ELECTRONS, above=0.0)]
 NonNegativeElectrons = Annotated[float, *quantity(units.ELECTRONS, at_least=0.0)]

@@ -28,7 +28,7 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
     """
     if not isinstance(part, DepthCameraDeclaration):
         return part.design(None)
-    camera = part.design(_picture_law(scene, microlenses=part.pictured_by_microlenses))
+    camera = part.design(_picture_law(scene, microlenses=part.camera.pictured_by_microlenses))
     if scene is None or scene.temperature is None:
         return camera
     own = scene.temperature.expansion if part.thermal_expansion is None else part.thermal_expansion

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -91,6 +91,8 @@ class ConventionalFocusPart(Part):
 
 class ConventionalDeclaration(CameraDeclaration):
     """A conventional camera of fixed focus, or with a mechanism that takes a focus stack; it measures no depth."""
+
+    camera: ClassVar[type[ConventionalCamera]] = ConventionalCamera
 
     kind: Literal["conventional"]
     lens: LensPart

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -96,8 +95,7 @@ class PlenopticDepthPart(DisparityPart):
 class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     """A focused plenoptic camera (plenoptic II), of one or of several microlens types."""
 
-    error_units: ClassVar[Mapping[str, str]] = FocusedPlenoptic.error_units
-    pictured_by_microlenses: ClassVar[bool] = FocusedPlenoptic.pictured_by_microlenses
+    camera: ClassVar[type[FocusedPlenoptic]] = FocusedPlenoptic
 
     kind: Literal["focused-plenoptic"]
     main_lens: LensPart

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -50,8 +49,7 @@ class StereoCalibrationPart(Part):
 class StereoDeclaration(DepthCameraDeclaration):
     """A stereo rig of two equal cameras."""
 
-    error_units: ClassVar[Mapping[str, str]] = StereoRig.error_units
-    corners_calibrate: ClassVar[bool] = StereoRig.corners_calibrate
+    camera: ClassVar[type[StereoRig]] = StereoRig
 
     kind: Literal["stereo"]
     lenses: LensPart

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -57,6 +57,8 @@ class UnfocusedDepthPart(DisparityPart):
 
 class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     """An unfocused plenoptic camera (plenoptic I)."""
+
+    camera: ClassVar[type[UnfocusedPlenoptic]] = UnfocusedPlenoptic
 
     kind: Literal["unfocused-plenoptic"]
     main_lens: LensPart
