@@ -134,8 +134,6 @@ FNumber = Annotated[
 Angle = Annotated[float, *quantity(units.ANGLE)]
 PositiveAngle = Annotated[float, *quantity(units.ANGLE, above=0.0)]
 NonNegativeAngle = Annotated[float, *quantity(units.ANGLE, at_least=0.0)]
-# A field of view of a flat sensor behind a lens stays below half a turn.
-
 PositivePixels = Annotated[float, *quantity(units.PIXELS, above=0.0)]
 PositiveElectrons = Annotated[float, *quantity(units.ELECTRONS, above=0.0)]
 NonNegativeElectrons = Annotated[float, *quantity(units.ELECTRONS, at_least=0.0)]
