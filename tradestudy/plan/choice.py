@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from tradestudy.accuracy import Accuracy
 from tradestudy.effects.base import SlotName
 from tradestudy.effects.selection import Selection
-from tradestudy.errors import Problem, StudyError, UnaffordableError
+from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.plan.situations.every import every_situation
 from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.definition import StudyDefinition
@@ -56,11 +56,10 @@ def _check_forced(
     for slot, name in forced.items():
         offered = [model for one in situations for own in one.slots if own.name == slot for model in own.model_names]
         if name not in offered:
-            file, line, column = definition.document.locate(("effects", slot))
             known = ", ".join(dict.fromkeys(offered)) or "nothing"
             what = f"'{name}' acts nowhere in this study, which offers {known} in this slot"
             if offered == ["off"] * len(offered) and offered:
                 what += "; what happens in a picture reaches depth only where disparity_error is derived"
-            problems.append(Problem(file=file, line=line, column=column, path=f"effects.{slot}", what=what))
+            problems.append(definition.document.locate(("effects", slot)).problem(("effects", slot), what))
     if problems:
         raise StudyError(problems)

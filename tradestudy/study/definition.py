@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
 from tradestudy.study.assemble import camera_of, criteria_of
-from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value
+from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
 from tradestudy.study.reader import validate, with_values
 from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
@@ -135,8 +135,8 @@ class StudyDefinition:
             try:
                 cameras[name] = camera_of(part, scene)
             except TradestudyError as error:
-                file, line, column = self.document.locate(("cameras", name))
-                problems.append(Problem(file=file, line=line, column=column, path=f"cameras.{name}", what=str(error)))
+                path = ("cameras", name)
+                problems.append(self.document.locate(path).problem(path, str(error)))
         if problems:
             raise StudyError(problems)
         return Case(
@@ -173,17 +173,15 @@ class StudyDefinition:
                 continue
             path: tuple[str, ...] = ("cameras", name, "depth", "disparity_error")
             if missing:
-                file, line, column = self.document.locate(path)
                 what = "is derived from the picture, and scene.picture (texture, window, light, sensor) is missing"
-                problems.append(Problem(file=file, line=line, column=column, path=".".join(path), what=what))
+                problems.append(self.document.locate(path).problem(path, what))
             if name in uncertain:
                 path = ("calibration", "cameras", name)
-                file, line, column = self.document.locate(path)
                 what = (
                     "calibration errors are propagated with one pixel noise, and the disparity error of this camera is "
                     "derived at every distance; declare its disparity_error in pixels"
                 )
-                problems.append(Problem(file=file, line=line, column=column, path=".".join(path), what=what))
+                problems.append(self.document.locate(path).problem(path, what))
         return problems
 
     def with_values(
@@ -221,10 +219,11 @@ class StudyDefinition:
         return found
 
     def _own_files(self) -> dict[str, Path]:
+        calibration = self.document.entry("calibration")
         return {
-            ".".join(map(str, path)): self.folder_of(path[:-1]) / str(value)
-            for path, value in _leaves(("calibration",), self.document.tree.get("calibration"))
-            if path[-1] == "file" and isinstance(value, str)
+            dotted(path): self.folder_of(path[:-1]) / entry.value
+            for path, entry in ([] if calibration is None else walk(calibration, ("calibration",)))
+            if path[-1] == "file" and isinstance(entry, ScalarEntry) and isinstance(entry.value, str)
         }
 
     def folder_of(self, path: tuple[str | int, ...]) -> Path:
@@ -285,15 +284,3 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
-
-
-def _leaves(path: tuple[str | int, ...], value: Any) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    """Every plain value below a place, with its path."""
-    if isinstance(value, Mapping):
-        for key, child in value.items():
-            yield from _leaves((*path, key), child)
-    elif isinstance(value, list):
-        for number, child in enumerate(value):
-            yield from _leaves((*path, number), child)
-    else:
-        yield path, value

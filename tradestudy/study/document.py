@@ -132,7 +132,7 @@ class Document:
     @cached_property
     def annotations(self) -> Mapping[Path, Annotation]:
         """Basis and note of every value that states them, in the order of the study."""
-        return {path: entry.annotation for path, entry in _walk(self.root, ()) if entry.annotation is not None}
+        return {path: entry.annotation for path, entry in walk(self.root, ()) if entry.annotation is not None}
 
     def locate(self, path: str | Path) -> Place:
         """Find where a value is written (file, line, column); of a mapping or a list, its key.
@@ -277,7 +277,7 @@ def taken_back_in_vain(below: Entry, above: Entry, path: Path) -> Iterator[tuple
 
 def count_values(entry: Entry) -> int:
     """Count the mappings, lists and scalars of an entry, itself included."""
-    return sum(1 for _ in _walk(entry, ()))
+    return sum(1 for _ in walk(entry, ()))
 
 
 def is_null(entry: Entry) -> bool:
@@ -285,14 +285,15 @@ def is_null(entry: Entry) -> bool:
     return isinstance(entry, ScalarEntry) and entry.value is None and bool(entry.text)
 
 
-def _walk(entry: Entry, path: Path) -> Iterator[tuple[Path, Entry]]:
+def walk(entry: Entry, path: Path) -> Iterator[tuple[Path, Entry]]:
+    """Every entry from one down, with its path; the one itself first."""
     yield path, entry
     if isinstance(entry, MappingEntry):
         for key, member in entry.members.items():
-            yield from _walk(member.entry, (*path, key))
+            yield from walk(member.entry, (*path, key))
     elif isinstance(entry, ListEntry):
         for index, item in enumerate(entry.items):
-            yield from _walk(item, (*path, index))
+            yield from walk(item, (*path, index))
 
 
 def _with_basis(entry: Entry | None) -> str:

@@ -46,10 +46,8 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
         try:
             definition.with_values(values)
         except StudyError as error:
-            file, line, column = definition.document.locate(where)
-            for problem in error.problems:
-                path = ".".join(str(key) for key in where)
-                yield Problem(file=file, line=line, column=column, path=path, what=f"{problem.path}: {problem.what}")
+            place = definition.document.locate(where)
+            yield from (place.problem(where, f"{problem.path}: {problem.what}") for problem in error.problems)
 
 
 def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
@@ -65,16 +63,14 @@ def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
         try:
             check()
         except TradestudyError as error:
-            file, line, column = definition.document.locate(where)
-            yield Problem(file=file, line=line, column=column, path=".".join(where), what=str(error))
+            yield definition.document.locate(where).problem(where, str(error))
 
 
 def _changes(definition: StudyDefinition) -> Iterator[Change]:
     try:
         axes = sweep_axes(definition)
     except TradestudyError as error:
-        file, line, column = definition.document.locate(("sweep",))
-        raise StudyError([Problem(file=file, line=line, column=column, path="sweep", what=str(error))]) from error
+        raise StudyError([definition.document.locate(("sweep",)).problem(("sweep",), str(error))]) from error
     for axis in axes:
         for entry in (axis.values[0], axis.values[-1]):
             yield ("sweep", axis.path), {axis.path: entry}
