@@ -14,9 +14,8 @@ from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.imaging.crosstalk import neighbours_share
-from tradestudy.imaging.models import PictureModels
+from tradestudy.imaging.models import PictureModels, closed_form_models
 from tradestudy.imaging.picture import disparity_error_px
-from tradestudy.study.assemble import closed_form_models
 
 WAVELENGTH = 550e-9
 DISTANCE = np.array([0.3, 1.0])

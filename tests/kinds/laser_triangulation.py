@@ -1,6 +1,6 @@
 """Laser triangulation, a kind of camera that the program does not have: one camera, and a line projected beside it.
 
-It lives in one file. `test_new_kind.py` puts it into a copy of the package, with an entry in the tuple of kinds, and
+It lives in one file. `test_kinds.py` puts it into a copy of the package, with an entry in the tuple of kinds, and
 nothing else changes.
 """
 

@@ -119,3 +119,20 @@ class PictureModels:
     spectrum: SpectrumModel
     vignetting: VignettingModel
     sensor_noise: SensorNoiseModel
+
+
+def closed_form_models(picture: PictureSettings, *, microlenses: bool) -> PictureModels:
+    """Every effect of the picture that has a closed form: what a derived error is made of unless models are chosen.
+
+    ``microlenses`` says whether the camera's picture comes through microlenses that blur it.
+    """
+    return PictureModels(
+        defocus_blur="disc",
+        main_lens_diffraction="airy",
+        microlens_diffraction="airy" if microlenses else "none",
+        crosstalk="share" if microlenses else "off",
+        pixel_integration="square",
+        spectrum="weighted" if picture.spectrum else "central",
+        vignetting="cos4",
+        sensor_noise="shot+read+quantisation",
+    )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Final
 
 from tradestudy.cameras.depth_camera import DepthCamera
@@ -20,17 +20,12 @@ _OFF_NAMES: Final = {
     "pixel_integration": "point",
     "spectrum": "central",
 }
-_PICTURE: Final[tuple[SlotName, ...]] = (
-    "defocus_blur", "main_lens_diffraction", "microlens_diffraction", "crosstalk", "pixel_integration", "spectrum",
-    "vignetting", "sensor_noise",
-)  # fmt: skip
 
 
 def with_models(models: PictureModels, chosen: Models) -> PictureModels:
     """Models of a picture with those that are chosen in their slots."""
-    names = {
-        slot: _OFF_NAMES.get(slot, OFF) if chosen[slot] == OFF else chosen[slot] for slot in _PICTURE if slot in chosen
-    }
+    slots = {field.name for field in fields(PictureModels)}
+    names = {slot: _OFF_NAMES.get(slot, OFF) if name == OFF else name for slot, name in chosen.items() if slot in slots}
     return replace(models, **names)  # type: ignore[arg-type] # which names a slot has is the effects' concern
 
 

@@ -13,17 +13,19 @@ import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.declaration import DepthCameraDeclaration
+from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.errors import Problem, StudyError, TradestudyError
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.models import closed_form_models
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
-from tradestudy.study.assemble import camera_of, criteria_of
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
 from tradestudy.study.reader import validate, with_values
 from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
 if TYPE_CHECKING:
@@ -133,7 +135,7 @@ class StudyDefinition:
                 cameras[name] = known[name]
                 continue
             try:
-                cameras[name] = camera_of(part, scene)
+                cameras[name] = _camera_of(part, scene)
             except TradestudyError as error:
                 path = ("cameras", name)
                 problems.append(self.document.locate(path).problem(path, str(error)))
@@ -146,7 +148,7 @@ class StudyDefinition:
                 if isinstance(camera, DepthCamera)
             },
             all_cameras=cameras,
-            criteria=criteria_of(self.file.usable),
+            criteria=self.file.usable.criteria(),
             distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
             wavelength=math.nan if scene is None else scene.wavelength,
             fresnel_validity=self.file.fresnel_validity,
@@ -284,3 +286,28 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
+
+
+def _camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
+    """Build the camera that a part of a study declares, in the light and the temperature of its scene.
+
+    Raises
+    ------
+    OutOfRangeError
+        Where the parts do not make a camera.
+    """
+    if not isinstance(part, DepthCameraDeclaration):
+        return part.design(None)
+    camera = part.design(_picture_law(scene, microlenses=part.camera.pictured_by_microlenses))
+    if scene is None or scene.temperature is None:
+        return camera
+    own = scene.temperature.expansion if part.thermal_expansion is None else part.thermal_expansion
+    return replace(camera, expansion=abs(own) * scene.temperature.deviation)
+
+
+def _picture_law(scene: ScenePart | None, *, microlenses: bool) -> PictureDisparityError | None:
+    """What a derived disparity error follows; None without a picture."""
+    if scene is None or scene.picture is None:
+        return None
+    settings = scene.picture.settings(scene.wavelength)
+    return PictureDisparityError(settings=settings, models=closed_form_models(settings, microlenses=microlenses))

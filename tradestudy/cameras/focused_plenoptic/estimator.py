@@ -46,7 +46,7 @@ def effective_baseline(
     radius_over_pitch
         Of the disc in which microlenses see a point; NaN where it has no image.
     """
-    law = widest_pair_baseline if estimator == "widest-pair" else least_squares_baseline
+    law = {"widest-pair": widest_pair_baseline, "least-squares": least_squares_baseline}[estimator]
     radius, counting = radius_over_pitch, _counting(lenses, array)
     found = law(np.nan_to_num(radius), layout=array.layout, types=array.types, counting=counting)
     return np.asarray(np.where(np.isfinite(radius), found.over_pitch, np.nan) * array.pitch)

@@ -10,7 +10,7 @@ from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.cameras.plenoptic_declaration import PlenopticCalibrationPart
-from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
+from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic, ViewEstimator
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
@@ -52,7 +52,7 @@ class UnfocusedFocusPart(Part):
 class UnfocusedDepthPart(DisparityPart):
     """Depth by the views through parts of the pupil; a px of disparity is one microlens, the sample of a view."""
 
-    estimator: Literal["outermost-views", "least-squares"]
+    estimator: ViewEstimator
 
 
 class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):

@@ -6,7 +6,6 @@ from typing import Final
 
 from tradestudy.effects.sharpness import diffraction_of_sharpness
 from tradestudy.plan.situations.situation import Situation
-from tradestudy.study.assemble import blur_criterion_of
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
@@ -23,7 +22,7 @@ def depth_of_field_situation(definition: StudyDefinition, asked: DepthOfFieldPar
         slots=(
             diffraction_of_sharpness(
                 [camera.focus for camera in cameras],
-                [blur_criterion_of(part, definition.case.wavelength) for part in asked.sharp.values()],
+                [part.criterion(definition.case.wavelength) for part in asked.sharp.values()],
             ),
         ),
     )

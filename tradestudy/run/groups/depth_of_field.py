@@ -15,7 +15,6 @@ from tradestudy.effects.base import OFF
 from tradestudy.effects.selection import Selection
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.study.assemble import blur_criterion_of
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
@@ -25,7 +24,7 @@ _SCENE_POINTS: Final = 401
 
 def acting_criteria(asked: DepthOfFieldPart, wavelength: float, selection: Selection) -> dict[str, BlurCriterion]:
     """Criteria of sharpness by name; without diffraction where the selection leaves it out."""
-    sharp = {name: blur_criterion_of(part, wavelength) for name, part in asked.sharp.items()}
+    sharp = {name: part.criterion(wavelength) for name, part in asked.sharp.items()}
     if selection.name_of("main_lens_diffraction") == OFF:
         return {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
     return sharp

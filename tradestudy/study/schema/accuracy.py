@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal
+from collections.abc import Iterable
+from typing import Annotated, Literal, cast
 
 from pydantic import Field
 
@@ -53,8 +54,5 @@ class EffectsPart(Part):
 
     def forced(self) -> dict[SlotName, str]:
         """The models that the study insists on, by slot."""
-        slots: tuple[SlotName, ...] = (
-            "defocus_blur", "main_lens_diffraction", "microlens_diffraction", "crosstalk", "pixel_integration",
-            "source_extent", "spectrum", "vignetting", "sensor_noise", "calibration", "temperature",
-        )  # fmt: skip
+        slots = cast(Iterable[SlotName], type(self).model_fields)
         return {slot: name for slot in slots if (name := getattr(self, slot)) is not None}

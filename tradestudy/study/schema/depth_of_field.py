@@ -7,6 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import NonNegativeAngle, PositiveLength, PositivePixels
@@ -25,6 +26,10 @@ class BlurPart(Part):
         default="none",
         description="How wide the diffraction spot counts: not at all, to its first dark ring, or at half maximum.",
     )
+
+    def criterion(self, wavelength: float) -> BlurCriterion:
+        """What counts as sharp in light of a wavelength [m]."""
+        return BlurCriterion(blur_px=self.blur, measure=self.diffraction, wavelength=wavelength)
 
 
 class DepthOfFieldPart(Part):

@@ -22,6 +22,9 @@ from tradestudy.declarations.quantities import (
     PositiveWavelength,
     quantity,
 )
+from tradestudy.imaging.models import PictureSettings
+from tradestudy.imaging.noise import Light, SensorNoise
+from tradestudy.imaging.texture import Texture
 from tradestudy.units import UnitError, parse, pretty
 
 
@@ -125,3 +128,22 @@ class PicturePart(Part):
         if self.stop_separation > 0.0 and self.field_angle == 0.0:
             raise MistakeAt(("stop_separation",), "cuts nothing on the axis; give a field_angle")
         return self
+
+    def settings(self, wavelength: float) -> PictureSettings:
+        """Texture, light, sensor and window in SI; ``wavelength`` [m] is the central one."""
+        texture, light, window = self.texture, self.light, self.window
+        return PictureSettings(
+            texture=Texture(contrast=texture.contrast, correlation_length=texture.correlation_length),
+            light=Light(electrons=light.electrons, f_number=light.at_f_number, pixel_pitch=light.at_pixel_pitch),
+            sensor_noise=SensorNoise(
+                read_noise_electrons=self.read_noise, full_well_electrons=self.full_well, bits=self.bits
+            ),
+            wavelength=wavelength,
+            window_px=window.size if window.of == "picture" else None,
+            window_length=window.size if window.of == "object" else None,
+            spectrum=tuple((line.wavelength, line.weight) for line in self.spectrum or ()),
+            field_angle=self.field_angle,
+            stop_separation=self.stop_separation,
+            pixel_fill=self.pixel_fill,
+            lens_phase=self.lens_phase,
+        )

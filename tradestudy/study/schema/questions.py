@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
@@ -45,6 +46,18 @@ class UsablePart(Part):
     relative_uncertainty: PositiveFraction | None = Field(
         default=None, description="Largest depth uncertainty / distance."
     )
+
+    def criteria(self) -> UsableCriteria:
+        """In SI."""
+        return UsableCriteria(
+            overlap=self.overlap,
+            availability=self.availability,
+            virtual_depth=self.virtual_depth,
+            blur_px=self.blur,
+            disparity_step_px=self.disparity_step,
+            failed_fraction=self.failed_fraction,
+            relative_uncertainty=self.relative_uncertainty,
+        )
 
 
 class DecisionPart(Part):
