@@ -16,8 +16,7 @@ from tradestudy.cameras.focus import SharpRange
 from tradestudy.cost import measuring, spot
 from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
 from tradestudy.cost.entries import CostTable, Entry, a_tenth_of_what_is_asked
-from tradestudy.cost.measuring import Allowance
-from tradestudy.cost.pace import Pace
+from tradestudy.cost.measuring import Allowance, Pace
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.optics.depth_of_field import DepthOfField

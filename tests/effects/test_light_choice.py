@@ -12,7 +12,7 @@ from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.spot_images import SpotModels, spot_picture
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens
-from tradestudy.effects.sampling import TOLERANCES, sampling, tolerance_of
+from tradestudy.effects.light_slots import TOLERANCES, sampling, tolerance_of
 from tradestudy.effects.sharpness import diffraction_of_sharpness
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.optics.chain import microlens_nodes

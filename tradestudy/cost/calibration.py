@@ -14,11 +14,10 @@ from tradestudy.calibration.declaration import CalibrationStudyPart
 from tradestudy.calibration.uncertain_camera import UncertainCamera
 from tradestudy.calibration.uncertain_cameras import UncertainCameras
 from tradestudy.cost.depth import propagation_cost
-from tradestudy.cost.depth_case import DepthCase
-from tradestudy.cost.draws_saved import SOBOL
-from tradestudy.cost.entries import CostTable, nothing_measured
+from tradestudy.cost.depth_reference import DepthCase
+from tradestudy.cost.entries import SOBOL, CostTable, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, Allowance
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.linear import linear

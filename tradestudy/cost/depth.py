@@ -14,15 +14,13 @@ from numpy.typing import ArrayLike
 from tradestudy.analysis.depth import ONE_SIGMA, depth_uncertainty
 from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cost.depth_case import DepthCase
-from tradestudy.cost.depth_reference import SUPERSCRIPTS, reference_of
-from tradestudy.cost.draws_saved import PLAIN, SOBOL, gain
-from tradestudy.cost.entries import NOWHERE_USABLE, CostTable, Entry, nothing_measured
+from tradestudy.cost.depth_reference import SUPERSCRIPTS, DepthCase, reference_of
+from tradestudy.cost.entries import NOWHERE_USABLE, PLAIN, SOBOL, CostTable, Entry, gain, nothing_measured
 from tradestudy.cost.interval_quadrature import half_width_by_quadrature
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
-from tradestudy.effects.calibration import LINEAR as EFFECT_LINEAR
+from tradestudy.effects.depth_errors import LINEAR as EFFECT_LINEAR
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition

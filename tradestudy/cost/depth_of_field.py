@@ -13,7 +13,7 @@ from tradestudy.cost.entries import CostTable
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.effects.base import OFF
 from tradestudy.effects.selection import Selection
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.depth_of_field import DiffractionMeasure
 from tradestudy.study.definition import StudyDefinition

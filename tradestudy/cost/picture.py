@@ -20,7 +20,7 @@ from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.effects.base import OFF, SlotName
 from tradestudy.effects.selection import Selection
 from tradestudy.errors import TradestudyError, UnaffordableError
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.situations.situation import Situation

@@ -14,7 +14,7 @@ from tradestudy.analysis.point_spreads import LensAndPoint
 from tradestudy.cost.entries import CostTable, Entry, nothing_measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import (
     FieldAccuracy,

@@ -20,7 +20,7 @@ from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cost.depth import fixed_sampling
 from tradestudy.cost.entries import CostTable, Entry, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, entry_of, measure
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.uncertainty.joint import JointNormal

@@ -30,15 +30,14 @@ from tradestudy.cost.entries import (
     next_digit,
     on_frontier,
 )
-from tradestudy.cost.measuring import Allowance
-from tradestudy.cost.pace import Pace
+from tradestudy.cost.measuring import Allowance, Pace
 from tradestudy.cost.picture import picture_cost
 from tradestudy.cost.point_spread import point_spread_cost
 from tradestudy.cost.posterior import posterior_cost
 from tradestudy.cost.spot import point_cost, spot_cost
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.plan.plan import Plan, plan_of
 from tradestudy.plan.situations import depth_of_field, light_spot, point_spread

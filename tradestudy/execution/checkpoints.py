@@ -4,21 +4,27 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import importlib
+import io
 import os
+import pickle
 import secrets
 import struct
 from collections.abc import Iterator, Sequence
+from dataclasses import is_dataclass
+from enum import Enum
 from io import FileIO
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Any, Final
 
-from tradestudy.execution.trusted_pickle import from_bytes, to_bytes
-
 FOLDER: Final = ".unfinished"
 _SUFFIX: Final = ".points"
 _MARK: Final = bytes.fromhex("8f7470 6f696e74 0a")  # begins a record: no text begins so
 _HEAD: Final = struct.Struct(f"<{len(_MARK)}s32sQ32s")  # mark, key, length of the content, checksum
+# What a value on disk may consist of, beside this package's dataclasses.
+_NUMPY: Final = frozenset({"_reconstruct", "_frombuffer", "scalar", "ndarray", "dtype"})
+_BUILTINS: Final = frozenset({"complex", "set", "frozenset", "slice", "range"})
 
 
 class Checkpoints:
@@ -133,3 +139,32 @@ def _held(file: FileIO) -> bool:
     except OSError:
         return False
     return True
+
+
+def to_bytes(value: object) -> bytes:
+    """Pickle a value."""
+    return pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
+
+
+def from_bytes(content: bytes) -> Any:
+    """Unpickle what consists of this package's dataclasses, numpy's arrays and plain values, and nothing else.
+
+    Raises
+    ------
+    pickle.UnpicklingError
+        Where the bytes ask for anything else; an output folder may come from a stranger.
+    """
+    return _Unpickler(io.BytesIO(content)).load()
+
+
+class _Unpickler(pickle.Unpickler):
+    def find_class(self, module: str, name: str) -> Any:
+        if module == "builtins" and name in _BUILTINS:
+            return super().find_class(module, name)
+        if module.split(".")[0] == "numpy" and name in _NUMPY:
+            return super().find_class(module, name)
+        if module.split(".")[0] == "tradestudy" and "." not in name:
+            found = getattr(importlib.import_module(module), name)
+            if isinstance(found, type) and (is_dataclass(found) or issubclass(found, Enum)):
+                return found
+        raise pickle.UnpicklingError(f"{module}.{name} is no part of a result")

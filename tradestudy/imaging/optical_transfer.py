@@ -10,19 +10,13 @@ from typing import TYPE_CHECKING, assert_never
 import numpy as np
 
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
+from tradestudy.imaging.kirchhoff import kirchhoff_transfers, lattice_defocus, lattice_points
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
-from tradestudy.imaging.transfer import (
-    airy_transfer,
-    disc_transfer,
-    fresnel_transfer,
-    kirchhoff_transfers,
-    lattice_defocus,
-    lattice_points,
-)
+from tradestudy.imaging.transfer import airy_transfer, disc_transfer, fresnel_transfer
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
-    from tradestudy.imaging.transfer.kirchhoff_lattice import LatticePoint
+    from tradestudy.imaging.kirchhoff import LatticePoint
 
 _MOST_BLUR_OF_WAVES = 200.0
 

@@ -14,15 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.imaging.aliasing import REPLICAS, alias_radii, alias_weights, ring_weights
-from tradestudy.imaging.crosstalk import neighbours_share
-from tradestudy.imaging.matching_bound import BandNodes, matching_bound_px
-from tradestudy.imaging.models import PictureModels, PictureSettings
-from tradestudy.imaging.noise import mean_electrons, noise_variance
+from tradestudy.imaging.light import field_illumination, mean_electrons, neighbours_share, noise_variance
+from tradestudy.imaging.matching_bound import (
+    REPLICAS,
+    BandNodes,
+    alias_radii,
+    alias_weights,
+    matching_bound_px,
+    ring_weights,
+)
+from tradestudy.imaging.models import PictureModels, PictureSettings, share_beyond, texture_spectrum
 from tradestudy.imaging.optical_transfer import LensTransfers
-from tradestudy.imaging.texture import share_beyond, texture_spectrum
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
-from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.arrays import FloatArray
 
 _MOST_MULTIPLICATIONS: Final = 200_000

@@ -5,8 +5,7 @@ from __future__ import annotations
 import xarray as xr
 
 from tradestudy.execution import Steps
-from tradestudy.execution.progress import Progress
-from tradestudy.execution.timing import Seconds
+from tradestudy.execution.steps import Progress, Seconds
 from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.claims import claims_group, requirements_group

@@ -9,9 +9,8 @@ from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclara
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.models import PictureModels, PictureSettings
-from tradestudy.imaging.noise import Light, SensorNoise
-from tradestudy.imaging.texture import Texture
+from tradestudy.imaging.light import Light, SensorNoise
+from tradestudy.imaging.models import PictureModels, PictureSettings, Texture
 from tradestudy.study.schema.depth_of_field import BlurPart
 from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.questions import UsablePart

@@ -16,20 +16,19 @@ from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, u
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, declared_disparity_error
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.effects.base import OFF, EffectCriterion, Slot, SlotName
-from tradestudy.effects.calibration import calibration_slot
+from tradestudy.effects.depth_errors import calibration_slot, temperature_slot
 from tradestudy.effects.picture.criteria import (
+    EXTENT_OF_POINTS,
+    PIXEL_OVER_PITCH,
     blur_over_pixel,
     electrons,
-    extent_of_points,
     light_left,
     main_lens_airy,
     microlens_airy,
-    pixel_over_pitch,
     reach_over_airy,
     spectrum_width,
 )
 from tradestudy.effects.picture.trial import MARGIN, Worst
-from tradestudy.effects.temperature import temperature_slot
 from tradestudy.effects.unused import declared_reason, unused_slots
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.airy import FIRST_DARK_RING
@@ -245,15 +244,15 @@ def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, EffectCriterion]:
     microlens = strongest(lambda geometry, wavelength: _airy_px(geometry, geometry.microlens, wavelength))
     reach = strongest(lambda geometry, wavelength: _airy_over_reach(geometry, wavelength))
     return {
-        "defocus_blur": blur_over_pixel(blur.value, blur.at),
-        "main_lens_diffraction": main_lens_airy(main_lens.value, main_lens.at),
-        "microlens_diffraction": microlens_airy(microlens.value, microlens.at),
-        "crosstalk": reach_over_airy(1.0 / reach.value, reach.at),
-        "pixel_integration": pixel_over_pitch(),
-        "source_extent": extent_of_points(),
-        "spectrum": spectrum_width(math.nan),
-        "vignetting": light_left(math.nan),
-        "sensor_noise": electrons(math.nan, math.nan),
+        "defocus_blur": blur_over_pixel(value=blur.value, at=blur.at),
+        "main_lens_diffraction": main_lens_airy(value=main_lens.value, at=main_lens.at),
+        "microlens_diffraction": microlens_airy(value=microlens.value, at=microlens.at),
+        "crosstalk": reach_over_airy(value=1.0 / reach.value, at=reach.at),
+        "pixel_integration": PIXEL_OVER_PITCH,
+        "source_extent": EXTENT_OF_POINTS,
+        "spectrum": spectrum_width(value=math.nan),
+        "vignetting": light_left(value=math.nan),
+        "sensor_noise": electrons(value=math.nan),
     }
 
 

@@ -12,21 +12,23 @@ import numpy as np
 
 from tradestudy.analysis.spot_images import RAYS, SpotModels, legs, light_path, light_source, without_comparison
 from tradestudy.effects.base import OFF, Model, Slot, SlotName
-from tradestudy.effects.crosstalk import crosstalk_in_picture
 from tradestudy.effects.light_scene import LightScene
-from tradestudy.effects.main_lens_diffraction import main_lens_diffraction_in_picture
-from tradestudy.effects.microlens_diffraction import microlens_diffraction_in_picture
+from tradestudy.effects.light_slots import (
+    crosstalk_in_picture,
+    main_lens_diffraction_in_picture,
+    microlens_diffraction_in_picture,
+    pixel_integration_in_picture,
+    sampling,
+    source_extent_in_picture,
+    spectrum_in_picture,
+    tolerance_of,
+)
 from tradestudy.effects.picture_change import complete
-from tradestudy.effects.pixel_integration import pixel_integration_in_picture
-from tradestudy.effects.sampling import sampling, tolerance_of
 from tradestudy.effects.selection import Chosen, Selection
-from tradestudy.effects.source_extent import source_extent_in_picture
-from tradestudy.effects.spectrum import spectrum_in_picture
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.chain import DiscSource
 from tradestudy.optics.propagation import PointSource
-from tradestudy.plan.situations.coherent_cost import seconds_of_coherent_wave
-from tradestudy.plan.situations.light_cost import LightWork, seconds_of_rays
+from tradestudy.plan.situations.light_cost import LightWork, seconds_of_coherent_wave, seconds_of_rays
 from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 

@@ -14,21 +14,21 @@ from tradestudy.analysis.depth import DepthErrors
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.effects.base import Slot, SlotName
-from tradestudy.effects.picture.crosstalk import crosstalk
-from tradestudy.effects.picture.defocus_blur import defocus_blur
-from tradestudy.effects.picture.main_lens_diffraction import main_lens_diffraction
-from tradestudy.effects.picture.microlens_diffraction import microlens_diffraction
-from tradestudy.effects.picture.pixel_integration import pixel_integration
-from tradestudy.effects.picture.sensor_noise import sensor_noise
-from tradestudy.effects.picture.source_extent import source_extent
-from tradestudy.effects.picture.spectrum import spectrum
+from tradestudy.effects.picture.slots import (
+    crosstalk,
+    defocus_blur,
+    diffraction,
+    pixel_integration,
+    sensor_noise,
+    source_extent,
+    spectrum,
+    vignetting,
+)
 from tradestudy.effects.picture.trial import PictureTrial, Worst
-from tradestudy.effects.picture.vignetting import vignetting
+from tradestudy.imaging.light import field_illumination, mean_electrons, noise_variance
 from tradestudy.imaging.models import PictureModels, PictureSettings
-from tradestudy.imaging.noise import mean_electrons, noise_variance
 from tradestudy.imaging.optical_transfer import kirchhoff_defocus
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
-from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.acting import in_closed_form, with_models
@@ -266,8 +266,8 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
     )
     return (
         defocus_blur(trial),
-        main_lens_diffraction(trial),
-        microlens_diffraction(trial),
+        diffraction(trial, "main_lens_diffraction"),
+        diffraction(trial, "microlens_diffraction"),
         crosstalk(trial),
         pixel_integration(trial),
         source_extent(trial),
