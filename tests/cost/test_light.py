@@ -20,7 +20,7 @@ from tradestudy.cost.measuring import Allowance, Pace
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.optics.depth_of_field import DepthOfField
-from tradestudy.plan.situations.depth_of_field import depth_of_field_situation
+from tradestudy.plan.situations.every import depth_of_field_situation
 from tradestudy.plan.situations.light_spot import light_spot_situation, spot_models
 from tradestudy.study.schema.light_spot import LightSpotPart
 

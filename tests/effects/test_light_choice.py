@@ -135,7 +135,7 @@ def test_a_tolerance_belongs_to_methods() -> None:
 
 
 def test_tolerances_are_their_own_bounds() -> None:
-    slot = sampling("pixel_intensity")
+    slot = sampling()
     assert [tolerance_of(model) for model in slot.models] == list(TOLERANCES)
     assert slot.model_names[-1] == "0.1 %"
 

@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.accuracy import Quantity
 from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
@@ -28,7 +27,6 @@ from tradestudy.effects.picture_change import (
     pixel_transfer,
     rim_light,
     rim_share,
-    sampled_fringes,
     source_transfer,
 )
 from tradestudy.optics.arrays import FloatArray
@@ -207,7 +205,7 @@ def pixel_integration_in_picture(scene: LightScene) -> Slot:
                 name=OFF,
                 bounds=bound_of(
                     scene,
-                    _PIXELS * change + sampled_fringes(scene),
+                    _PIXELS * change + interference_change(scene, pixels=False),
                     criterion=diffraction_width(scene),
                     reason="one sample at the centre stands for the whole pixel: it counts unless diffraction, defocus "
                     "or the source make the picture smooth over many pixels",
@@ -299,21 +297,18 @@ def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: 
 TOLERANCES: Final = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 
 
-def sampling(quantity: Quantity) -> Slot:
-    """Tolerances from the loosest to the tightest; each is the bound of what it may change.
+def sampling() -> Slot:
+    """Numerical tolerances from the loosest to the tightest: a model leaves out what lies between its nodes.
 
-    Parameters
-    ----------
-    quantity
-        That is computed to them.
+    Each is the bound of what it may change.
     """
     return Slot(
         name="sampling",
         models=tuple(
             Model(
-                name=tolerance_name(tolerance),
+                name=f"{100.0 * tolerance:.6g} %",
                 bounds={
-                    quantity: Bound(
+                    "pixel_intensity": Bound(
                         relative_change=tolerance,
                         criterion=EffectCriterion(
                             words="numerical tolerance",
@@ -327,11 +322,6 @@ def sampling(quantity: Quantity) -> Slot:
             for tolerance in TOLERANCES
         ),
     )
-
-
-def tolerance_name(tolerance: float) -> str:
-    """As in ``0.5 %``."""
-    return f"{100.0 * tolerance:.6g} %"
 
 
 def tolerance_of(model: Model) -> float:

@@ -214,9 +214,18 @@ def light_behind_neighbours(scene: LightScene) -> float:
     return math.sqrt(float(np.mean(_shares_outside(scene) ** 2)))
 
 
-def interference_change(scene: LightScene) -> float:
-    """Relative L2 that interference of own and foreign light makes on the picture: 2 √(own · foreign) · contrast."""
-    return 2.0 * math.sqrt(float(np.mean(_shares_outside(scene)))) * fringe_contrast(scene)
+def interference_change(scene: LightScene, *, pixels: bool = True) -> float:
+    """Relative L2 that interference of own and foreign light makes on the picture: 2 √(own · foreign) · contrast.
+
+    The contrast is what pixel and source leave of fringes between neighbouring microlenses by averaging them, or the
+    source alone where pixels are sampled. Their frequency is pitch/(λ b_L); a pixel leaves at most 1/(π f p), a disc of
+    radius r the envelope of 2 J₁(x)/x, x = 2π f r.
+    """
+    frequency = scene.path.microlenses.pitch / (scene.wavelength * scene.path.detector_distance)
+    contrast = float(disc_envelope(2.0 * math.pi * frequency * scene.spot_radius))
+    if pixels:
+        contrast *= min(1.0, 1.0 / (math.pi * frequency * scene.path.pixels.pitch))
+    return 2.0 * math.sqrt(float(np.mean(_shares_outside(scene)))) * contrast
 
 
 def _shares_outside(scene: LightScene) -> FloatArray:
@@ -226,26 +235,3 @@ def _shares_outside(scene: LightScene) -> FloatArray:
         return np.zeros(1)
     within = np.maximum(margins, _AIRY_TAIL / scene.cutoff)  # closer to the border no more than all of it leaves
     return np.asarray(np.where(margins < 0.0, 1.0, _AIRY_TAIL / (scene.cutoff * within)))
-
-
-def fringe_contrast(scene: LightScene) -> float:
-    """What is left of fringes between neighbouring microlenses after pixel and source have averaged them.
-
-    Their frequency is pitch/(λ b_L); a pixel leaves at most 1/(π f p), a disc of radius r the
-    envelope of 2 J₁(x)/x, x = 2π f r.
-    """
-    pixel = 1.0 / (math.pi * _fringe_frequency(scene) * scene.path.pixels.pitch)
-    return min(1.0, pixel) * _contrast_by_source(scene)
-
-
-def sampled_fringes(scene: LightScene) -> float:
-    """Relative L2 of the fringes that samples keep and pixels average."""
-    return 2.0 * math.sqrt(float(np.mean(_shares_outside(scene)))) * _contrast_by_source(scene)
-
-
-def _contrast_by_source(scene: LightScene) -> float:
-    return float(disc_envelope(2.0 * math.pi * _fringe_frequency(scene) * scene.spot_radius))
-
-
-def _fringe_frequency(scene: LightScene) -> float:
-    return scene.path.microlenses.pitch / (scene.wavelength * scene.path.detector_distance)

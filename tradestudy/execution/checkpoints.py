@@ -65,7 +65,7 @@ class Checkpoints:
 
     def add(self, key: bytes, value: object) -> None:
         """Put a value on disk at once."""
-        content = to_bytes(value)
+        content = pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
         if self._own is None:
             self._own = self._begin()
         head = _HEAD.pack(_MARK, key, len(content), _checksum(key, content))
@@ -123,9 +123,7 @@ def _whole_records(content: bytes) -> Iterator[tuple[bytes, int, int]]:
 
 
 def _checksum(key: bytes, content: bytes) -> bytes:
-    digest = hashlib.sha256(key)
-    digest.update(content)
-    return digest.digest()
+    return hashlib.sha256(key + content).digest()
 
 
 def _held(file: FileIO) -> bool:
@@ -139,11 +137,6 @@ def _held(file: FileIO) -> bool:
     except OSError:
         return False
     return True
-
-
-def to_bytes(value: object) -> bytes:
-    """Pickle a value."""
-    return pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL)
 
 
 def from_bytes(content: bytes) -> Any:

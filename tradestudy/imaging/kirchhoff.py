@@ -44,11 +44,6 @@ def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
     return np.asarray(np.where(inside, CubicSpline(table, correction)(np.where(inside, share, 0.0)), 0.0))
 
 
-def _cone(aperture: float, focal_length: float, distance: float, plane: float) -> tuple[float, float]:
-    """f-number at the plane and diameter of the geometric blur [m]."""
-    return plane / aperture, aperture * plane * abs(1.0 / focal_length - 1.0 / distance - 1.0 / plane)
-
-
 @lru_cache(maxsize=2**15)  # of a kilobyte each
 def kirchhoff_correction(
     wavelength: float, aperture: float, focal_length: float, distance: float, plane: float, lens_phase: LensPhase
@@ -65,7 +60,7 @@ def kirchhoff_correction(
 
     from tradestudy.optics.propagation import CircularLens, PointSource
 
-    N, blur = _cone(aperture, focal_length, distance, plane)
+    N, blur = plane / aperture, aperture * plane * abs(1.0 / focal_length - 1.0 / distance - 1.0 / plane)
     period = wavelength * N
     panels = math.ceil((0.6 * blur) / period) + _PERIODS
     t, w = gauss_legendre(_NODES_PER_PERIOD)

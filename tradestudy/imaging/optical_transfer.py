@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
@@ -40,6 +39,11 @@ class LensTransfers:
     settings: PictureSettings
     frequency_px: FloatArray
     always: int
+    _products: dict[tuple[str, ...], tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
+    _known: dict[tuple[LensStage, float, DiffractionModel, DefocusModel], tuple[FloatArray, FloatArray]] = field(
+        default_factory=dict, init=False
+    )
+    _passing: dict[tuple[LensStage, float], int] = field(default_factory=dict, init=False)
 
     def product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
         """Transfer, shape (distances, first frequencies), and its error over distance.
@@ -89,14 +93,6 @@ class LensTransfers:
             self._known[key] = _stage_transfer(stage, model, defocus, self.settings, wavelength, frequency)
         return self._known[key]
 
-    @cached_property
-    def _products(self) -> dict[tuple[str, ...], tuple[FloatArray, FloatArray]]:
-        return {}
-
-    @cached_property
-    def _known(self) -> dict[tuple[LensStage, float, DiffractionModel, DefocusModel], tuple[FloatArray, FloatArray]]:
-        return {}
-
     def _below_cutoff(self, stage: LensStage, wavelength: float) -> int:
         """How many of the frequencies pass at some distance."""
         key = (stage, wavelength)
@@ -104,10 +100,6 @@ class LensTransfers:
             cutoff = self.geometry.sample_pitch / stage.finest_period(wavelength)
             self._passing[key] = self.always + int(np.searchsorted(self.frequency_px[self.always :], cutoff))
         return self._passing[key]
-
-    @cached_property
-    def _passing(self) -> dict[tuple[LensStage, float], int]:
-        return {}
 
 
 def _stage_transfer(

@@ -6,7 +6,7 @@ Pictures of one surface under several models share nodes, texture and transfers 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Final
 
@@ -109,6 +109,7 @@ class TextureBand:
     settings: PictureSettings
     window: FloatArray
     rules: tuple[BandNodes, ...]
+    _shares: dict[bool, FloatArray] = field(default_factory=dict, init=False)
 
     def passed(self, models: PictureModels, brighter: ArrayLike = 1.0) -> PassedTexture:
         """Pass the texture through every step, in so many times the light over distance."""
@@ -149,10 +150,6 @@ class TextureBand:
             share = neighbours_share(self.geometry, self.settings.wavelength, self.window, blurred=blurred)
             self._shares[blurred] = share[:, np.newaxis]
         return self._shares[blurred]
-
-    @cached_property
-    def _shares(self) -> dict[bool, FloatArray]:
-        return {}
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:

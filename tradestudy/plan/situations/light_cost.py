@@ -26,7 +26,7 @@ from tradestudy.optics.chain.point_image import count_point
 from tradestudy.optics.chain.scene import Legs
 from tradestudy.optics.chain.separate_lenses import microlens_alone, nearest_microlens
 from tradestudy.optics.chain.source_tables import farthest_read, table_count
-from tradestudy.optics.chain.sources import SourceNodes, source_nodes
+from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
 from tradestudy.optics.chain.spot_image import source_density
 from tradestudy.optics.chain.traced_forwards import reached_microlenses
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES
@@ -104,7 +104,7 @@ class LightWork:
     @cached_property
     def source_points(self) -> float:
         """Points of the disc, without those that its symmetries give, and points between them that tell the error."""
-        rings, order = self._nodes.rings, self.scene.symmetry_order
+        rings, order = self._nodes.rings, len(symmetries(self.scene.path, self.scene.source))
         return (sum(map(len, rings)) + 2 * max(map(len, rings))) / order + 2 * len(rings) + 1
 
     @cached_property
@@ -129,16 +129,8 @@ class LightWork:
             SECONDS[unit] * points * self.patch.work(self.scene.path, lit=lit)
             + points * self._seconds_of_edges(laws, lit=lit)
             + self._seconds_of_tables(laws)
-            + _CHECKED * self._check.seconds_of_pass(laws)
+            + _CHECKED * PointWork(scene=self.scene, accuracy=self._accuracy.unstarved()).seconds_of_pass(laws)
         )
-
-    @cached_property
-    def _point(self) -> PointWork:
-        return PointWork(scene=self.scene, accuracy=self._accuracy)
-
-    @cached_property
-    def _check(self) -> PointWork:
-        return PointWork(scene=self.scene, accuracy=self._accuracy.unstarved())
 
     @cached_property
     def _alone(self) -> LightWork:
@@ -164,7 +156,8 @@ class LightWork:
     def seconds_of_point(self, *, laws: Legs) -> float:
         """A picture of a single point, computed twice and held against direct quadrature to state its error."""
         behind = self._seconds_of_edges(laws, lit=self.lit_microlenses)
-        return 2 * self._point.seconds_of_pass(laws) + self._point.seconds_of_quadrature() + behind
+        once = PointWork(scene=self.scene, accuracy=self._accuracy)
+        return 2 * once.seconds_of_pass(laws) + once.seconds_of_quadrature() + behind
 
     def _seconds_of_tables(self, laws: Legs) -> float:
         path, source, accuracy = self.scene.path, self.scene.source, self._accuracy
@@ -244,17 +237,12 @@ def seconds_of_rays(path: LightPath, *, point: bool) -> float:
     return SECONDS[f"{what}: pixel behind a microlens"] * pixels * path.microlenses.count
 
 
-def seconds_of_coherent_wave(scene: LightScene, *, paraxial: bool) -> float:
-    """Seconds that the wave of the disc takes on the pupil, for every wavelength.
-
-    Nodes resolve the phase k R s/z to the farthest point s of the array, which every point of the disc moves by its
-    own slope; Kirchhoff's law interpolates between distances, Fresnel's is one transform.
-    """
-    return SECONDS_PER_NODE["fresnel" if paraxial else "kirchhoff"] * pupil_nodes(scene)
-
-
 def pupil_nodes(scene: LightScene) -> float:
-    """Nodes of the main pupil that a coherent disc takes, about."""
+    """Nodes of the main pupil that the wave of a coherent disc takes, about, for every wavelength.
+
+    They resolve the phase k R s/z to the farthest point s of the array, which every point of the disc moves by its own
+    slope; Kirchhoff's law interpolates between distances, Fresnel's is one transform.
+    """
     path, source = scene.path, scene.source
     z, chief = path.array_distance, np.asarray(path.chief_point(source.centre))
     farthest = np.linalg.norm(path.microlenses.centres - chief, axis=1).max() + path.microlenses.cell_reach

@@ -28,7 +28,7 @@ from tradestudy.effects.selection import Chosen, Selection
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.chain import DiscSource
 from tradestudy.optics.propagation import PointSource
-from tradestudy.plan.situations.light_cost import LightWork, seconds_of_coherent_wave, seconds_of_rays
+from tradestudy.plan.situations.light_cost import SECONDS_PER_NODE, LightWork, pupil_nodes, seconds_of_rays
 from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
@@ -62,13 +62,17 @@ def light_spot_situation(part: LightSpotPart) -> Situation:
             return math.inf
         return picture_seconds(part, models)
 
-    diffraction = (main_lens_diffraction_in_picture(scene), microlens_diffraction_in_picture(scene))
+    refused = (OFF, "boundary_wave") if part.spot.coherent else ()
+    diffraction = [
+        replace(slot, models=tuple(model for model in slot.models if model.name not in refused))
+        for slot in (main_lens_diffraction_in_picture(scene), microlens_diffraction_in_picture(scene))
+    ]
     return Situation(
         name=NAME,
         title="Picture of the light spot",
         quantities=("pixel_intensity",),
         slots=(
-            *(map(_without_rays, diffraction) if part.spot.coherent else diffraction),
+            *diffraction,
             crosstalk_in_picture(scene),
             pixel_integration_in_picture(scene),
             _POINT if part.spot.is_point else source_extent_in_picture(scene),
@@ -77,7 +81,7 @@ def light_spot_situation(part: LightSpotPart) -> Situation:
                 wavelengths=np.array([wavelength for wavelength, _ in part.lines]),
                 weights=np.array([share for _, share in part.lines]),
             ),
-            sampling("pixel_intensity"),
+            sampling(),
         ),
         seconds=seconds,
     )
@@ -110,23 +114,17 @@ def _seconds_of_waves(part: LightSpotPart, models: SpotModels, work: LightWork) 
     """Seconds of a picture by waves in light of one wavelength."""
     laws = legs(models.method)
     if models.point:
-        one = work.seconds_of_point(laws=laws)
-    elif part.spot.coherent:
+        return work.seconds_of_point(laws=laws)
+    if part.spot.coherent:
         repeats = work.scene.path.microlenses.count if models.separate else 1  # on the pupil, for each microlens anew
-        wave = seconds_of_coherent_wave(work.scene, paraxial=laws.to_array == "fresnel")
-        one = work.seconds_of_point(laws=laws) + repeats * wave
-    else:
-        one = work.seconds_of_disc(laws=laws, separate=models.separate)
-    return one
+        wave = SECONDS_PER_NODE["fresnel" if laws.to_array == "fresnel" else "kirchhoff"] * pupil_nodes(work.scene)
+        return work.seconds_of_point(laws=laws) + repeats * wave
+    return work.seconds_of_disc(laws=laws, separate=models.separate)
 
 
 @lru_cache(maxsize=64)
 def _work(part: LightSpotPart, tolerance: float) -> LightWork:
     return LightWork(scene=light_scene(part), tolerance=tolerance)
-
-
-def _without_rays(slot: Slot) -> Slot:
-    return replace(slot, models=tuple(model for model in slot.models if model.name not in (OFF, "boundary_wave")))
 
 
 def spot_models(selection: Selection) -> SpotModels:

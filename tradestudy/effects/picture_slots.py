@@ -1,24 +1,166 @@
-"""Every slot of a picture: what each of its models would do to the disparity error that is derived from it."""
+"""Slots of a picture that depth is measured from: what each model would do to the disparity error derived from it.
+
+The numbers that tell how strong an effect is hold whether it reaches depth or not; each takes its value and, where it
+belongs to a distance, ``at``.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Final, Literal
 
-from tradestudy.effects.base import OFF, EffectCriterion, Model, Slot, SlotName
-from tradestudy.effects.picture.criteria import (
-    EXTENT_OF_POINTS,
-    PIXEL_OVER_PITCH,
-    blur_over_pixel,
-    electrons,
-    light_left,
-    main_lens_airy,
-    microlens_airy,
-    reach_over_airy,
-    spectrum_width,
+from tradestudy.accuracy import Quantity
+from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot, SlotName
+
+# Trials are made at some of the distances and with one slot changed at a time; what lies in between, and what two
+# slots do together beyond the sum of each, has to fit into this factor.
+MARGIN: Final = 2.0
+_RULE: Final = (
+    "leaving this share of the noise power out lowers noise by half of it, and the bound is twice the largest "
+    "change at the distances tried: it fits where this number is below the accuracy wanted, alone and with the other "
+    "omissions"
 )
-from tradestudy.effects.picture.trial import MARGIN, PictureTrial, bounded, weighed
+# Numerical error of a transfer by Kirchhoff, which Fresnel's is held against.
+_TRANSFER_ERROR: Final = 1e-4
+_PATHS: Final[Mapping[str, str]] = {
+    "parabolic": "R⁴/(8 λ) (1/b³ + 1/a³), for a parabolic lens",
+    "perfect": "R⁴/(8 λ) |1/b³ − (1/f − 1/a)³|, for a lens of exact paths",
+}
+
+blur_over_pixel = partial(
+    EffectCriterion,
+    words="blur over pixel",
+    definition="c/p; c the diameter of the geometric blur circle on the sensor, of both lenses together, p the "
+    "pitch of the picture's samples: pixels, or microlenses for views of an unfocused plenoptic camera; "
+    "diffraction is not in it",
+)
+main_lens_airy = partial(
+    EffectCriterion,
+    words="Airy radius of the main lens over pixel",
+    definition="1.22 λ N M/p; N the working f-number, M the magnification by microlenses behind it or 1, p the "
+    "pitch of the picture's samples",
+)
+microlens_airy = partial(
+    EffectCriterion,
+    words="Airy radius of a microlens over pixel",
+    definition="1.22 λ b/(D p); b from the array to the sensor, D the aperture of a microlens, p the pixel pitch",
+)
+reach_over_airy = partial(
+    EffectCriterion,
+    words="half a micro-image over Airy radius",
+    definition="w/(2 · 1.22 λ b/D); w the width of a micro-image, b and D as for the Airy radius of a microlens",
+)
+PIXEL_OVER_PITCH = EffectCriterion(
+    words="pixel over pitch",
+    definition="side of the square that a pixel collects from, over the distance of neighbouring pixels",
+    value=1.0,
+)
+EXTENT_OF_POINTS = EffectCriterion(
+    words="extent of a point", definition="none: points of a texture have no extent", value=math.nan
+)
+spectrum_width = partial(
+    EffectCriterion,
+    words="width of the spectrum over its centre",
+    definition="(longest − shortest wavelength)/central wavelength",
+)
+light_left = partial(
+    EffectCriterion,
+    words="light left at the field angle",
+    definition="cos⁴ θ times the share of the pupil that the stops leave at the field angle θ that depth is asked "
+    "for; 1 on the axis",
+)
+electrons = partial(
+    EffectCriterion, words="electrons per pixel", definition="mean number in the darkest pixel that is asked for"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Worst:
+    """The worst value over all places, and the distance where it stands [m]; NaN where it belongs to none."""
+
+    value: float
+    at: float = math.nan
+
+
+@dataclass(frozen=True, kw_only=True)
+class PictureTrial:
+    """How a derived disparity error moves with each model, and the numbers that tell why.
+
+    Parameters
+    ----------
+    change
+        Relative change of the disparity error, the largest over usable distances and variants of the study, if one
+        slot takes a model in place of the most complete one that is in closed form.
+    blur_px
+        Largest geometric blur [samples].
+    main_lens_airy_px, microlens_airy_px
+        Largest radius of the first dark ring of either lens on the sensor [samples]; NaN without such a stage.
+    lens_phases
+        ``parabolic`` or ``perfect``: how lenses bend light by Kirchhoff's model, under some variant of the study.
+    aberration_waves
+        Largest path [waves] by which the exact spherical waves of the main lens, and of a microlens, depart from the
+        parabolic ones of Fresnel at the rim.
+    paraxial_change
+        Relative change of the disparity error that these waves make as a defocus, for either lens.
+    obliquity
+        ``sin² θ`` of the rays at the rim of either lens on their way to its picture: what amplitude loses from axis to
+        rim.
+    electrons
+        Fewest per pixel.
+    illumination
+        cos⁴ and stops at the field angle asked for; 1 on the axis.
+    read_noise_share, quantisation_share
+        Of the noise power, the largest.
+    spectrum_width
+        (longest − shortest wavelength)/central.
+    microlens_reach_airy
+        Half a micro-image over the Airy radius of a microlens, the smallest; infinite without microlenses.
+    depth_change
+        Relative change of the depth uncertainty that such a one of the disparity error makes at most, the largest over
+        every distance that counts: more than it where the far end of depth runs away, infinite where that is lost.
+    seconds
+        Predicted cost [s] of a model by name.
+    lattice_seconds
+        What Kirchhoff's transfer takes beforehand for either lens [s].
+    """
+
+    change: Callable[[SlotName, str], float]
+    blur_px: Worst
+    main_lens_airy_px: Worst
+    microlens_airy_px: Worst
+    lens_phases: Sequence[str]
+    aberration_waves: tuple[Worst, Worst]
+    paraxial_change: tuple[float, float]
+    obliquity: tuple[float, float]
+    electrons: Worst
+    illumination: float
+    read_noise_share: float
+    quantisation_share: float
+    spectrum_width: float
+    microlens_reach_airy: Worst
+    depth_change: Callable[[float], float]
+    seconds: Callable[[str], float]
+    lattice_seconds: tuple[float, float]
+
+
+def weighed(trial: PictureTrial, slot: SlotName, name: str, criterion: EffectCriterion, reason: str) -> Model:
+    """A model whose bound is its trial with the margin."""
+    return bounded(trial, name, MARGIN * trial.change(slot, name), criterion, reason)
+
+
+def bounded(
+    trial: PictureTrial, name: str, change: float, criterion: EffectCriterion, reason: str, *, beforehand: float = 0.0
+) -> Model:
+    """A model whose bound on the disparity error was found otherwise, with what it takes beforehand [s]."""
+    quantity: Quantity = "depth_uncertainty"
+    found = trial.depth_change(change)
+    if math.isinf(found) and math.isfinite(change):
+        reason += f"; a disparity error off by {100 * change:.0f} %, its bound, loses the far end of depth somewhere"
+    bound = Bound(relative_change=found, criterion=criterion, reason=reason)
+    return Model(name=name, bounds={quantity: bound}, seconds=trial.seconds(name) + beforehand)
 
 
 def defocus_blur(trial: PictureTrial) -> Slot:
@@ -33,19 +175,6 @@ def defocus_blur(trial: PictureTrial) -> Slot:
             weighed(trial, "defocus_blur", "disc", blur, "the disc is the most complete model of defocus here"),
         ),
     )  # fmt: skip
-
-
-_RULE: Final = (
-    "leaving this share of the noise power out lowers noise by half of it, and the bound is twice the largest "
-    "change at the distances tried: it fits where this number is below the accuracy wanted, alone and with the other "
-    "omissions"
-)
-# Numerical error of a transfer by Kirchhoff, which Fresnel's is held against.
-_TRANSFER_ERROR: Final = 1e-4
-_PATHS: Final[Mapping[str, str]] = {
-    "parabolic": "R⁴/(8 λ) (1/b³ + 1/a³), for a parabolic lens",
-    "perfect": "R⁴/(8 λ) |1/b³ − (1/f − 1/a)³|, for a lens of exact paths",
-}
 
 
 def diffraction(trial: PictureTrial, at: Literal["main_lens_diffraction", "microlens_diffraction"]) -> Slot:
