@@ -163,10 +163,10 @@ def posterior_cost(
         (LAPLACE, "", lambda _run: _by_fit(problem), False),
         # First what a run does, in case the time ends.
         (EMCEE, "until converged", lambda run: _by_emcee(problem, target.maximum_steps, (run,)), True),
-    ]
-    runs += [
-        (EMCEE, f"{steps} steps", lambda run, steps=steps: _by_emcee(problem, steps, (run,)), False)  # type: ignore[misc]
-        for steps in _STEPS
+        *(
+            (EMCEE, f"{steps} steps", lambda run, steps=steps: _by_emcee(problem, steps, (run,)), False)
+            for steps in _STEPS
+        ),
     ]
     entries: list[Entry] = []
     left_out: list[str] = []

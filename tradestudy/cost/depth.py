@@ -127,7 +127,7 @@ def propagation_cost(
     progress(f"cost: {name}", 0.0)
 
     def alive() -> None:
-        progress(f"cost: {name}", min(_spent(allowance), _REFERENCE_SHARE))
+        progress(f"cost: {name}", min(1.0 - allowance.left / allowance.seconds, _REFERENCE_SHARE))
 
     try:
         found = reference_of(cases, allowance.share(_REFERENCE_SHARE), most_draws, alive)
@@ -223,10 +223,6 @@ def propagation_cost(
     )
 
 
-def _spent(allowance: Allowance) -> float:
-    return min(1.0, 1.0 - allowance.left / allowance.seconds) if allowance.seconds > 0.0 else 1.0
-
-
 def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> Iterator[DepthCase]:
     """The camera at some of the distances where it is usable and its uncertainty finite; nothing where there is none.
 
@@ -300,7 +296,6 @@ def _with_known_errors(camera: DepthCamera, distance: FloatArray) -> DepthCamera
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return camera
-    assert isinstance(camera, DepthCamera)  # no others are pictured
     found = law.error_px(camera, distance)
     known = _KnownDisparityError(
         settings=law.settings, models=law.models, distance=tuple(distance.tolist()), known_px=tuple(found.tolist())
@@ -309,14 +304,16 @@ def _with_known_errors(camera: DepthCamera, distance: FloatArray) -> DepthCamera
 
 
 def _analytic(cases: Sequence[DepthCase]) -> Iterator[tuple[str, Callable[[int], FloatArray]]]:
-    def lines(case: DepthCase) -> FloatArray:
-        return linear(case.model, case.sources, inverse_depth=True).standard_uncertainty
-
     def mapped(case: DepthCase) -> FloatArray:
         low, high = linear(case.model, case.sources, inverse_depth=True).mapped_quantiles(ONE_SIGMA)
         return np.asarray((high - low) / 2.0)
 
-    yield LINEAR, lambda _run: _joined(lines(case) for case in cases)
+    yield (
+        LINEAR,
+        lambda _run: _joined(
+            linear(case.model, case.sources, inverse_depth=True).standard_uncertainty for case in cases
+        ),
+    )
     yield INVERSE, lambda _run: _joined(mapped(case) for case in cases)
     closed = [case.closed_form for case in cases if case.closed_form is not None]
     if len(closed) == len(cases):

@@ -73,7 +73,6 @@ def picture_cost(
         Without entries where the camera is usable at no distance of the study, or the time does not allow a reference.
     """
     camera = definition.case.cameras[situation.name]
-    assert isinstance(camera, DepthCamera)  # a situation of depth has no other
     chosen = acting(camera, _names(selection))
     places = usable_places(definition, chosen)
     step = f"cost: {name}"

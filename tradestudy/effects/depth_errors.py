@@ -75,10 +75,11 @@ def temperature_slot(
     is_declared
         Whether the study declares a temperature.
     """
-    if not is_declared:
-        reason = "the study declares no change of temperature"
-    else:
-        reason = "the uncertainty without it falls short of that with it by at most this share, at any distance"
+    reason = (
+        "the uncertainty without it falls short of that with it by at most this share, at any distance"
+        if is_declared
+        else "the study declares no change of temperature"
+    )
     criterion = EffectCriterion(
         words="relative expansion",
         definition="coefficient of expansion times the deviation of temperature: relative change, one standard "
@@ -91,8 +92,6 @@ def temperature_slot(
             relative_change=share_of_uncertainty, criterion=criterion, reason=reason,
         )},
     )  # fmt: skip
-    if not is_declared:
-        return Slot(name="temperature", models=(off,))
     on = Model(
         name=EXPANSION,
         seconds=seconds,
@@ -101,4 +100,4 @@ def temperature_slot(
             reason="expansion is one more error of the length that it changes",
         )},
     )  # fmt: skip
-    return Slot(name="temperature", models=(off, on))
+    return Slot(name="temperature", models=(off, on) if is_declared else (off,))

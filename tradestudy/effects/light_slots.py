@@ -8,12 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot
+from tradestudy.effects.base import COMPLETE, OFF, Bound, EffectCriterion, Model, Slot
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.picture_change import (
     aperture_transfer,
     bound_of,
-    complete,
     diffraction_width,
     edge_wave,
     frequencies,
@@ -51,8 +50,7 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
     law = scene.main_law
     rim = rim_light(scene)
     turned = min(1.0, math.pi * scene.rim_path_waves)
-    fresnel = law_change(scene, law) + picture_change(scene, 4.0 * rim * turned * lit_transfer(scene))
-    fresnel *= _FRESNEL_AT_MAIN_LENS
+    moved = law_change(scene, law) + picture_change(scene, 4.0 * rim * turned * lit_transfer(scene))
     wave = picture_change(scene, 2.0 * rim * lit_transfer(scene))
     per_zone = scene.rim_path_waves / max(scene.main_fresnel_number, _HARDLY_ANY)
     leading = min(1.0, _LEADING_AT_MAIN_LENS[0] * per_zone + _LEADING_AT_MAIN_LENS[1])
@@ -90,8 +88,10 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                     "and twice this number",
                 ),
             ),
-            fresnel_law(scene, law, fresnel, lens="main lens", aberration="aberration of the main lens"),
-            Model(name="kirchhoff", bounds=complete()),
+            fresnel_law(
+                scene, law, _FRESNEL_AT_MAIN_LENS * moved, lens="main lens", aberration="aberration of the main lens"
+            ),
+            Model(name="kirchhoff", bounds={"pixel_intensity": COMPLETE}),
         ),
     )
 
@@ -109,8 +109,7 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
     """
     law = scene.detector_law
     rim = rim_light(scene)
-    fresnel = law_change(scene, law) + 2.0 * rim * law_change(scene, scene.rim_detector_law)
-    fresnel *= _FRESNEL_AT_MICROLENSES
+    moved = law_change(scene, law) + 2.0 * rim * law_change(scene, scene.rim_detector_law)
     f = frequencies(scene)
     lost = (1.0 - aperture_transfer(scene, f)) * source_transfer(scene, f) * pixel_transfer(scene, f)
     spread = picture_change(scene, lost)
@@ -130,8 +129,10 @@ def microlens_diffraction_in_picture(scene: LightScene) -> Slot:
                 ),
             ),
             *((_boundary_wave(scene),) if scene.path.microlenses.aperture == "circular" else ()),
-            fresnel_law(scene, law, fresnel, lens="array", aberration="aberration behind the array"),
-            Model(name="kirchhoff", bounds=complete()),
+            fresnel_law(
+                scene, law, _FRESNEL_AT_MICROLENSES * moved, lens="array", aberration="aberration behind the array"
+            ),
+            Model(name="kirchhoff", bounds={"pixel_intensity": COMPLETE}),
         ),
     )
 
@@ -185,7 +186,7 @@ def crosstalk_in_picture(scene: LightScene) -> Slot:
                     "cell across, where it may interfere: unless all rays stay many such widths away, it counts",
                 ),
             ),
-            Model(name="coherent", bounds=complete()),
+            Model(name="coherent", bounds={"pixel_intensity": COMPLETE}),
         ),
     )
 
@@ -211,7 +212,7 @@ def pixel_integration_in_picture(scene: LightScene) -> Slot:
                     "or the source make the picture smooth over many pixels",
                 ),
             ),
-            Model(name="square", bounds=complete()),
+            Model(name="square", bounds={"pixel_intensity": COMPLETE}),
         ),
     )
 
@@ -247,7 +248,7 @@ def source_extent_in_picture(scene: LightScene) -> Slot:
                     "this is well below 1",
                 ),
             ),
-            Model(name="disc", bounds=complete()),
+            Model(name="disc", bounds={"pixel_intensity": COMPLETE}),
         ),
     )
 
@@ -259,7 +260,7 @@ def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: 
     with N Fresnel zones turns by π N δλ/λ against the rest, and rings wash out by the square of that.
     """
     if wavelengths.size == 1:
-        return Slot(name="spectrum", models=(Model(name=OFF, bounds=complete()),))
+        return Slot(name="spectrum", models=(Model(name=OFF, bounds={"pixel_intensity": COMPLETE}),))
     f, share = frequencies(scene), weights / weights.sum()
     moved = sum(
         s * aperture_transfer(replace(scene, wavelength=float(w)), f) for s, w in zip(share, wavelengths, strict=True)
@@ -289,7 +290,7 @@ def spectrum_in_picture(scene: LightScene, *, wavelengths: FloatArray, weights: 
                     "times this number times the Fresnel number: they count unless that product is well below 1",
                 ),
             ),
-            Model(name="weighted", bounds=complete()),
+            Model(name="weighted", bounds={"pixel_intensity": COMPLETE}),
         ),
     )
 

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import j0, j1
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, EffectCriterion, Model
+from tradestudy.effects.base import Bound, EffectCriterion, Model
 from tradestudy.effects.light_scene import LawDifference, LightScene
 from tradestudy.imaging.transfer import disc_transfer
 from tradestudy.optics.arrays import FloatArray
@@ -163,11 +163,6 @@ def bound_of(scene: LightScene, change: float, *, criterion: EffectCriterion, re
     why = scene.why_unbounded
     change = math.inf if why or not math.isfinite(change) else change
     return {"pixel_intensity": Bound(relative_change=change, criterion=criterion, reason=why if why else reason)}
-
-
-def complete() -> Mapping[Quantity, Bound]:
-    """Of the model that leaves nothing out."""
-    return {"pixel_intensity": Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)}
 
 
 def fresnel_law(scene: LightScene, law: LawDifference, change: float, *, lens: str, aberration: str) -> Model:

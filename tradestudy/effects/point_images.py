@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, EffectCriterion, Model, Slot
+from tradestudy.effects.base import COMPLETE, Bound, EffectCriterion, Model, Slot
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
@@ -132,7 +132,7 @@ def diffraction_of_points(images: Sequence[PointImage]) -> Slot:
             ),
             Model(
                 name="kirchhoff",
-                bounds={"psf_width": Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)},
+                bounds={"psf_width": COMPLETE},
                 seconds=SECONDS_PER_IMAGE["kirchhoff"] * len(images),
             ),
         ),

@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, Focus
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, OFF, Bound, EffectCriterion, Model, Slot
+from tradestudy.effects.base import COMPLETE, OFF, Bound, EffectCriterion, Model, Slot
 from tradestudy.optics.arrays import FloatArray
-
-_COMPLETE: Final = Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)
 
 
 def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCriterion]) -> Slot:
@@ -23,7 +20,7 @@ def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCr
     """
     allowing = [one for one in criteria if one.measure != "none"]
     if not allowing:
-        return Slot(name="main_lens_diffraction", models=(Model(name=OFF, bounds={"depth_of_field": _COMPLETE}),))
+        return Slot(name="main_lens_diffraction", models=(Model(name=OFF, bounds={"depth_of_field": COMPLETE}),))
     pairs = [
         [focus.sharp_range(one).slices for one in (criterion, replace(criterion, measure="none"))]
         for focus in focuses
@@ -50,7 +47,7 @@ def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCr
                     )
                 },
             ),
-            Model(name="airy", bounds={"depth_of_field": _COMPLETE}),
+            Model(name="airy", bounds={"depth_of_field": COMPLETE}),
         ),
     )
 

@@ -60,7 +60,7 @@ class Checkpoints:
                 file, start, length = self._index[key]
                 file.seek(start)
                 with contextlib.suppress(UnpicklingError):  # nothing that a run has written
-                    values[place] = from_bytes(file.read(length))
+                    values[place] = _Unpickler(io.BytesIO(file.read(length))).load()
         return values
 
     def add(self, key: bytes, value: object) -> None:
@@ -139,18 +139,12 @@ def _held(file: FileIO) -> bool:
     return True
 
 
-def from_bytes(content: bytes) -> Any:
-    """Unpickle what consists of this package's dataclasses, numpy's arrays and plain values, and nothing else.
-
-    Raises
-    ------
-    pickle.UnpicklingError
-        Where the bytes ask for anything else; an output folder may come from a stranger.
-    """
-    return _Unpickler(io.BytesIO(content)).load()
-
-
 class _Unpickler(pickle.Unpickler):
+    """Of this package's dataclasses, numpy's arrays and plain values alone: an output folder may come from a stranger.
+
+    Where the bytes ask for anything else, it raises `pickle.UnpicklingError`.
+    """
+
     def find_class(self, module: str, name: str) -> Any:
         if module == "builtins" and name in _BUILTINS:
             return super().find_class(module, name)

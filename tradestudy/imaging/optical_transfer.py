@@ -52,11 +52,8 @@ class LensTransfers:
         colours alike.
         """
         key = (models.main_lens_diffraction, models.microlens_diffraction, models.defocus_blur, models.spectrum)
-        if key not in self._products:
-            self._products[key] = self._product(models)
-        return self._products[key]
-
-    def _product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
+        if key in self._products:
+            return self._products[key]
         spectrum = _light_of(self.settings, models)
         total = sum(weight for _, weight in spectrum)
         error = np.zeros(self.geometry.distance.size)
@@ -68,6 +65,7 @@ class LensTransfers:
         transfer = np.zeros((error.size, max(one.shape[1] for one in products)))
         for one in products:
             transfer[:, : one.shape[1]] += one
+        self._products[key] = transfer, error
         return transfer, error
 
     def _at(self, wavelength: float, models: PictureModels) -> tuple[FloatArray, FloatArray]:

@@ -158,7 +158,6 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
     camera = definition.case.cameras.get(name)
     if camera is None:  # a reading may replace it by one that measures no depth
         return None
-    assert isinstance(camera, DepthCamera)  # a case holds no others
     distance, file = definition.case.distance, definition.file
     most = _MOST_DERIVED if isinstance(camera.disparity_error_px, PictureDisparityError) else _MOST_DISTANCES
     step = max(1, -(-distance.size // most))

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.spot_images import RAYS, SpotModels, legs, light_path, light_source, without_comparison
-from tradestudy.effects.base import OFF, Model, Slot, SlotName
+from tradestudy.effects.base import COMPLETE, OFF, Model, Slot, SlotName
 from tradestudy.effects.light_scene import LightScene
 from tradestudy.effects.light_slots import (
     crosstalk_in_picture,
@@ -23,7 +23,6 @@ from tradestudy.effects.light_slots import (
     spectrum_in_picture,
     tolerance_of,
 )
-from tradestudy.effects.picture_change import complete
 from tradestudy.effects.selection import Chosen, Selection
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.chain import DiscSource
@@ -33,7 +32,7 @@ from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
 NAME: Final = "light-spot"
-_POINT: Final = Slot(name="source_extent", models=(Model(name=OFF, bounds=complete()),))
+_POINT: Final = Slot(name="source_extent", models=(Model(name=OFF, bounds={"pixel_intensity": COMPLETE}),))
 _POINT_DIAMETER: Final = 1e-12  # far below every wavelength; no bound divides by it
 # Mixtures with rays are for comparisons: beside waves rays are paraxial, and no bound of a slot alone holds for them.
 METHODS: Final[dict[tuple[str, str], MethodName]] = {
