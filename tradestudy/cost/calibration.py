@@ -21,7 +21,7 @@ from tradestudy.calibration.uncertain_cameras import UncertainCameras
 from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cost.depth import fixed_sampling, propagation_cost
 from tradestudy.cost.depth_reference import DepthCase
-from tradestudy.cost.entries import SOBOL, CostTable, Entry, nothing_measured
+from tradestudy.cost.entries import SOBOL, CostTable, nothing_measured
 from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, entry_of, measure
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
@@ -168,8 +168,7 @@ def posterior_cost(
             for steps in _STEPS
         ),
     ]
-    entries: list[Entry] = []
-    left_out: list[str] = []
+    entries, left_out = [], []
     for number, (model, setting, draw, chosen) in enumerate(runs):
         progress(step, number / len(runs))
         predicted = reference_seconds / len(widths) if model == EMCEE else 0.0

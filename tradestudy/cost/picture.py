@@ -94,8 +94,7 @@ def picture_cost(
     for number, (model_camera, names) in enumerate(sets.items()):
         progress(step, number / len(sets))
         model, setting = _words(names, situation)
-        waves = "kirchhoff" in names.values()
-        predicted = _LATTICE_POINTS * reference_seconds if waves else 0.0
+        predicted = _LATTICE_POINTS * reference_seconds if "kirchhoff" in names.values() else 0.0
         if not allowance.allows(predicted):
             left_out.append(f"{', '.join(filter(None, (model, setting)))}: {allowance.lacking(predicted)}")
             continue

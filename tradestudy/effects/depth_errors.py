@@ -24,11 +24,6 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
     are_declared
         Whether the study declares any.
     """
-    reason = (
-        "the uncertainty without them falls short of that with them by at most this share, at any distance"
-        if are_declared
-        else "the study declares no calibration error of this camera"
-    )
     off = Bound(
         relative_change=share_of_uncertainty,
         criterion=EffectCriterion(
@@ -37,7 +32,9 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
             "twice that where the disparity error is derived, at most 1",
             value=share_of_uncertainty,
         ),
-        reason=reason,
+        reason="the uncertainty without them falls short of that with them by at most this share, at any distance"
+        if are_declared
+        else "the study declares no calibration error of this camera",
     )
     linear = Bound(
         relative_change=linear_error,

@@ -11,6 +11,7 @@ import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import DiscSource, LightPath
+from tradestudy.optics.chain.sources import symmetries
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
 
@@ -139,6 +140,11 @@ class LightScene:
     def largest_microlens_fresnel_number(self) -> float:
         """The same of the type farthest from focus."""
         return self.acting_width / 2.0 * self.blur_on_detector / (self.wavelength * self.path.detector_distance)
+
+    @cached_property
+    def symmetry_order(self) -> int:
+        """Mirrors and turns that change nothing, the identity among them."""
+        return len(symmetries(self.path, self.source))
 
     @cached_property
     def why_unbounded(self) -> str:

@@ -54,7 +54,6 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
     wave = picture_change(scene, 2.0 * rim * lit_transfer(scene))
     per_zone = scene.rim_path_waves / max(scene.main_fresnel_number, _HARDLY_ANY)
     leading = min(1.0, _LEADING_AT_MAIN_LENS[0] * per_zone + _LEADING_AT_MAIN_LENS[1])
-    rays = _RAYS * (wave + interference_change(scene))
     return Slot(
         name="main_lens_diffraction",
         models=(
@@ -62,7 +61,7 @@ def main_lens_diffraction_in_picture(scene: LightScene) -> Slot:
                 name=OFF,
                 bounds=bound_of(
                     scene,
-                    rays,
+                    _RAYS * (wave + interference_change(scene)),
                     criterion=EffectCriterion(
                         words="Fresnel number of the pupil from the array",
                         definition="N = R²/λ |1/z − 1/b|; R the radius of the pupil, z from the main lens to the "
@@ -167,7 +166,6 @@ def crosstalk_in_picture(scene: LightScene) -> Slot:
 
     Left out are the light that leaves its cell and its interference with what is there.
     """
-    change = _CROSSTALK * (light_behind_neighbours(scene) + interference_change(scene))
     return Slot(
         name="crosstalk",
         models=(
@@ -175,7 +173,7 @@ def crosstalk_in_picture(scene: LightScene) -> Slot:
                 name=OFF,
                 bounds=bound_of(
                     scene,
-                    change,
+                    _CROSSTALK * (light_behind_neighbours(scene) + interference_change(scene)),
                     criterion=EffectCriterion(
                         words="pixels between the outermost ray and the neighbour's cell",
                         definition="least distance of a ray on the detector from the border of its microlens's cell, "

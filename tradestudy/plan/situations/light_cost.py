@@ -26,7 +26,7 @@ from tradestudy.optics.chain.point_image import count_point
 from tradestudy.optics.chain.scene import Legs
 from tradestudy.optics.chain.separate_lenses import microlens_alone, nearest_microlens
 from tradestudy.optics.chain.source_tables import farthest_read, table_count
-from tradestudy.optics.chain.sources import SourceNodes, source_nodes, symmetries
+from tradestudy.optics.chain.sources import SourceNodes, source_nodes
 from tradestudy.optics.chain.spot_image import source_density
 from tradestudy.optics.chain.traced_forwards import reached_microlenses
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES
@@ -104,7 +104,7 @@ class LightWork:
     @cached_property
     def source_points(self) -> float:
         """Points of the disc, without those that its symmetries give, and points between them that tell the error."""
-        rings, order = self._nodes.rings, len(symmetries(self.scene.path, self.scene.source))
+        rings, order = self._nodes.rings, self.scene.symmetry_order
         return (sum(map(len, rings)) + 2 * max(map(len, rings))) / order + 2 * len(rings) + 1
 
     @cached_property
@@ -129,8 +129,16 @@ class LightWork:
             SECONDS[unit] * points * self.patch.work(self.scene.path, lit=lit)
             + points * self._seconds_of_edges(laws, lit=lit)
             + self._seconds_of_tables(laws)
-            + _CHECKED * PointWork(scene=self.scene, accuracy=self._accuracy.unstarved()).seconds_of_pass(laws)
+            + _CHECKED * self._check.seconds_of_pass(laws)
         )
+
+    @cached_property
+    def _point(self) -> PointWork:
+        return PointWork(scene=self.scene, accuracy=self._accuracy)
+
+    @cached_property
+    def _check(self) -> PointWork:
+        return PointWork(scene=self.scene, accuracy=self._accuracy.unstarved())
 
     @cached_property
     def _alone(self) -> LightWork:
@@ -156,8 +164,7 @@ class LightWork:
     def seconds_of_point(self, *, laws: Legs) -> float:
         """A picture of a single point, computed twice and held against direct quadrature to state its error."""
         behind = self._seconds_of_edges(laws, lit=self.lit_microlenses)
-        once = PointWork(scene=self.scene, accuracy=self._accuracy)
-        return 2 * once.seconds_of_pass(laws) + once.seconds_of_quadrature() + behind
+        return 2 * self._point.seconds_of_pass(laws) + self._point.seconds_of_quadrature() + behind
 
     def _seconds_of_tables(self, laws: Legs) -> float:
         path, source, accuracy = self.scene.path, self.scene.source, self._accuracy
