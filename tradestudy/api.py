@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Value
 from tradestudy.study.loading import load_definition

@@ -14,7 +14,7 @@ from tradestudy.analysis.usable import evaluate_limits, usable_intervals
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.transfer.kirchhoff import kirchhoff_correction
+from tradestudy.imaging.kirchhoff import kirchhoff_correction
 from tradestudy.plan.plan import plan_of
 from tradestudy.run import runner
 from tradestudy.run.groups.depth import depth_as_declared

@@ -46,7 +46,7 @@ def pieces(definition: StudyDefinition) -> dict[str, Callable[[], object]]:
     """What weighs and chooses the models of each piece of a study."""
     from tradestudy.accuracy import Accuracy
     from tradestudy.plan.choice import choose
-    from tradestudy.plan.situations.depth_of_field import depth_of_field_situation
+    from tradestudy.plan.situations.every import depth_of_field_situation
     from tradestudy.plan.situations.light_spot import light_spot_situation
     from tradestudy.plan.situations.point_spread import point_spread_situation
 

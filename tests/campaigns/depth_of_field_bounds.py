@@ -25,7 +25,7 @@ from tradestudy.accuracy import Accuracy
 from tradestudy.cameras.conventional.design import ConventionalCamera
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.errors import TradestudyError
-from tradestudy.plan.situations.depth_of_field import depth_of_field_situation
+from tradestudy.plan.situations.every import depth_of_field_situation
 from tradestudy.run.groups.depth_of_field import depth_of_field_group
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition

@@ -10,13 +10,15 @@ from functools import cache
 import numpy as np
 
 from tradestudy.effects.base import OFF, Slot
-from tradestudy.effects.crosstalk import crosstalk_in_picture
 from tradestudy.effects.light_scene import LightScene
-from tradestudy.effects.main_lens_diffraction import main_lens_diffraction_in_picture
-from tradestudy.effects.microlens_diffraction import microlens_diffraction_in_picture
-from tradestudy.effects.pixel_integration import pixel_integration_in_picture
-from tradestudy.effects.source_extent import source_extent_in_picture
-from tradestudy.effects.spectrum import spectrum_in_picture
+from tradestudy.effects.light_slots import (
+    crosstalk_in_picture,
+    main_lens_diffraction_in_picture,
+    microlens_diffraction_in_picture,
+    pixel_integration_in_picture,
+    source_extent_in_picture,
+    spectrum_in_picture,
+)
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import (
     EXACT_RAYS,

@@ -37,8 +37,7 @@ from tradestudy.optics.chain.arriving_light import arriving_light, field_spacing
 from tradestudy.optics.chain.point_image import compute_point, wave_point_image
 from tradestudy.optics.chain.scene import WaveMethod
 from tradestudy.optics.chain.source_tables import farthest_read, source_tables, table_count
-from tradestudy.plan.situations.coherent_cost import pupil_nodes
-from tradestudy.plan.situations.light_cost import LightWork, PointWork
+from tradestudy.plan.situations.light_cost import LightWork, PointWork, pupil_nodes
 from tradestudy.plan.situations.light_spot import light_scene
 from tradestudy.study.schema.light_spot import LightSpotPart
 

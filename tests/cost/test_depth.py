@@ -11,10 +11,8 @@ from scipy.special import ndtri
 from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost import depth_reference, measuring
 from tradestudy.cost.depth import INVERSE, LINEAR, QUADRATURE, propagation_cost
-from tradestudy.cost.depth_case import DepthCase
-from tradestudy.cost.depth_reference import reference_of
-from tradestudy.cost.draws_saved import PLAIN, SOBOL, DrawsSaved, draws_saved
-from tradestudy.cost.entries import CostTable, Entry
+from tradestudy.cost.depth_reference import DepthCase, reference_of
+from tradestudy.cost.entries import PLAIN, SOBOL, CostTable, DrawsSaved, Entry, draws_saved
 from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray

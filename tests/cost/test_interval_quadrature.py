@@ -13,8 +13,7 @@ from scipy.special import ndtr
 
 from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost import depth_reference
-from tradestudy.cost.depth_case import DepthCase
-from tradestudy.cost.depth_reference import reference_of
+from tradestudy.cost.depth_reference import DepthCase, reference_of
 from tradestudy.cost.interval_quadrature import half_width_by_quadrature
 from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import OutOfRangeError

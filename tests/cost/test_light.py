@@ -16,12 +16,11 @@ from tradestudy.cameras.focus import SharpRange
 from tradestudy.cost import measuring, spot
 from tradestudy.cost.depth_of_field import _difference, depth_of_field_cost
 from tradestudy.cost.entries import CostTable, Entry, a_tenth_of_what_is_asked
-from tradestudy.cost.measuring import Allowance
-from tradestudy.cost.pace import Pace
+from tradestudy.cost.measuring import Allowance, Pace
 from tradestudy.cost.point_spread import DIRECT, point_spread_cost
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource
 from tradestudy.optics.depth_of_field import DepthOfField
-from tradestudy.plan.situations.depth_of_field import depth_of_field_situation
+from tradestudy.plan.situations.every import depth_of_field_situation
 from tradestudy.plan.situations.light_spot import light_spot_situation, spot_models
 from tradestudy.study.schema.light_spot import LightSpotPart
 

@@ -19,9 +19,8 @@ from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.cost.study_cost import study_cost
 from tradestudy.errors import UnaffordableError
 from tradestudy.imaging import derived_error
-from tradestudy.imaging.models import PictureModels
+from tradestudy.imaging.models import PictureModels, texture_spectrum
 from tradestudy.imaging.picture import disparity_error_px
-from tradestudy.imaging.texture import texture_spectrum
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.situations.depth import depth_situations
 from tradestudy.plan.situations.situation import Situation

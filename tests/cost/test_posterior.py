@@ -9,8 +9,8 @@ from typing import cast
 
 import tradestudy
 from tradestudy.calibration.uncertain_camera import UncertainCamera
+from tradestudy.cost.calibration import posterior_cost
 from tradestudy.cost.measuring import Allowance
-from tradestudy.cost.posterior import posterior_cost
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

@@ -12,7 +12,8 @@ from tests.campaigns import depth_of_field_bounds
 from tests.campaigns.depth_bounds import audit, omissions
 from tests.campaigns.depth_cases import base_study
 from tradestudy.effects.base import SlotName
-from tradestudy.imaging.transfer import airy_transfer, kirchhoff_transfers
+from tradestudy.imaging.kirchhoff import kirchhoff_transfers
+from tradestudy.imaging.transfer import airy_transfer
 from tradestudy.plan.situations.depth import depth_situations
 
 

@@ -11,11 +11,16 @@ from scipy import integrate, special
 
 from tests.campaigns.light_bounds import TOLERANCE, by_effect, by_slot, measured, ratios
 from tests.campaigns.light_cases import LightCase, bounds_of, changes_of, random_case
-from tradestudy.effects.interference import light_behind_neighbours
 from tradestudy.effects.light_scene import LightScene
-from tradestudy.effects.picture_change import disc_envelope, edge_wave, frequencies, picture_change
+from tradestudy.effects.light_slots import spectrum_in_picture
+from tradestudy.effects.picture_change import (
+    disc_envelope,
+    edge_wave,
+    frequencies,
+    light_behind_neighbours,
+    picture_change,
+)
 from tradestudy.effects.point_images import PointImage, diffraction_of_points
-from tradestudy.effects.spectrum import spectrum_in_picture
 from tradestudy.optics.chain import DiscSource, LightPath, Microlenses, PixelGrid, square_centres
 from tradestudy.optics.propagation import CircularLens, PointSource
 

@@ -12,7 +12,7 @@ from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.spot_images import SpotModels, spot_picture
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens
-from tradestudy.effects.sampling import TOLERANCES, sampling, tolerance_of
+from tradestudy.effects.light_slots import TOLERANCES, sampling, tolerance_of
 from tradestudy.effects.sharpness import diffraction_of_sharpness
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.optics.chain import microlens_nodes
@@ -135,7 +135,7 @@ def test_a_tolerance_belongs_to_methods() -> None:
 
 
 def test_tolerances_are_their_own_bounds() -> None:
-    slot = sampling("pixel_intensity")
+    slot = sampling()
     assert [tolerance_of(model) for model in slot.models] == list(TOLERANCES)
     assert slot.model_names[-1] == "0.1 %"
 

@@ -6,10 +6,9 @@ import numpy as np
 
 from tests.imaging.matcher import Scene
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.imaging.models import PictureModels, PictureSettings
-from tradestudy.imaging.noise import Light, SensorNoise
+from tradestudy.imaging.light import Light, SensorNoise
+from tradestudy.imaging.models import PictureModels, PictureSettings, Texture
 from tradestudy.imaging.picture import DerivedDisparityError, disparity_error_px
-from tradestudy.imaging.texture import Texture
 
 RAYS = PictureModels(
     defocus_blur="disc",

@@ -13,7 +13,7 @@ from scipy.special import j0, j1
 from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.imaging.crosstalk import neighbours_share
+from tradestudy.imaging.light import neighbours_share
 from tradestudy.imaging.models import PictureModels, closed_form_models
 from tradestudy.imaging.picture import disparity_error_px
 

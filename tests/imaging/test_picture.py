@@ -18,14 +18,13 @@ from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.kirchhoff import kirchhoff_correction
+from tradestudy.imaging.light import Light, SensorNoise
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
-from tradestudy.imaging.models import DefocusModel, PictureModels, PictureSettings
-from tradestudy.imaging.noise import Light, SensorNoise
+from tradestudy.imaging.models import DefocusModel, PictureModels, PictureSettings, Texture, texture_spectrum
 from tradestudy.imaging.optical_transfer import LensTransfers, kirchhoff_points
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px, disparity_error_px, window_px
-from tradestudy.imaging.texture import Texture, texture_spectrum
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
-from tradestudy.imaging.transfer.kirchhoff import kirchhoff_correction
 
 SETTINGS = PictureSettings(
     texture=Texture(contrast=0.2, correlation_length=100e-6),

@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import UnaffordableError
+from tradestudy.imaging.kirchhoff import correction_at, kirchhoff_correction, kirchhoff_transfers, lattice_defocus
 from tradestudy.imaging.transfer import (
     airy_transfer,
     disc_transfer,
     fresnel_transfer,
-    kirchhoff_transfers,
-    lattice_defocus,
     square_transfer,
 )
-from tradestudy.imaging.transfer.kirchhoff import correction_at, kirchhoff_correction
 
 WAVELENGTH = 550e-9
 

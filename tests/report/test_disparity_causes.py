@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from tradestudy import load
-from tradestudy.imaging.error_causes import CHANGES
+from tradestudy.imaging.picture import CHANGES
 from tradestudy.plan.plan import plan_of
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Table, Text, all_blocks, spans

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.spot_images import light_path
-from tradestudy.execution.timing import timed
+from tradestudy.execution.steps import timed
 from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, chain_image
 from tradestudy.optics.propagation import (
     LENS_PHASES,

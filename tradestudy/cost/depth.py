@@ -14,15 +14,13 @@ from numpy.typing import ArrayLike
 from tradestudy.analysis.depth import ONE_SIGMA, depth_uncertainty
 from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cost.depth_case import DepthCase
-from tradestudy.cost.depth_reference import SUPERSCRIPTS, reference_of
-from tradestudy.cost.draws_saved import PLAIN, SOBOL, gain
-from tradestudy.cost.entries import NOWHERE_USABLE, CostTable, Entry, nothing_measured
+from tradestudy.cost.depth_reference import SUPERSCRIPTS, DepthCase, reference_of
+from tradestudy.cost.entries import NOWHERE_USABLE, PLAIN, SOBOL, CostTable, Entry, gain, nothing_measured
 from tradestudy.cost.interval_quadrature import half_width_by_quadrature
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
-from tradestudy.effects.calibration import LINEAR as EFFECT_LINEAR
+from tradestudy.effects.depth_errors import LINEAR as EFFECT_LINEAR
 from tradestudy.errors import OutOfRangeError, UnaffordableError
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
@@ -129,7 +127,7 @@ def propagation_cost(
     progress(f"cost: {name}", 0.0)
 
     def alive() -> None:
-        progress(f"cost: {name}", min(_spent(allowance), _REFERENCE_SHARE))
+        progress(f"cost: {name}", min(1.0 - allowance.left / allowance.seconds, _REFERENCE_SHARE))
 
     try:
         found = reference_of(cases, allowance.share(_REFERENCE_SHARE), most_draws, alive)
@@ -171,7 +169,12 @@ def propagation_cost(
             left_out.append(f"{QUADRATURE}, {setting}: {allowance.lacking(2.0 * took_last)}")
             continue
         try:
-            timed = measure(partial(_by_quadrature, cases, nodes), allowance)
+            timed = measure(
+                lambda _run, nodes=nodes: _joined(  # type: ignore[misc]  # bound at once
+                    half_width_by_quadrature(case.model, case.sources, ONE_SIGMA, nodes) for case in cases
+                ),
+                allowance,
+            )
         except OutOfRangeError as error:
             left_out.append(f"{QUADRATURE}: {error}")
             break
@@ -180,37 +183,31 @@ def propagation_cost(
         if entries[-1].error <= 2.0 * reference_error:  # finer ones are as good as can be told
             break
     took, drawn = dict.fromkeys(_SAMPLERS, 0.0), 0.0
-    planned = {
-        (power, model): 2**power
-        for power in _POWERS
-        for model in _SAMPLERS
-        if power <= _MOST_POWER[model] and 2**power <= most_draws
-    }
+    # Model, setting, sampling, draws, and how many times longer than the draws of the model before it takes: four times
+    # the draws take four times as long, with one run for the memory, and at least one for the time. Rules come before
+    # the many draws, lest those leave no time for what a run takes.
+    runs: list[tuple[str, str, Sampling, float, float]] = []
     for power in _POWERS:
-        for model, sampler in _SAMPLERS.items():
-            if (power, model) not in planned:
-                continue
-            setting = f"2{str(power).translate(SUPERSCRIPTS)} draws"
-            # Four times the draws take four times as long; one run for the memory, and at least one for the time.
-            predicted = 2.0 * 4.0 * took[model]
-            if not allowance.allows(predicted):
-                left_out.append(f"{model}, {setting}: {allowance.lacking(predicted)}")
-                continue
-            timed = measure(partial(_sampled, cases, fixed_sampling(sampler, 2**power)), allowance)
-            took[model] = timed.seconds
-            entries.append(_entry(model, setting, 2.0**power, timed, reference))
-            drawn += 2.0**power
-            progress(f"cost: {name}", _REFERENCE_SHARE + (1.0 - _REFERENCE_SHARE) * drawn / sum(planned.values()))
-        # Before the many draws, lest they leave no time for what a run takes.
-        for model, setting, sampling in more if power == _RULES_AFTER else ():
-            predicted = _UNTIL_CONVERGED * took[model]
-            if not allowance.allows(predicted):
-                left_out.append(f"{model}, {setting}: {allowance.lacking(predicted)}")
-                continue
-            timed = measure(partial(_sampled, cases, sampling), allowance)
-            entries.append(_entry(model, setting, math.nan, timed, reference, chosen=model == chosen))
-            if model == chosen:
-                notes.append(_where_worst(cases, f"{model} {setting}", timed, reference))
+        runs += [
+            (model, f"2{str(power).translate(SUPERSCRIPTS)} draws", fixed_sampling(sampler, 2**power), 2.0**power, 8.0)
+            for model, sampler in _SAMPLERS.items()
+            if power <= _MOST_POWER[model] and 2**power <= most_draws
+        ]
+        runs += [(*rule, math.nan, _UNTIL_CONVERGED) for rule in more if power == _RULES_AFTER]
+    for model, setting, sampling, draws, longer in runs:
+        predicted = longer * took[model]
+        if not allowance.allows(predicted):
+            left_out.append(f"{model}, {setting}: {allowance.lacking(predicted)}")
+            continue
+        timed = measure(partial(_sampled, cases, sampling), allowance)
+        is_rule = math.isnan(draws)
+        entries.append(_entry(model, setting, draws, timed, reference, chosen=is_rule and model == chosen))
+        if not is_rule:
+            took[model], drawn = timed.seconds, drawn + draws
+            share = drawn / math.fsum(one[3] for one in runs if not math.isnan(one[3]))
+            progress(f"cost: {name}", _REFERENCE_SHARE + (1.0 - _REFERENCE_SHARE) * share)
+        elif model == chosen:
+            notes.append(_where_worst(cases, f"{model} {setting}", timed, reference))
     progress(f"cost: {name}", 1.0)
     return CostTable(
         name=name,
@@ -226,41 +223,33 @@ def propagation_cost(
     )
 
 
-def _spent(allowance: Allowance) -> float:
-    return min(1.0, 1.0 - allowance.left / allowance.seconds) if allowance.seconds > 0.0 else 1.0
-
-
 def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> Iterator[DepthCase]:
     """The camera at some of the distances where it is usable and its uncertainty finite; nothing where there is none.
 
     Its errors are those that it declares, each direction drawn independently, through its exact model.
     """
-    case = definition.case
-    usable = all_met(evaluate_limits(camera, case.criteria, case.distance), case.distance.shape)
-    places = case.distance[usable & np.isfinite(depth_uncertainty(camera, case.distance))]
-    if places.size == 0:
+    distance = usable_places(definition, camera)
+    if distance.size == 0:
         return
-    wanted = np.geomspace(places[0], places[-1], MOST_PLACES)
-    distance = places[np.unique(np.abs(places[:, None] - wanted).argmin(axis=0))]
     directions = camera.error_directions(distance)
     shapes = {part.name: part.shape for part in camera.depth_error_parts(distance)}
-    sources: list[Source] = []
-    moved: dict[str, Mapping[str, object]] = {}
-    for part, errors in directions.items():
-        for number, error in enumerate(errors):
-            key = f"{part} {number}"
-            uniform = shapes.get(part) == "uniform"
-            spread = (
-                Uniform(low=-math.sqrt(3.0), high=math.sqrt(3.0))
-                if uniform
-                else Normal(mean=0.0, standard_deviation=1.0)
-            )
-            sources.append(Source(name=key, distribution=spread, error_class=ErrorClass.RIG))
-            moved[key] = error
+    moved = {
+        f"{part} {number}": (part, error) for part, errors in directions.items() for number, error in enumerate(errors)
+    }
+    sources = tuple(
+        Source(
+            name=key,
+            distribution=Uniform(low=-math.sqrt(3.0), high=math.sqrt(3.0))
+            if shapes.get(part) == "uniform"
+            else Normal(mean=0.0, standard_deviation=1.0),
+            error_class=ErrorClass.RIG,
+        )
+        for key, (part, _) in moved.items()
+    )
 
     def model(values: Mapping[str, FloatArray]) -> Outcome:
         errors: dict[str, FloatArray] = {}
-        for key, direction in moved.items():
+        for key, (_, direction) in moved.items():
             for parameter, deviation in direction.items():
                 added = values[key] * np.asarray(deviation, dtype=np.float64)
                 errors[parameter] = errors[parameter] + added if parameter in errors else added
@@ -273,10 +262,21 @@ def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> It
         name=name,
         title=definition.file.cameras[name].title,
         model=model,
-        sources=Sources(groups=tuple(sources)),
+        sources=Sources(groups=sources),
         distance=distance,
         closed_form=lambda: depth_uncertainty(known, distance),
     )
+
+
+def usable_places(definition: StudyDefinition, camera: DepthCamera) -> FloatArray:
+    """Some of the study's distances where the camera is usable and its uncertainty finite."""
+    case = definition.case
+    usable = all_met(evaluate_limits(camera, case.criteria, case.distance), case.distance.shape)
+    places = case.distance[usable & np.isfinite(depth_uncertainty(camera, case.distance))]
+    if places.size == 0:
+        return places
+    wanted = np.geomspace(places[0], places[-1], MOST_PLACES)
+    return np.asarray(places[np.unique(np.abs(places[:, None] - wanted).argmin(axis=0))])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -296,7 +296,6 @@ def _with_known_errors(camera: DepthCamera, distance: FloatArray) -> DepthCamera
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return camera
-    assert isinstance(camera, DepthCamera)  # no others are pictured
     found = law.error_px(camera, distance)
     known = _KnownDisparityError(
         settings=law.settings, models=law.models, distance=tuple(distance.tolist()), known_px=tuple(found.tolist())
@@ -305,14 +304,16 @@ def _with_known_errors(camera: DepthCamera, distance: FloatArray) -> DepthCamera
 
 
 def _analytic(cases: Sequence[DepthCase]) -> Iterator[tuple[str, Callable[[int], FloatArray]]]:
-    def lines(case: DepthCase) -> FloatArray:
-        return linear(case.model, case.sources, inverse_depth=True).standard_uncertainty
-
     def mapped(case: DepthCase) -> FloatArray:
         low, high = linear(case.model, case.sources, inverse_depth=True).mapped_quantiles(ONE_SIGMA)
         return np.asarray((high - low) / 2.0)
 
-    yield LINEAR, lambda _run: _joined(lines(case) for case in cases)
+    yield (
+        LINEAR,
+        lambda _run: _joined(
+            linear(case.model, case.sources, inverse_depth=True).standard_uncertainty for case in cases
+        ),
+    )
     yield INVERSE, lambda _run: _joined(mapped(case) for case in cases)
     closed = [case.closed_form for case in cases if case.closed_form is not None]
     if len(closed) == len(cases):
@@ -333,10 +334,6 @@ def fixed_sampling(sampler: Sampler, draws: int) -> Sampling:
         batch_draws=2**13,
         sampler=sampler,
     )
-
-
-def _by_quadrature(cases: Sequence[DepthCase], nodes: int, _run: int) -> FloatArray:
-    return _joined(half_width_by_quadrature(case.model, case.sources, ONE_SIGMA, nodes) for case in cases)
 
 
 def _sampled(cases: Sequence[DepthCase], sampling: Sampling, run: int) -> FloatArray:

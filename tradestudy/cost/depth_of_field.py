@@ -13,8 +13,7 @@ from tradestudy.cost.entries import CostTable
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.effects.base import OFF
 from tradestudy.effects.selection import Selection
-from tradestudy.execution.progress import Progress
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.execution.steps import Progress
 from tradestudy.optics.depth_of_field import DiffractionMeasure
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
@@ -90,19 +89,12 @@ def depth_of_field_cost(
 
 def _difference(one: SharpRange, other: SharpRange, near: float, far: float) -> float:
     """Length that is sharp by one alone over the length that is sharp by either; 0 where nothing is by both."""
-    ends = np.unique(np.concatenate([[near, far], *(_clipped(r, near, far).ravel() for r in (one, other))]))
+    covered = [np.clip(found.union.covered, near, far) for found in (one, other)]
+    ends = np.unique(np.concatenate([[near, far], *(intervals.ravel() for intervals in covered)]))
     middle, length = (ends[1:] + ends[:-1]) / 2.0, np.diff(ends)
-    first, second = (_within(_clipped(r, near, far), middle) for r in (one, other))
+    first, second = (
+        np.any((low < middle) & (middle < high), axis=0)
+        for low, high in (np.hsplit(intervals, 2) for intervals in covered)
+    )
     either = float(np.sum(length[first | second]))
     return float(np.sum(length[first != second])) / either if either > 0.0 else 0.0
-
-
-def _clipped(found: SharpRange, near: float, far: float) -> FloatArray:
-    return np.asarray(np.clip(found.union.covered, near, far))
-
-
-def _within(covered: FloatArray, places: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
-    inside: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = np.zeros(places.shape, dtype=bool)
-    for low, high in covered:
-        inside |= (places > low) & (places < high)
-    return inside

@@ -20,14 +20,38 @@ from numpy.polynomial.legendre import leggauss
 from scipy.special import erfc, ndtri
 
 from tradestudy.analysis.depth import ONE_SIGMA
-from tradestudy.cost.depth_case import DepthCase
 from tradestudy.cost.measuring import REFERENCE_SEED, Allowance
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.evaluation import ranked
-from tradestudy.uncertainty.sources import Source
+from tradestudy.uncertainty.evaluation import Model, ranked
+from tradestudy.uncertainty.sources import Source, Sources
 from tradestudy.units import significant
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthCase:
+    """One camera whose depth is asked for.
+
+    Parameters
+    ----------
+    name, title
+        Its key in the study, from which draws take their seed, and its name in words.
+    model, sources
+        Its exact model of inverse depth, and what is uncertain.
+    distance
+        Where it is asked for [m].
+    closed_form
+        The uncertainty by the closed form of ``/depth`` [m]; None where the errors have none.
+    """
+
+    name: str
+    title: str
+    model: Model
+    sources: Sources
+    distance: FloatArray
+    closed_form: Callable[[], FloatArray] | None
+
 
 SUPERSCRIPTS: Final = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SCRAMBLES: Final = 8

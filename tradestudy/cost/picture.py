@@ -5,22 +5,22 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cost.depth import usable_places
 from tradestudy.cost.entries import NOWHERE_USABLE, CostTable, nothing_measured
-from tradestudy.cost.measuring import MOST_PLACES, Allowance, entry_of, measure
+from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.cost.picture_reference import reference_error_px
 from tradestudy.effects.base import OFF, SlotName
 from tradestudy.effects.selection import Selection
 from tradestudy.errors import TradestudyError, UnaffordableError
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.situations.situation import Situation
@@ -41,16 +41,6 @@ _REFERENCE_SHARE: Final = 0.5  # at most, of what is left, so that models can be
 _LATTICE_POINTS: Final = 4.0
 
 Names = dict[SlotName, str]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Reference:
-    """Depth uncertainty [m] at the places [m], the largest relative error of it, and the seconds it took."""
-
-    places: FloatArray
-    uncertainty: FloatArray
-    error: float
-    seconds: float
 
 
 def picture_cost(
@@ -83,9 +73,8 @@ def picture_cost(
         Without entries where the camera is usable at no distance of the study, or the time does not allow a reference.
     """
     camera = definition.case.cameras[situation.name]
-    assert isinstance(camera, DepthCamera)  # a situation of depth has no other
     chosen = acting(camera, _names(selection))
-    places = _places(definition, chosen)
+    places = usable_places(definition, chosen)
     step = f"cost: {name}"
     progress(step, 0.0)
     title = f"Picture models: {situation.title}"
@@ -97,25 +86,24 @@ def picture_cost(
     if places.size == 0:
         return nothing_measured(name, title, says, NOWHERE_USABLE)
     try:
-        reference = _reference(camera, places, allowance)
+        places, reference, reference_error, reference_seconds = _reference(camera, places, allowance)
     except UnaffordableError as error:
         return nothing_measured(name, title, says, f"everything: {error}")
     entries, left_out = [], []
-    sets = list(_sets(camera, situation, selection))
-    for number, (names, model_camera) in enumerate(sets):
+    sets = _sets(camera, situation, selection)
+    for number, (model_camera, names) in enumerate(sets.items()):
         progress(step, number / len(sets))
         model, setting = _words(names, situation)
-        waves = "kirchhoff" in names.values()
-        predicted = _LATTICE_POINTS * reference.seconds if waves else 0.0
+        predicted = _LATTICE_POINTS * reference_seconds if "kirchhoff" in names.values() else 0.0
         if not allowance.allows(predicted):
             left_out.append(f"{', '.join(filter(None, (model, setting)))}: {allowance.lacking(predicted)}")
             continue
         timed = measure(
-            lambda _run, one=model_camera: depth_uncertainty(one, reference.places),  # type: ignore[misc]  # bound at once
+            lambda _run, one=model_camera: depth_uncertainty(one, places),  # type: ignore[misc]  # bound at once
             allowance,
         )
         with np.errstate(invalid="ignore"):  # no bar at all is no answer: infinite
-            relative = np.abs(timed.values[0] / reference.uncertainty - 1.0)
+            relative = np.abs(timed.values[0] / reference - 1.0)
         relative = np.where(np.isnan(relative), np.inf, relative)
         entries.append(
             entry_of(
@@ -136,8 +124,8 @@ def picture_cost(
         says=says,
         reference="every effect at once by a code of its own: Kirchhoff's transfer at each distance, no interpolation, "
         "every replica up to the cut-off, more nodes in the band",
-        reference_error=reference.error,
-        reference_seconds=reference.seconds,
+        reference_error=reference_error,
+        reference_seconds=reference_seconds,
         entries=tuple(sorted(entries, key=lambda entry: order.index(entry.model.partition(" at ")[0]))),
         left_out=tuple(left_out),
         ways={entry.model: "effects, or an accuracy.depth_uncertainty that calls for it" for entry in entries},
@@ -148,19 +136,16 @@ def _names(selection: Selection) -> Names:
     return {slot: model.name for slot, model in selection.chosen.items()}
 
 
-def _places(definition: StudyDefinition, camera: DepthCamera) -> FloatArray:
-    """Some of the study's distances where the camera is usable and its uncertainty finite."""
-    case = definition.case
-    usable = all_met(evaluate_limits(camera, case.criteria, case.distance), case.distance.shape)
-    places = case.distance[usable & np.isfinite(depth_uncertainty(camera, case.distance))]
-    if places.size == 0:
-        return places
-    wanted = np.geomspace(places[0], places[-1], MOST_PLACES)
-    return np.asarray(places[np.unique(np.abs(places[:, None] - wanted).argmin(axis=0))])
+def _reference(
+    camera: DepthCamera, places: FloatArray, allowance: Allowance
+) -> tuple[FloatArray, FloatArray, float, float]:
+    """Places where depth uncertainty is finite [m], what it is there [m], its largest relative error, seconds it took.
 
-
-def _reference(camera: DepthCamera, places: FloatArray, allowance: Allowance) -> _Reference:
-    """Raise `UnaffordableError` where the time, or what a picture asks for, does not allow one."""
+    Raises
+    ------
+    UnaffordableError
+        Where the time, or what a picture asks for, does not allow one.
+    """
     law = camera.disparity_error_px
     assert isinstance(law, PictureDisparityError)  # its situation has a picture
     begin = time.perf_counter()
@@ -176,17 +161,13 @@ def _reference(camera: DepthCamera, places: FloatArray, allowance: Allowance) ->
                 limit=f"half of the {max(allowance.left, 0.0):.1f} s that are left",
                 remedy="a larger --budget measures it",
             )
-    value, error = (np.concatenate(column) for column in zip(*found, strict=True))
-    uncertainty, moved = _uncertainty(camera, places, value), _uncertainty(camera, places, value + error)
+    value, off = (np.concatenate(column) for column in zip(*found, strict=True))
+    uncertainty, moved = _uncertainty(camera, places, value), _uncertainty(camera, places, value + off)
     finite = np.isfinite(uncertainty) & np.isfinite(moved)
     if not finite.any():
         raise UnaffordableError("no finite uncertainty with every effect in it", remedy="look at fewer distances")
-    return _Reference(
-        places=places[finite],
-        uncertainty=uncertainty[finite],
-        error=float(np.max(moved[finite] / uncertainty[finite] - 1.0)),
-        seconds=time.perf_counter() - begin,
-    )
+    error = float(np.max(moved[finite] / uncertainty[finite] - 1.0))
+    return places[finite], uncertainty[finite], error, time.perf_counter() - begin
 
 
 def _uncertainty(camera: DepthCamera, places: FloatArray, error_px: FloatArray) -> FloatArray:
@@ -200,14 +181,16 @@ def _uncertainty(camera: DepthCamera, places: FloatArray, error_px: FloatArray) 
     return np.array(found)
 
 
-def _sets(camera: DepthCamera, situation: Situation, selection: Selection) -> Iterator[tuple[Names, DepthCamera]]:
-    """Sets of models, each with the camera in which they act; sets that make the same camera stand once."""
-    seen: set[DepthCamera] = set()
-    for names in (*_ladder(situation), *_omissions(situation), _names(selection), *_preferred(situation)):
-        one = acting(camera, names)
-        if one not in seen:
-            seen.add(one)
-            yield names, one
+def _sets(camera: DepthCamera, situation: Situation, selection: Selection) -> dict[DepthCamera, Names]:
+    """Sets of models by the camera in which they act; of those that make the same camera the first.
+
+    Diffraction by every law, everything else at its best; then omissions, and what is or would be selected.
+    """
+    ladder = (_with_law(situation, law) for law in TITLES)
+    sets: dict[DepthCamera, Names] = {}
+    for names in (*ladder, *_omissions(situation), _names(selection), *_preferred(situation)):
+        sets.setdefault(acting(camera, names), names)
+    return sets
 
 
 def _complete(situation: Situation) -> Names:
@@ -219,12 +202,6 @@ def _with_law(situation: Situation, law: str) -> Names:
     """Everything, with one law at both lenses as far as they have it."""
     lenses: Names = {slot.name: law for slot in situation.slots if slot.name in _LENSES and law in slot.model_names}
     return _complete(situation) | lenses
-
-
-def _ladder(situation: Situation) -> Iterator[Names]:
-    """Diffraction by every law, everything else at its best."""
-    for law in TITLES:
-        yield _with_law(situation, law)
 
 
 def _omissions(situation: Situation) -> Iterator[Names]:

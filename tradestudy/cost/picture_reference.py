@@ -13,15 +13,12 @@ import numpy as np
 
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.errors import UnaffordableError
-from tradestudy.imaging.crosstalk import neighbours_share
+from tradestudy.imaging.kirchhoff import FARTHEST, correction_at, kirchhoff_correction
+from tradestudy.imaging.light import field_illumination, mean_electrons, neighbours_share, noise_variance
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
-from tradestudy.imaging.models import PictureSettings
-from tradestudy.imaging.noise import mean_electrons, noise_variance
+from tradestudy.imaging.models import PictureSettings, texture_spectrum
 from tradestudy.imaging.picture import window_px
-from tradestudy.imaging.texture import texture_spectrum
 from tradestudy.imaging.transfer import disc_transfer, fresnel_transfer, square_transfer
-from tradestudy.imaging.transfer.kirchhoff import FARTHEST, correction_at, kirchhoff_correction
-from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.arrays import FloatArray
 
 _NODES: Final = ((60, 12), (42, 8))  # along and across an eighth of the band; the second says how good the first is

@@ -14,7 +14,7 @@ from tradestudy.analysis.point_spreads import LensAndPoint
 from tradestudy.cost.entries import CostTable, Entry, nothing_measured
 from tradestudy.cost.measuring import Allowance, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import (
     FieldAccuracy,
@@ -51,7 +51,6 @@ _REFERENCE_SHARE: Final = 0.5  # at most, of what is left, so that models can be
 class _Lens:
     """A lens of the study as it stands, with its targets and the reference there."""
 
-    name: str
     case: LensAndPoint
     grid: TargetGrid
     reference: FloatArray
@@ -85,7 +84,7 @@ def point_spread_cost(
         )
         return nothing_measured("point_spread", title, says, why)
     begin = time.perf_counter()
-    built = [_lens(name, part, element) for name, element in part.elements.items()]
+    built = [_lens(part, element) for element in part.elements.values()]
     lenses, reference_error = [one for one, _ in built], max(error for _, error in built)
     reference_seconds = time.perf_counter() - begin
     entries: list[Entry] = []
@@ -172,12 +171,12 @@ def _targets(part: PointSpreadPart, case: LensAndPoint, count: int) -> TargetGri
     )
 
 
-def _lens(name: str, part: PointSpreadPart, element: ElementPart) -> tuple[_Lens, float]:
+def _lens(part: PointSpreadPart, element: ElementPart) -> tuple[_Lens, float]:
     case = _case(part, element)
     grid = _targets(part, case, _COUNT)
     coarse, fine = (_direct(case, grid, _REFERENCE_TOLERANCE, factor, _EVERY)[0] for factor in (1.0, 1.5))
     error = float(np.linalg.norm(coarse - fine) / np.linalg.norm(fine))
-    return _Lens(name=name, case=case, grid=grid, reference=fine), max(error, float(np.finfo(np.float64).eps))
+    return _Lens(case=case, grid=grid, reference=fine), max(error, float(np.finfo(np.float64).eps))
 
 
 def _direct(

@@ -13,10 +13,9 @@ import numpy as np
 
 from tradestudy.analysis.spot_images import RAYS, SpotModels, compared_models, light_source, picture_of
 from tradestudy.cost.entries import CostTable, Entry, nothing_measured
-from tradestudy.cost.measuring import Allowance, Timed, entry_of, measure
-from tradestudy.cost.pace import Pace
+from tradestudy.cost.measuring import Allowance, Pace, Timed, entry_of, measure
 from tradestudy.errors import NotConvergedError, UnaffordableError
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.light_methods import short_title
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain import ChainAccuracy, ChainImage, DiscSource

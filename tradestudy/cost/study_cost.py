@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy import machine, provenance
-from tradestudy.cost.calibration import calibration_cost
+from tradestudy.cost.calibration import calibration_cost, posterior_cost
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.cost.depth import depth_cost
 from tradestudy.cost.depth_of_field import depth_of_field_cost
@@ -30,18 +30,17 @@ from tradestudy.cost.entries import (
     next_digit,
     on_frontier,
 )
-from tradestudy.cost.measuring import Allowance
-from tradestudy.cost.pace import Pace
+from tradestudy.cost.measuring import Allowance, Pace
 from tradestudy.cost.picture import picture_cost
 from tradestudy.cost.point_spread import point_spread_cost
-from tradestudy.cost.posterior import posterior_cost
 from tradestudy.cost.spot import point_cost, spot_cost
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.plan.plan import Plan, plan_of
-from tradestudy.plan.situations import depth_of_field, light_spot, point_spread
+from tradestudy.plan.situations import light_spot, point_spread
+from tradestudy.plan.situations.every import DEPTH_OF_FIELD
 from tradestudy.plan.situations.light_spot import spot_models
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
@@ -129,14 +128,18 @@ def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Ite
     """What the study asks for, the quickest first, so that the dear ones get what is left."""
     definition, file = plan.definition, declared.file
     if (asked := file.depth_of_field) is not None:
-        sharpness = plan.selections[depth_of_field.NAME]
+        sharpness = plan.selections[DEPTH_OF_FIELD]
         yield lambda allowance: depth_of_field_cost(definition, asked, sharpness, allowance, progress)
     if (spread := file.point_spread) is not None:
         law = plan.selections[point_spread.NAME].name_of("main_lens_diffraction")
         yield lambda allowance: point_spread_cost(spread, law, allowance, progress)
     if definition.case.cameras:
         yield lambda allowance: depth_cost(definition, allowance, progress)
-        yield from _pictures(declared, plan, progress)
+        laws = {name: camera.disparity_error_px for name, camera in declared.case.cameras.items()}
+        derived = [one for one in plan.situations if isinstance(laws.get(one.name), PictureDisparityError)]
+        for number, situation in enumerate(derived, start=1):
+            selection, name = plan.selections[situation.name], f"picture_{number}"
+            yield partial(picture_cost, declared, situation, selection, progress=progress, name=name)
     if (calibration := file.calibration) is not None:
         begin = time.perf_counter()
         uncertain = definition.uncertain_cameras(calibration, Steps(progress=progress))
@@ -160,16 +163,6 @@ def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Ite
             yield lambda allowance: spot_cost(
                 spot, chosen, allowance, progress, speed=speed, asked=pixels_to, pace=pace.for_others()
             )
-
-
-def _pictures(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iterator[Callable[[Allowance], CostTable]]:
-    """One question for every camera whose disparity error is derived."""
-    cameras = declared.case.cameras
-    laws = {name: camera.disparity_error_px for name, camera in cameras.items()}
-    derived = [one for one in plan.situations if isinstance(laws.get(one.name), PictureDisparityError)]
-    for number, situation in enumerate(derived, start=1):
-        selection, name = plan.selections[situation.name], f"picture_{number}"
-        yield partial(picture_cost, declared, situation, selection, progress=progress, name=name)
 
 
 def _dataset(found: list[CostTable], *, budget: float) -> xr.Dataset:
@@ -208,7 +201,7 @@ def _dataset(found: list[CostTable], *, budget: float) -> xr.Dataset:
         attributes={
             "machine": json.dumps(machine.identity(), sort_keys=True),
             "measured": datetime.now(UTC).isoformat(timespec="seconds"),
-            "load_average": _load(),
+            "load_average": round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else math.nan,
             "budget": budget,
             "code_hash": provenance.code_hash(),
             "ways": json.dumps({measured.name: dict(measured.ways) for measured in found}),
@@ -224,8 +217,3 @@ def _told(name: str, entries: Sequence[Entry | None]) -> dict[str, list[Any]]:
         f"{name}_error": [math.nan if entry is None else entry.error for entry in entries],
         f"{name}_seconds": [math.nan if entry is None else entry.seconds for entry in entries],
     }
-
-
-def _load() -> float:
-    """Processes that wanted a core over the last minute; NaN where the system does not tell."""
-    return round(os.getloadavg()[0], 2) if hasattr(os, "getloadavg") else math.nan

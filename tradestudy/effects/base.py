@@ -41,7 +41,7 @@ class EffectCriterion:
     words
         What it is, in words: "blur over pixel", "Fresnel number of the pupil from the array".
     definition
-        Its formula, with the symbols explained, so that a reader can compute it; empty only of `COMPLETE`.
+        Its formula, with the symbols explained, so that a reader can compute it; empty only of that of `COMPLETE`.
     value
         Its value at the worst place of the study; NaN where the effect has none.
     at
@@ -52,9 +52,6 @@ class EffectCriterion:
     definition: str
     value: float
     at: float = math.nan
-
-
-COMPLETE: Final = EffectCriterion(words="left out", definition="", value=0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +80,13 @@ class Bound:
     def __post_init__(self) -> None:
         if not self.relative_change >= 0.0:
             raise OutOfRangeError("bound of an effect", value=f"{self.relative_change:g}", limit="≥ 0 or infinite")
+
+
+COMPLETE: Final = Bound(
+    relative_change=0.0,
+    criterion=EffectCriterion(words="left out", definition="", value=0.0),
+    reason=NOTHING_LEFT_OUT,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

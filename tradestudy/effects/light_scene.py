@@ -147,11 +147,6 @@ class LightScene:
         return len(symmetries(self.path, self.source))
 
     @cached_property
-    def seeing_pitch(self) -> float:
-        """Distance of neighbouring microlenses' cells on the detector, seen from the main lens [m]."""
-        return self.path.microlenses.pitch * (1.0 + self.path.detector_distance / self.path.array_distance)
-
-    @cached_property
     def why_unbounded(self) -> str:
         """Why no bound can be stated from rays and widths; empty where one can.
 
@@ -169,7 +164,9 @@ class LightScene:
     @cached_property
     def margins(self) -> FloatArray:
         """How far each ray lands inside its own microlens's cell on the detector [m]; < 0 behind a neighbour."""
-        rays, scaled = self._rays, self.path.microlenses.centres * self.seeing_pitch / self.path.microlenses.pitch
+        # Cells lie farther apart on the detector than microlenses on the array, seen from the main lens.
+        rays, spread = self._rays, 1.0 + self.path.detector_distance / self.path.array_distance
+        scaled = self.path.microlenses.centres * spread
         if len(scaled) == 1 or not len(rays.landing):
             return np.full(len(rays.landing), math.inf)
         to = np.linalg.norm(rays.landing[:, None] - scaled, axis=-1)
@@ -187,7 +184,7 @@ class LightScene:
         rays, z, b = self._rays, self.path.array_distance, self.path.detector_distance
         error = _cosines(rays.arriving, z) - rays.arriving / z
         at_pupil, at_array = rays.main_slope + error, -error
-        if self._lit_by_whole_pupil:
+        if self.blur_on_array < self.path.microlenses.aperture_width / 2.0:  # lit by the whole pupil
             power = 1.0 / z + 1.0 / b - 1.0 / rays.focal_length[:, None]
             landing = b * (power * z * at_pupil + at_array)
         else:
@@ -247,10 +244,6 @@ class LightScene:
         leaving = rays.landing - (rays.offset + self._centre_of(rays))
         error = self._microlens_slope(rays) + _cosines(-leaving, b) + leaving / b
         return self._difference(b * error, leaving, b)
-
-    @property
-    def _lit_by_whole_pupil(self) -> bool:
-        return self.blur_on_array < self.path.microlenses.aperture_width / 2.0
 
     def _difference(self, landing: FloatArray, travel: FloatArray, distance: float) -> LawDifference:
         if not len(landing):

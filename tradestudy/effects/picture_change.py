@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import j0, j1
 
 from tradestudy.accuracy import Quantity
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, EffectCriterion, Model
+from tradestudy.effects.base import Bound, EffectCriterion, Model
 from tradestudy.effects.light_scene import LawDifference, LightScene
 from tradestudy.imaging.transfer import disc_transfer
 from tradestudy.optics.arrays import FloatArray
@@ -24,6 +24,7 @@ from tradestudy.optics.arrays import FloatArray
 _POINTS: Final = 600
 _SCENES: Final = 8  # whose numbers are kept
 _ENVELOPE: Final = 1.651
+_AIRY_TAIL: Final = 2.0 / math.pi**2  # share of an Airy pattern of cutoff f_c outside the radius m, times f_c m
 _EDGE_WAVE: Final = (
     1.0 / math.pi
 )  # ∫ |U − U_rays|² dv at a straight edge, v = x √(2/(λ z)); the intensity's is the same
@@ -164,11 +165,6 @@ def bound_of(scene: LightScene, change: float, *, criterion: EffectCriterion, re
     return {"pixel_intensity": Bound(relative_change=change, criterion=criterion, reason=why if why else reason)}
 
 
-def complete() -> Mapping[Quantity, Bound]:
-    """Of the model that leaves nothing out."""
-    return {"pixel_intensity": Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)}
-
-
 def fresnel_law(scene: LightScene, law: LawDifference, change: float, *, lens: str, aberration: str) -> Model:
     """Fresnel's law at a lens, and the change by what it leaves out of its paths."""
     return Model(
@@ -201,3 +197,36 @@ def diffraction_width(scene: LightScene) -> EffectCriterion:
 def _finite(displacement: float) -> float:
     """A displacement without bound turns every phase, which a metre does too."""
     return min(displacement, 1.0)
+
+
+def light_behind_neighbours(scene: LightScene) -> float:
+    """Upper bound on the light that leaves its microlens's cell, relative L2 over the picture.
+
+    A ray that lands behind a neighbour is there with all its light. One that lands the margin m inside its own cell
+    sends by diffraction at an aperture of cutoff f_c at most the share 2/(π² f_c m) beyond its border: all of an Airy
+    pattern that is farther from its middle, whichever side it is on.
+    """
+    return math.sqrt(float(np.mean(_shares_outside(scene) ** 2)))
+
+
+def interference_change(scene: LightScene, *, pixels: bool = True) -> float:
+    """Relative L2 that interference of own and foreign light makes on the picture: 2 √(own · foreign) · contrast.
+
+    The contrast is what pixel and source leave of fringes between neighbouring microlenses by averaging them, or the
+    source alone where pixels are sampled. Their frequency is pitch/(λ b_L); a pixel leaves at most 1/(π f p), a disc of
+    radius r the envelope of 2 J₁(x)/x, x = 2π f r.
+    """
+    frequency = scene.path.microlenses.pitch / (scene.wavelength * scene.path.detector_distance)
+    contrast = float(disc_envelope(2.0 * math.pi * frequency * scene.spot_radius))
+    if pixels:
+        contrast *= min(1.0, 1.0 / (math.pi * frequency * scene.path.pixels.pitch))
+    return 2.0 * math.sqrt(float(np.mean(_shares_outside(scene)))) * contrast
+
+
+def _shares_outside(scene: LightScene) -> FloatArray:
+    """Share of the light of every ray that diffraction carries out of its cell; 0 where no ray passes."""
+    margins = scene.margins
+    if not margins.size:
+        return np.zeros(1)
+    within = np.maximum(margins, _AIRY_TAIL / scene.cutoff)  # closer to the border no more than all of it leaves
+    return np.asarray(np.where(margins < 0.0, 1.0, _AIRY_TAIL / (scene.cutoff * within)))

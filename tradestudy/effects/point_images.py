@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, Bound, EffectCriterion, Model, Slot
+from tradestudy.effects.base import COMPLETE, Bound, EffectCriterion, Model, Slot
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation import CircularLens, PointSource
 from tradestudy.optics.propagation.lens import lens_paths
@@ -51,12 +51,12 @@ class PointImage:
     @cached_property
     def blur(self) -> float:
         """Root mean square by which paraxial rays miss the centre [m]."""
-        return self._landing(self._paraxial_slopes)
+        return self._landing(self._slopes[1])
 
     @cached_property
     def displacement(self) -> float:
         """Root mean square by which exact rays land elsewhere than paraxial ones [m]."""
-        return self._landing(self._slopes(paraxial=False) - self._paraxial_slopes)
+        return self._landing(self._slopes[0] - self._slopes[1])
 
     @cached_property
     def brightness(self) -> float:
@@ -76,16 +76,18 @@ class PointImage:
         return self.image_distance * float(np.sqrt(squared))
 
     @cached_property
-    def _paraxial_slopes(self) -> FloatArray:
-        return self._slopes(paraxial=True)
+    def _slopes(self) -> list[FloatArray]:
+        """Slopes of the exact and the paraxial path from the source through every pupil point to the centre.
 
-    def _slopes(self, *, paraxial: bool) -> FloatArray:
-        """Slope of the path from the source through every pupil point to the centre: zero for a perfect image."""
+        They are zero for a perfect image.
+        """
         x, y = self._pupil.x, self._pupil.y
-        kind = ParabolicPath if paraxial else SphericalPath
-        leg = kind(x=self.centre[0], y=self.centre[1], distance=self.image_distance)
-        behind = lens_paths(self.source, self.lens, paraxial=paraxial).slope(x, y)
-        return np.column_stack([a + b for a, b in zip(behind, leg.slope(x, y), strict=True)])
+        u, v = self.centre
+        legs = [
+            (lens_paths(self.source, self.lens, paraxial=paraxial), kind(x=u, y=v, distance=self.image_distance))
+            for paraxial, kind in ((False, SphericalPath), (True, ParabolicPath))
+        ]
+        return [np.add(behind.slope(x, y), leg.slope(x, y)).T for behind, leg in legs]
 
     def fresnel_change(self) -> float:
         """Bound on |r_Fresnel − r_Kirchhoff|/r_Kirchhoff of the radius that holds half the light.
@@ -130,7 +132,7 @@ def diffraction_of_points(images: Sequence[PointImage]) -> Slot:
             ),
             Model(
                 name="kirchhoff",
-                bounds={"psf_width": Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)},
+                bounds={"psf_width": COMPLETE},
                 seconds=SECONDS_PER_IMAGE["kirchhoff"] * len(images),
             ),
         ),

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
 from tradestudy.accuracy import Accuracy, Quantity
 from tradestudy.effects.base import Model, Slot, SlotName
 from tradestudy.errors import UnaffordableError
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.units import DURATION, FRACTION, pretty
 
 Chosen = Mapping[SlotName, Model]
@@ -114,7 +116,12 @@ def select(
     if count > _MOST_SETS:
         raise UnaffordableError("sets of models", value=str(count), limit=str(_MOST_SETS), remedy="force some effects")
     wanted = np.array([accuracy.relative[quantity] for quantity in quantities])
-    changes = _joint_changes(slots, open_models, quantities, forced)  # (sets, quantities)
+    changes = _sums(  # (sets, quantities); forced models count nothing
+        [
+            np.array([[0.0 if slot.name in forced else one.change_of(q) for q in quantities] for one in models])
+            for slot, models in zip(slots, open_models, strict=True)
+        ]
+    )
     counts = [len(models) for models in open_models]
 
     def chosen_of(index: int) -> Chosen:
@@ -124,7 +131,11 @@ def select(
     shortfall = (changes / wanted).max(axis=1) if wanted.size else np.zeros(count)
     fitting = np.flatnonzero(shortfall <= 1.0)
     added = seconds is sum_of_seconds
-    costs = _costs(open_models)[fitting] if added else np.array([seconds(chosen_of(int(i))) for i in fitting])
+    costs = (
+        _sums([np.array([[one.seconds] for one in models]) for models in open_models])[fitting, 0]
+        if added
+        else np.array([seconds(chosen_of(int(i))) for i in fitting])
+    )
     affordable = (costs <= accuracy.budget) & np.isfinite(costs)
     if not affordable.any():
         ranked = np.argsort(shortfall, kind="stable")
@@ -141,26 +152,9 @@ def select(
     )
 
 
-def _joint_changes(
-    slots: Sequence[Slot],
-    open_models: Sequence[tuple[Model, ...]],
-    quantities: Sequence[Quantity],
-    forced: Mapping[SlotName, str],
-) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Summed bounds of every combination, in the order of `itertools.product`; forced models count nothing."""
-    total = np.zeros((1, len(quantities)))
-    for slot, models in zip(slots, open_models, strict=True):
-        own = np.array([[0.0 if slot.name in forced else m.change_of(q) for q in quantities] for m in models])
-        total = (total[:, np.newaxis] + own.reshape(1, len(models), -1)).reshape(-1, len(quantities))
-    return total
-
-
-def _costs(open_models: Sequence[tuple[Model, ...]]) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
-    """Summed costs of every combination, in the order of `itertools.product`."""
-    total = np.zeros(1)
-    for models in open_models:
-        total = np.add.outer(total, [model.seconds for model in models]).ravel()
-    return total
+def _sums(parts: Sequence[FloatArray]) -> FloatArray:
+    """Sums over every combination of one row of each part, in the order of `itertools.product`."""
+    return reduce(lambda total, own: (total[:, np.newaxis] + own).reshape(-1, own.shape[1]), parts)
 
 
 def _decisions(

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from tradestudy.cameras.focus import BlurCriterion, Focus
-from tradestudy.effects.base import COMPLETE, NOTHING_LEFT_OUT, OFF, Bound, EffectCriterion, Model, Slot
+from tradestudy.effects.base import COMPLETE, OFF, Bound, EffectCriterion, Model, Slot
 from tradestudy.optics.arrays import FloatArray
-
-_COMPLETE: Final = Bound(relative_change=0.0, criterion=COMPLETE, reason=NOTHING_LEFT_OUT)
 
 
 def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCriterion]) -> Slot:
@@ -23,8 +20,14 @@ def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCr
     """
     allowing = [one for one in criteria if one.measure != "none"]
     if not allowing:
-        return Slot(name="main_lens_diffraction", models=(Model(name=OFF, bounds={"depth_of_field": _COMPLETE}),))
-    change = max(_changes(focuses, allowing), default=0.0)
+        return Slot(name="main_lens_diffraction", models=(Model(name=OFF, bounds={"depth_of_field": COMPLETE}),))
+    pairs = [
+        [focus.sharp_range(one).slices for one in (criterion, replace(criterion, measure="none"))]
+        for focus in focuses
+        for criterion in allowing
+    ]
+    ends = [[np.atleast_1d(getattr(one, end)) for one in pair] for pair in pairs for end in ("near", "far")]
+    change = max((_largest(geometric, own) for own, geometric in ends), default=0.0)
     return Slot(
         name="main_lens_diffraction",
         models=(
@@ -44,17 +47,9 @@ def diffraction_of_sharpness(focuses: Sequence[Focus], criteria: Sequence[BlurCr
                     )
                 },
             ),
-            Model(name="airy", bounds={"depth_of_field": _COMPLETE}),
+            Model(name="airy", bounds={"depth_of_field": COMPLETE}),
         ),
     )
-
-
-def _changes(focuses: Sequence[Focus], criteria: Sequence[BlurCriterion]) -> Iterable[float]:
-    for focus in focuses:
-        for criterion in criteria:
-            own, geometric = (focus.sharp_range(one).slices for one in (criterion, replace(criterion, measure="none")))
-            for end in ("near", "far"):
-                yield _largest(np.atleast_1d(getattr(geometric, end)), np.atleast_1d(getattr(own, end)))
 
 
 def _largest(simple: FloatArray, complete_one: FloatArray) -> float:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from tradestudy.execution.checkpoints import Checkpoints
 from tradestudy.execution.dask_cluster import DaskCluster
-from tradestudy.execution.executor import Executor, Serial
+from tradestudy.execution.executor import Executor, Serial, Threads
 from tradestudy.execution.processes import Processes
 from tradestudy.execution.steps import Steps
-from tradestudy.execution.threads import Threads
 
 __all__ = ["Checkpoints", "DaskCluster", "Executor", "Processes", "Serial", "Steps", "Threads"]

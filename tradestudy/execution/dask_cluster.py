@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from tradestudy.errors import TradestudyError
-from tradestudy.execution.environment import environment
 from tradestudy.execution.executor import LostPointError, Point, Raised, UnavailableError, Value, attempt
+from tradestudy.execution.fingerprint import environment
 
 if TYPE_CHECKING:
     from distributed import Client, Future

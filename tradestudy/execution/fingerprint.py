@@ -1,17 +1,23 @@
-"""A hash of what a point says: equal for equal content in every process, whatever shares memory with what."""
+"""What the bits of a value depend on: what its point says, whatever shares memory with what, the code and libraries."""
 
 from __future__ import annotations
 
 import hashlib
+import platform
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache, partial
+from importlib.metadata import version
 from pathlib import PurePath
 from types import FunctionType, MethodType
 from typing import Any
 
 import numpy as np
+
+from tradestudy.provenance import code_hash
+
+_COMPUTING = ("numpy", "scipy", "finufft", "emcee", "arviz-stats")
 
 
 def fingerprint(*values: object) -> bytes:
@@ -84,3 +90,13 @@ def _fields_of(kind: type) -> tuple[str, ...] | None:
 
 def _name(what: type | FunctionType) -> str:
     return f"{what.__module__}.{what.__qualname__}"
+
+
+@cache
+def environment() -> dict[str, str]:
+    """Hash of this package's sources, and the versions of Python and of the libraries that numbers come from."""
+    return {
+        "tradestudy": code_hash(),
+        "python": platform.python_version(),
+        **{name: version(name) for name in _COMPUTING},
+    }

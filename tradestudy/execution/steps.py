@@ -1,18 +1,32 @@
-"""The one way in which long independent work of a study is done: taken up, spread over workers, kept as it finishes."""
+"""Long independent work of a study: taken up, spread over workers, kept as it finishes; how far it is, and how long."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import closing
+import time
+from collections.abc import Callable, Iterator, MutableMapping, Sequence
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from tradestudy.errors import TradestudyError
 from tradestudy.execution.checkpoints import Checkpoints
-from tradestudy.execution.environment import environment
 from tradestudy.execution.executor import Executor, LostPointError, Point, Raised, Serial, Value
-from tradestudy.execution.fingerprint import fingerprint
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.fingerprint import environment, fingerprint
+
+# Called with the name of a step and the share of it that is done, 0 … 1.
+Progress = Callable[[str, float], None]
+
+
+# Wall seconds by the name of what took them; for run.json, never for results, which two equal runs must share.
+Seconds = MutableMapping[str, float]
+
+
+@contextmanager
+def timed(seconds: Seconds, name: str) -> Iterator[None]:
+    """Add the wall time of a block under a name."""
+    begin = time.perf_counter()
+    yield
+    seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begin
 
 
 class DeadlyPointError(TradestudyError):

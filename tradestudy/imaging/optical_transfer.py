@@ -3,26 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, assert_never
 
 import numpy as np
 
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
+from tradestudy.imaging.kirchhoff import kirchhoff_transfers, lattice_defocus, lattice_points
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
-from tradestudy.imaging.transfer import (
-    airy_transfer,
-    disc_transfer,
-    fresnel_transfer,
-    kirchhoff_transfers,
-    lattice_defocus,
-    lattice_points,
-)
+from tradestudy.imaging.transfer import airy_transfer, disc_transfer, fresnel_transfer
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:
-    from tradestudy.imaging.transfer.kirchhoff_lattice import LatticePoint
+    from tradestudy.imaging.kirchhoff import LatticePoint
 
 _MOST_BLUR_OF_WAVES = 200.0
 
@@ -46,6 +39,11 @@ class LensTransfers:
     settings: PictureSettings
     frequency_px: FloatArray
     always: int
+    _products: dict[tuple[str, ...], tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
+    _known: dict[tuple[LensStage, float, DiffractionModel, DefocusModel], tuple[FloatArray, FloatArray]] = field(
+        default_factory=dict, init=False
+    )
+    _passing: dict[tuple[LensStage, float], int] = field(default_factory=dict, init=False)
 
     def product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
         """Transfer, shape (distances, first frequencies), and its error over distance.
@@ -54,11 +52,8 @@ class LensTransfers:
         colours alike.
         """
         key = (models.main_lens_diffraction, models.microlens_diffraction, models.defocus_blur, models.spectrum)
-        if key not in self._products:
-            self._products[key] = self._product(models)
-        return self._products[key]
-
-    def _product(self, models: PictureModels) -> tuple[FloatArray, FloatArray]:
+        if key in self._products:
+            return self._products[key]
         spectrum = _light_of(self.settings, models)
         total = sum(weight for _, weight in spectrum)
         error = np.zeros(self.geometry.distance.size)
@@ -70,6 +65,7 @@ class LensTransfers:
         transfer = np.zeros((error.size, max(one.shape[1] for one in products)))
         for one in products:
             transfer[:, : one.shape[1]] += one
+        self._products[key] = transfer, error
         return transfer, error
 
     def _at(self, wavelength: float, models: PictureModels) -> tuple[FloatArray, FloatArray]:
@@ -95,14 +91,6 @@ class LensTransfers:
             self._known[key] = _stage_transfer(stage, model, defocus, self.settings, wavelength, frequency)
         return self._known[key]
 
-    @cached_property
-    def _products(self) -> dict[tuple[str, ...], tuple[FloatArray, FloatArray]]:
-        return {}
-
-    @cached_property
-    def _known(self) -> dict[tuple[LensStage, float, DiffractionModel, DefocusModel], tuple[FloatArray, FloatArray]]:
-        return {}
-
     def _below_cutoff(self, stage: LensStage, wavelength: float) -> int:
         """How many of the frequencies pass at some distance."""
         key = (stage, wavelength)
@@ -110,10 +98,6 @@ class LensTransfers:
             cutoff = self.geometry.sample_pitch / stage.finest_period(wavelength)
             self._passing[key] = self.always + int(np.searchsorted(self.frequency_px[self.always :], cutoff))
         return self._passing[key]
-
-    @cached_property
-    def _passing(self) -> dict[tuple[LensStage, float], int]:
-        return {}
 
 
 def _stage_transfer(

@@ -6,7 +6,7 @@ Pictures of one surface under several models share nodes, texture and transfers 
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import Final
 
@@ -14,15 +14,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.imaging.aliasing import REPLICAS, alias_radii, alias_weights, ring_weights
-from tradestudy.imaging.crosstalk import neighbours_share
-from tradestudy.imaging.matching_bound import BandNodes, matching_bound_px
-from tradestudy.imaging.models import PictureModels, PictureSettings
-from tradestudy.imaging.noise import mean_electrons, noise_variance
+from tradestudy.imaging.light import field_illumination, mean_electrons, neighbours_share, noise_variance
+from tradestudy.imaging.matching_bound import (
+    REPLICAS,
+    BandNodes,
+    alias_radii,
+    alias_weights,
+    matching_bound_px,
+    ring_weights,
+)
+from tradestudy.imaging.models import PictureModels, PictureSettings, share_beyond, texture_spectrum
 from tradestudy.imaging.optical_transfer import LensTransfers
-from tradestudy.imaging.texture import share_beyond, texture_spectrum
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
-from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.arrays import FloatArray
 
 _MOST_MULTIPLICATIONS: Final = 200_000
@@ -106,6 +109,7 @@ class TextureBand:
     settings: PictureSettings
     window: FloatArray
     rules: tuple[BandNodes, ...]
+    _shares: dict[bool, FloatArray] = field(default_factory=dict, init=False)
 
     def passed(self, models: PictureModels, brighter: ArrayLike = 1.0) -> PassedTexture:
         """Pass the texture through every step, in so many times the light over distance."""
@@ -146,10 +150,6 @@ class TextureBand:
             share = neighbours_share(self.geometry, self.settings.wavelength, self.window, blurred=blurred)
             self._shares[blurred] = share[:, np.newaxis]
         return self._shares[blurred]
-
-    @cached_property
-    def _shares(self) -> dict[bool, FloatArray]:
-        return {}
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:

@@ -24,7 +24,7 @@ def choose(definition: StudyDefinition) -> tuple[tuple[Situation, ...], Mapping[
         Where the study forces a model that no piece of it has.
     """
     forced = definition.file.effects.forced()
-    situations = every_situation(definition, forced)
+    situations = tuple(every_situation(definition, forced))
     _check_forced(definition, situations, forced)
     timeless = Accuracy(relative=definition.file.accuracy.wanted().relative)
     return situations, _selections(situations, timeless, forced)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.kirchhoff import kirchhoff_correction
 from tradestudy.imaging.optical_transfer import kirchhoff_points
-from tradestudy.imaging.transfer.kirchhoff import kirchhoff_correction
 from tradestudy.study.definition import StudyDefinition
 
 STEP = "pictures"

@@ -5,8 +5,7 @@ from __future__ import annotations
 import xarray as xr
 
 from tradestudy.execution import Steps
-from tradestudy.execution.progress import Progress
-from tradestudy.execution.timing import Seconds
+from tradestudy.execution.steps import Progress, Seconds
 from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.claims import claims_group, requirements_group
@@ -110,11 +109,11 @@ def compute(
 
 
 def _depth_of_field(plan: Plan, part: DepthOfFieldPart, progress: Progress) -> dict[str, xr.Dataset]:
-    from tradestudy.plan.situations import depth_of_field
+    from tradestudy.plan.situations.every import DEPTH_OF_FIELD
     from tradestudy.run.groups.criteria import criteria_group
     from tradestudy.run.groups.depth_of_field import depth_of_field_group
 
-    definition, selection = plan.definition, plan.selections[depth_of_field.NAME]
+    definition, selection = plan.definition, plan.selections[DEPTH_OF_FIELD]
     progress("depth of field", 0.0)
     groups = {"/depth_of_field": depth_of_field_group(definition, part, selection)}
     if definition.file.criteria is not None:

@@ -15,22 +15,21 @@ from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
 from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, declared_disparity_error
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.effects.base import OFF, EffectCriterion, Slot, SlotName
-from tradestudy.effects.calibration import calibration_slot
-from tradestudy.effects.picture.criteria import (
+from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot, SlotName
+from tradestudy.effects.depth_errors import calibration_slot, temperature_slot
+from tradestudy.effects.picture_slots import (
+    EXTENT_OF_POINTS,
+    MARGIN,
+    PIXEL_OVER_PITCH,
+    Worst,
     blur_over_pixel,
     electrons,
-    extent_of_points,
     light_left,
     main_lens_airy,
     microlens_airy,
-    pixel_over_pitch,
     reach_over_airy,
     spectrum_width,
 )
-from tradestudy.effects.picture.trial import MARGIN, Worst
-from tradestudy.effects.temperature import temperature_slot
-from tradestudy.effects.unused import declared_reason, unused_slots
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -159,7 +158,6 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
     camera = definition.case.cameras.get(name)
     if camera is None:  # a reading may replace it by one that measures no depth
         return None
-    assert isinstance(camera, DepthCamera)  # a case holds no others
     distance, file = definition.case.distance, definition.file
     most = _MOST_DERIVED if isinstance(camera.disparity_error_px, PictureDisparityError) else _MOST_DISTANCES
     step = max(1, -(-distance.size // most))
@@ -222,10 +220,24 @@ def _picture(variants: Sequence[_Variant], asked: int) -> tuple[Slot, ...]:
         return picture_slots(found, asked=asked)
     first = variants[0]
     if isinstance(first.camera.disparity_error_px, float | int):
-        reason = declared_reason(declared_disparity_error(first.camera))
+        reason = (
+            f"the disparity error is declared, {declared_disparity_error(first.camera):g} px, and stands for the whole "
+            "picture; what blurs, mixes or dims the picture reaches depth only if it is derived"
+        )
     else:
         reason = "the camera forms no picture at any distance of the study"
-    return unused_slots(reason=reason, numbers=_strengths(variants))
+    return tuple(
+        Slot(
+            name=name,
+            models=(
+                Model(
+                    name=OFF,
+                    bounds={"depth_uncertainty": Bound(relative_change=0.0, criterion=strength, reason=reason)},
+                ),
+            ),
+        )
+        for name, strength in _strengths(variants).items()
+    )
 
 
 def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, EffectCriterion]:
@@ -243,17 +255,21 @@ def _strengths(variants: Sequence[_Variant]) -> dict[SlotName, EffectCriterion]:
     blur = strongest(lambda geometry, _wavelength: geometry.blur_px)
     main_lens = strongest(lambda geometry, wavelength: _airy_px(geometry, geometry.main_lens, wavelength))
     microlens = strongest(lambda geometry, wavelength: _airy_px(geometry, geometry.microlens, wavelength))
-    reach = strongest(lambda geometry, wavelength: _airy_over_reach(geometry, wavelength))
+    reach = strongest(
+        lambda geometry, wavelength: np.asarray(
+            _airy_px(geometry, geometry.microlens, wavelength) * math.sqrt(2.0) / geometry.widest_window_px
+        )
+    )
     return {
-        "defocus_blur": blur_over_pixel(blur.value, blur.at),
-        "main_lens_diffraction": main_lens_airy(main_lens.value, main_lens.at),
-        "microlens_diffraction": microlens_airy(microlens.value, microlens.at),
-        "crosstalk": reach_over_airy(1.0 / reach.value, reach.at),
-        "pixel_integration": pixel_over_pitch(),
-        "source_extent": extent_of_points(),
-        "spectrum": spectrum_width(math.nan),
-        "vignetting": light_left(math.nan),
-        "sensor_noise": electrons(math.nan, math.nan),
+        "defocus_blur": blur_over_pixel(value=blur.value, at=blur.at),
+        "main_lens_diffraction": main_lens_airy(value=main_lens.value, at=main_lens.at),
+        "microlens_diffraction": microlens_airy(value=microlens.value, at=microlens.at),
+        "crosstalk": reach_over_airy(value=1.0 / reach.value, at=reach.at),
+        "pixel_integration": PIXEL_OVER_PITCH,
+        "source_extent": EXTENT_OF_POINTS,
+        "spectrum": spectrum_width(value=math.nan),
+        "vignetting": light_left(value=math.nan),
+        "sensor_noise": electrons(value=math.nan),
     }
 
 
@@ -262,11 +278,6 @@ def _airy_px(geometry: PictureGeometry, stage: LensStage | None, wavelength: flo
     if stage is None:
         return np.full(geometry.distance.shape, math.nan)
     return np.asarray(FIRST_DARK_RING * wavelength * stage.f_number * stage.relay / geometry.sample_pitch)
-
-
-def _airy_over_reach(geometry: PictureGeometry, wavelength: float) -> FloatArray:
-    """Airy radius of a microlens over half a micro-image."""
-    return np.asarray(_airy_px(geometry, geometry.microlens, wavelength) * math.sqrt(2.0) / geometry.widest_window_px)
 
 
 def _picture_case(variant: _Variant) -> PictureCase | None:
@@ -328,17 +339,19 @@ def _in_focus(variant: _Variant) -> FloatArray:
 def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
     """Slots of calibration and of temperature, each held against the camera with everything."""
     names = {name for variant in variants for name in variant.camera.error_directions(np.ones(1))}
-    linear_error = max((_linear_error(variant) for variant in variants), default=0.0)
+    # Of errors added up in disparity, where it counts.
+    linear_errors = (np.nanmax(one.limits["closed_form"].value[one.usable], initial=0.0) for one in variants)
+    linear_error = float(max(linear_errors, default=0.0))
     seconds = distances * _SECONDS_PER_DISTANCE
     return (
         calibration_slot(
-            share_of_uncertainty=max(_bound_of(variant, "calibration") for variant in variants),
+            share_of_uncertainty=max(_share_of(variant, "calibration") for variant in variants),
             linear_error=linear_error,
             seconds=seconds,
             are_declared=bool(names - {"pixel_noise", "temperature"}),
         ),
         temperature_slot(
-            share_of_uncertainty=max(_bound_of(variant, "temperature") for variant in variants),
+            share_of_uncertainty=max(_share_of(variant, "temperature") for variant in variants),
             expansion=max(variant.camera.expansion for variant in variants),
             error=linear_error,
             seconds=seconds,
@@ -347,19 +360,11 @@ def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
     )
 
 
-def _linear_error(variant: _Variant) -> float:
-    """Largest stated error of errors added up in disparity, as a share of the uncertainty, where it counts."""
-    return float(np.nanmax(variant.limits["closed_form"].value[variant.usable], initial=0.0))
-
-
-def _bound_of(variant: _Variant, slot: SlotName) -> float:
-    """Share of the uncertainty, with a margin where the noise beside it is derived and its own models may move it."""
-    derived = isinstance(variant.camera.disparity_error_px, PictureDisparityError)
-    return min(1.0, (MARGIN if derived else 1.0) * _share_of(variant, slot))
-
-
 def _share_of(variant: _Variant, slot: SlotName) -> float:
-    """1 − u(without)/u(with), the largest where a picture is formed; a lost far end counts as the whole."""
+    """1 − u(without)/u(with), the largest where a picture is formed; a lost far end counts as the whole.
+
+    With a margin where the noise beside it is derived and its own models may move it.
+    """
     others: dict[SlotName, str] = {
         other: variant.forced[other] for other in _LENGTHS if other in variant.forced and other != slot
     }
@@ -371,4 +376,5 @@ def _share_of(variant: _Variant, slot: SlotName) -> float:
     without = depth_uncertainty(spared, variant.imaged)
     with np.errstate(invalid="ignore"):  # infinite over infinite: the far end is lost without it as well
         share = 1.0 - np.where(np.isinf(without), 1.0, without / everything)
-    return float(np.nanmax(share, initial=0.0))
+    derived = isinstance(variant.camera.disparity_error_px, PictureDisparityError)
+    return min(1.0, (MARGIN if derived else 1.0) * float(np.nanmax(share, initial=0.0)))

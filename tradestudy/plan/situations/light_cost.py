@@ -55,6 +55,10 @@ SECONDS: Final[Mapping[str, float]] = {
     "microlens field, boundary wave": 0.3,
     "microlens field, boundary wave to a thousandth": 3.0,
 }
+# Processor seconds per node of the pupil on the reference machine, the picture that states the error and the checks
+# included; `python -m tests.campaigns.light_seconds` measures them.
+SECONDS_PER_NODE: Final[Mapping[str, float]] = {"fresnel": 6e-6, "kirchhoff": 1.3e-4}
+_NODES: Final = 0.36  # per square of the largest phase over the pupil [1/rad²]
 _CHECKED = 2  # points of a disc that are computed anew by finer settings
 _FINE_BOUNDARY_WAVE: Final = 5e-3  # tolerance below which its edge takes many nodes
 
@@ -238,3 +242,16 @@ def seconds_of_rays(path: LightPath, *, point: bool) -> float:
     what = "rays of a point" if point else "rays of a disc"
     pixels = path.pixels.shape[0] * path.pixels.shape[1]
     return SECONDS[f"{what}: pixel behind a microlens"] * pixels * path.microlenses.count
+
+
+def pupil_nodes(scene: LightScene) -> float:
+    """Nodes of the main pupil that the wave of a coherent disc takes, about, for every wavelength.
+
+    They resolve the phase k R s/z to the farthest point s of the array, which every point of the disc moves by its own
+    slope; Kirchhoff's law interpolates between distances, Fresnel's is one transform.
+    """
+    path, source = scene.path, scene.source
+    z, chief = path.array_distance, np.asarray(path.chief_point(source.centre))
+    farthest = np.linalg.norm(path.microlenses.centres - chief, axis=1).max() + path.microlenses.cell_reach
+    slope = (farthest + z * source.diameter / 2.0 / source.distance) / z
+    return _NODES * float(2.0 * math.pi / scene.wavelength * path.main_lens.radius * slope) ** 2

@@ -11,27 +11,28 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.spot_images import RAYS, SpotModels, legs, light_path, light_source, without_comparison
-from tradestudy.effects.base import OFF, Model, Slot, SlotName
-from tradestudy.effects.crosstalk import crosstalk_in_picture
+from tradestudy.effects.base import COMPLETE, OFF, Model, Slot, SlotName
 from tradestudy.effects.light_scene import LightScene
-from tradestudy.effects.main_lens_diffraction import main_lens_diffraction_in_picture
-from tradestudy.effects.microlens_diffraction import microlens_diffraction_in_picture
-from tradestudy.effects.picture_change import complete
-from tradestudy.effects.pixel_integration import pixel_integration_in_picture
-from tradestudy.effects.sampling import sampling, tolerance_of
+from tradestudy.effects.light_slots import (
+    crosstalk_in_picture,
+    main_lens_diffraction_in_picture,
+    microlens_diffraction_in_picture,
+    pixel_integration_in_picture,
+    sampling,
+    source_extent_in_picture,
+    spectrum_in_picture,
+    tolerance_of,
+)
 from tradestudy.effects.selection import Chosen, Selection
-from tradestudy.effects.source_extent import source_extent_in_picture
-from tradestudy.effects.spectrum import spectrum_in_picture
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.chain import DiscSource
 from tradestudy.optics.propagation import PointSource
-from tradestudy.plan.situations.coherent_cost import seconds_of_coherent_wave
-from tradestudy.plan.situations.light_cost import LightWork, seconds_of_rays
+from tradestudy.plan.situations.light_cost import SECONDS_PER_NODE, LightWork, pupil_nodes, seconds_of_rays
 from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
 NAME: Final = "light-spot"
-_POINT: Final = Slot(name="source_extent", models=(Model(name=OFF, bounds=complete()),))
+_POINT: Final = Slot(name="source_extent", models=(Model(name=OFF, bounds={"pixel_intensity": COMPLETE}),))
 _POINT_DIAMETER: Final = 1e-12  # far below every wavelength; no bound divides by it
 # Mixtures with rays are for comparisons: beside waves rays are paraxial, and no bound of a slot alone holds for them.
 METHODS: Final[dict[tuple[str, str], MethodName]] = {
@@ -60,13 +61,17 @@ def light_spot_situation(part: LightSpotPart) -> Situation:
             return math.inf
         return picture_seconds(part, models)
 
-    diffraction = (main_lens_diffraction_in_picture(scene), microlens_diffraction_in_picture(scene))
+    refused = (OFF, "boundary_wave") if part.spot.coherent else ()
+    diffraction = [
+        replace(slot, models=tuple(model for model in slot.models if model.name not in refused))
+        for slot in (main_lens_diffraction_in_picture(scene), microlens_diffraction_in_picture(scene))
+    ]
     return Situation(
         name=NAME,
         title="Picture of the light spot",
         quantities=("pixel_intensity",),
         slots=(
-            *(map(_without_rays, diffraction) if part.spot.coherent else diffraction),
+            *diffraction,
             crosstalk_in_picture(scene),
             pixel_integration_in_picture(scene),
             _POINT if part.spot.is_point else source_extent_in_picture(scene),
@@ -75,7 +80,7 @@ def light_spot_situation(part: LightSpotPart) -> Situation:
                 wavelengths=np.array([wavelength for wavelength, _ in part.lines]),
                 weights=np.array([share for _, share in part.lines]),
             ),
-            sampling("pixel_intensity"),
+            sampling(),
         ),
         seconds=seconds,
     )
@@ -108,23 +113,17 @@ def _seconds_of_waves(part: LightSpotPart, models: SpotModels, work: LightWork) 
     """Seconds of a picture by waves in light of one wavelength."""
     laws = legs(models.method)
     if models.point:
-        one = work.seconds_of_point(laws=laws)
-    elif part.spot.coherent:
+        return work.seconds_of_point(laws=laws)
+    if part.spot.coherent:
         repeats = work.scene.path.microlenses.count if models.separate else 1  # on the pupil, for each microlens anew
-        wave = seconds_of_coherent_wave(work.scene, paraxial=laws.to_array == "fresnel")
-        one = work.seconds_of_point(laws=laws) + repeats * wave
-    else:
-        one = work.seconds_of_disc(laws=laws, separate=models.separate)
-    return one
+        wave = SECONDS_PER_NODE["fresnel" if laws.to_array == "fresnel" else "kirchhoff"] * pupil_nodes(work.scene)
+        return work.seconds_of_point(laws=laws) + repeats * wave
+    return work.seconds_of_disc(laws=laws, separate=models.separate)
 
 
 @lru_cache(maxsize=64)
 def _work(part: LightSpotPart, tolerance: float) -> LightWork:
     return LightWork(scene=light_scene(part), tolerance=tolerance)
-
-
-def _without_rays(slot: Slot) -> Slot:
-    return replace(slot, models=tuple(model for model in slot.models if model.name not in (OFF, "boundary_wave")))
 
 
 def spot_models(selection: Selection) -> SpotModels:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -14,21 +14,22 @@ from tradestudy.analysis.depth import DepthErrors
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.effects.base import Slot, SlotName
-from tradestudy.effects.picture.crosstalk import crosstalk
-from tradestudy.effects.picture.defocus_blur import defocus_blur
-from tradestudy.effects.picture.main_lens_diffraction import main_lens_diffraction
-from tradestudy.effects.picture.microlens_diffraction import microlens_diffraction
-from tradestudy.effects.picture.pixel_integration import pixel_integration
-from tradestudy.effects.picture.sensor_noise import sensor_noise
-from tradestudy.effects.picture.source_extent import source_extent
-from tradestudy.effects.picture.spectrum import spectrum
-from tradestudy.effects.picture.trial import PictureTrial, Worst
-from tradestudy.effects.picture.vignetting import vignetting
+from tradestudy.effects.picture_slots import (
+    PictureTrial,
+    Worst,
+    crosstalk,
+    defocus_blur,
+    diffraction,
+    pixel_integration,
+    sensor_noise,
+    source_extent,
+    spectrum,
+    vignetting,
+)
+from tradestudy.imaging.light import field_illumination, mean_electrons, noise_variance
 from tradestudy.imaging.models import PictureModels, PictureSettings
-from tradestudy.imaging.noise import mean_electrons, noise_variance
 from tradestudy.imaging.optical_transfer import kirchhoff_defocus
 from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px
-from tradestudy.imaging.vignetting import field_illumination
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.acting import in_closed_form, with_models
@@ -67,6 +68,7 @@ class PictureCase:
     forced: Mapping[SlotName, str]
     errors: tuple[tuple[DepthErrors, BoolArray], ...]
     shown: FloatArray
+    _known: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False, compare=False)
 
     @cached_property
     def geometry(self) -> PictureGeometry:
@@ -110,10 +112,6 @@ class PictureCase:
     def _weighed(self) -> WeighedPicture:
         return WeighedPicture(geometry=self.geometry, settings=self.settings)
 
-    @cached_property
-    def _known(self) -> dict[PictureModels, FloatArray]:
-        return {}
-
     @property
     def illumination(self) -> float:
         """Light left at the field angle."""
@@ -130,18 +128,15 @@ class PictureCase:
         """Fewest per pixel, at the edge of the field that is asked for."""
         geometry = self.geometry
         found = mean_electrons(self.settings.light, geometry.light_f_number, geometry.pixel_pitch, self.illumination)
-        return self._least(found)
-
-    def blur_px(self) -> Worst:
-        """Largest geometric blur [samples]."""
-        return self._largest(self.geometry.blur_px)
+        least = worst_at(self.places, -found)
+        return Worst(value=-least.value, at=least.at)
 
     def airy_px(self, stage: LensStage | None) -> Worst:
         """Largest Airy radius of a lens on the sensor [samples]."""
         if stage is None:
             return Worst(value=math.nan)
         radius = FIRST_DARK_RING * self.settings.wavelength * stage.f_number * stage.relay
-        return self._largest(np.asarray(radius / self.geometry.sample_pitch))
+        return worst_at(self.places, np.asarray(radius / self.geometry.sample_pitch))
 
     def reach_airy(self) -> Worst:
         """Half a micro-image over the largest Airy radius of a microlens; infinite without microlenses."""
@@ -150,17 +145,6 @@ class PictureCase:
         airy = self.airy_px(self.geometry.microlens)
         return Worst(value=self.geometry.widest_window_px / math.sqrt(2.0) / airy.value, at=airy.at)
 
-    def _largest(self, values: FloatArray) -> Worst:
-        return worst_at(self.places, values)
-
-    def _least(self, values: FloatArray) -> Worst:
-        found = self._largest(-values)
-        return Worst(value=-found.value, at=found.at)
-
-    def aberration_waves(self, stage: LensStage | None) -> float:
-        """Largest path at the rim [waves]."""
-        return self.aberration(stage).value
-
     def aberration(self, stage: LensStage | None) -> Worst:
         """Path at the rim, ``R⁴/8 (…)`` [waves]; a corrected lens leaves only what defocus makes of it."""
         if stage is None:
@@ -168,10 +152,10 @@ class PictureCase:
         rim = (stage.aperture_diameter / 2.0) ** 4 / 8.0 / self.settings.wavelength
         there = np.abs(1.0 / stage.plane_distance**3)
         if self.settings.lens_phase == "parabolic":
-            return self._largest(rim * (there + np.abs(1.0 / stage.object_distance**3)))
+            return worst_at(self.places, rim * (there + np.abs(1.0 / stage.object_distance**3)))
         focused = np.abs(1.0 / stage.focal_length - 1.0 / stage.object_distance) ** 3
         apart = np.abs(there - focused)
-        return self._largest(rim * np.where(apart > _ROUNDING * there, apart, 0.0))
+        return worst_at(self.places, rim * np.where(apart > _ROUNDING * there, apart, 0.0))
 
     def paraxial_change(self, stage: LensStage | None) -> float:
         """Relative change of the disparity error by what Fresnel leaves out of a lens, the largest over the places.
@@ -179,7 +163,7 @@ class PictureCase:
         Spherical aberration of W waves at the rim, balanced, is a defocus of W waves: a blur wider or narrower by
         ``8 λ N W``. Wider changes more; the rest of the aberration, a thirteenth, is left to the margin.
         """
-        waves = self.aberration_waves(stage)
+        waves = self.aberration(stage).value
         if stage is None or waves == 0.0:
             return 0.0
         is_main = stage is self.geometry.main_lens
@@ -225,17 +209,13 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
     stages = [(case, case.geometry.main_lens, case.geometry.microlens) for case in cases]
     noise = [_noise_shares(case) for case in cases]
 
-    def worst(value: Callable[[PictureCase], float]) -> float:
-        return max(value(case) for case in cases)
-
-    def seconds(name: str) -> float:
-        return _SECONDS_PER_DISTANCE.get(name, 0.0) * asked
-
     pictured = [(case.settings, case.camera.picture_geometry(case.shown)) for case in cases]
 
+    spectra = [([one for one, _ in case.settings.spectrum], case.settings.wavelength) for case in cases]
+    widths = [(max(lines) - min(lines)) / centre for lines, centre in spectra if lines]
     trial = PictureTrial(
-        change=lambda slot, name: worst(lambda case: case.change(slot, name)),
-        blur_px=worst_of(case.blur_px() for case in cases),
+        change=lambda slot, name: max(case.change(slot, name) for case in cases),
+        blur_px=worst_of(worst_at(case.places, case.geometry.blur_px) for case in cases),
         main_lens_airy_px=worst_of(case.airy_px(main) for case, main, _ in stages),
         microlens_airy_px=worst_of(case.airy_px(micro) for case, _, micro in stages),
         lens_phases=sorted({case.settings.lens_phase for case in cases}),
@@ -255,10 +235,10 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
         illumination=min(case.illumination for case in cases),
         read_noise_share=max(read for read, _ in noise),
         quantisation_share=max(rounding for _, rounding in noise),
-        spectrum_width=_widest(cases),
+        spectrum_width=max(widths, default=math.nan),
         microlens_reach_airy=min((case.reach_airy() for case in cases), key=lambda one: one.value),
-        depth_change=lambda change: worst(lambda case: case.depth_change(change)),
-        seconds=seconds,
+        depth_change=lambda change: max(case.depth_change(change) for case in cases),
+        seconds=lambda name: _SECONDS_PER_DISTANCE.get(name, 0.0) * asked,
         lattice_seconds=(
             _lattice_seconds((settings, geometry.main_lens) for settings, geometry in pictured),
             _lattice_seconds((settings, geometry.microlens) for settings, geometry in pictured),
@@ -266,8 +246,8 @@ def picture_slots(cases: Sequence[PictureCase], *, asked: int) -> tuple[Slot, ..
     )
     return (
         defocus_blur(trial),
-        main_lens_diffraction(trial),
-        microlens_diffraction(trial),
+        diffraction(trial, "main_lens_diffraction"),
+        diffraction(trial, "microlens_diffraction"),
         crosstalk(trial),
         pixel_integration(trial),
         source_extent(trial),
@@ -313,14 +293,3 @@ def _noise_shares(case: PictureCase) -> tuple[float, float]:
         float(noise_variance(electrons, sensor, model)) for model in ("shot", "shot+read", "shot+read+quantisation")
     )
     return (read - shot) / everything, (everything - read) / everything
-
-
-def _widest(cases: Sequence[PictureCase]) -> float:
-    """Width of the widest declared spectrum over its centre; NaN where none is declared."""
-    found = [
-        (max(wavelength for wavelength, _ in lines) - min(wavelength for wavelength, _ in lines))
-        / case.settings.wavelength
-        for case in cases
-        if (lines := case.settings.spectrum)
-    ]
-    return max(found, default=math.nan)

@@ -15,7 +15,7 @@ from tradestudy.analysis.claims import (
     is_met,
     verdict_over_readings,
 )
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.expectations import claim_dimension

@@ -9,9 +9,8 @@ import xarray as xr
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.error_causes import CHANGES, error_causes
 from tradestudy.imaging.passed_texture import picture_electrons
-from tradestudy.imaging.picture import filled_share
+from tradestudy.imaging.picture import CHANGES, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.results.depth import distances_without_decision

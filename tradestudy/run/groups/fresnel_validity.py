@@ -19,8 +19,7 @@ from tradestudy.analysis.fresnel_errors import (
     psf_differences,
     southwell_f_number,
 )
-from tradestudy.execution.progress import Progress
-from tradestudy.execution.timing import Seconds, timed
+from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.paper_equation_27 import paper_eq27_sweep
 from tradestudy.optics.propagation import LensPhase

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import xarray as xr
 
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.results import dataset
 from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.verification.hard_case_families import all_families

@@ -13,8 +13,7 @@ import xarray as xr
 from tradestudy.analysis.light_benchmarks import light_benchmarks
 from tradestudy.analysis.spot_images import compared_models, image_difference, light_path, lit_pixels, spot_picture
 from tradestudy.effects.selection import Selection
-from tradestudy.execution.progress import Progress
-from tradestudy.execution.timing import Seconds, timed
+from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.situations.light_spot import spot_models
 from tradestudy.results import dataset

@@ -17,8 +17,7 @@ from tradestudy.analysis.point_spreads import (
     varied_values,
 )
 from tradestudy.effects.selection import Selection
-from tradestudy.execution.progress import Progress
-from tradestudy.execution.timing import Seconds, timed
+from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.results import dataset
 from tradestudy.study.schema.wave_optics import PointSpreadPart
 

@@ -14,7 +14,7 @@ from tradestudy.calibration.declaration import CalibrationStudyPart, StabilityQu
 from tradestudy.calibration.uncertain_camera import short_name
 from tradestudy.calibration.uncertain_cameras import UncertainCameras
 from tradestudy.cameras.kinds import ERROR_UNITS
-from tradestudy.execution.progress import Progress
+from tradestudy.execution.steps import Progress
 from tradestudy.results import dataset
 from tradestudy.units import ANGLE, LENGTH, NUMBER, Dimension, pretty
 

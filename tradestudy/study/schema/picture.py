@@ -22,9 +22,8 @@ from tradestudy.declarations.quantities import (
     PositiveWavelength,
     quantity,
 )
-from tradestudy.imaging.models import PictureSettings
-from tradestudy.imaging.noise import Light, SensorNoise
-from tradestudy.imaging.texture import Texture
+from tradestudy.imaging.light import Light, SensorNoise
+from tradestudy.imaging.models import PictureSettings, Texture
 from tradestudy.units import UnitError, parse, pretty
 
 

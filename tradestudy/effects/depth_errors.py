@@ -1,10 +1,10 @@
-"""The slot of calibration errors: left out, or added up in disparity."""
+"""The slots of errors that act on depth: calibration, left out or added up in disparity, and temperature."""
 
 from __future__ import annotations
 
 from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot
 
-LINEAR = "linear"
+LINEAR, EXPANSION = "linear", "expansion"
 
 
 def calibration_slot(*, share_of_uncertainty: float, linear_error: float, seconds: float, are_declared: bool) -> Slot:
@@ -24,11 +24,6 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
     are_declared
         Whether the study declares any.
     """
-    reason = (
-        "the uncertainty without them falls short of that with them by at most this share, at any distance"
-        if are_declared
-        else "the study declares no calibration error of this camera"
-    )
     off = Bound(
         relative_change=share_of_uncertainty,
         criterion=EffectCriterion(
@@ -37,7 +32,9 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
             "twice that where the disparity error is derived, at most 1",
             value=share_of_uncertainty,
         ),
-        reason=reason,
+        reason="the uncertainty without them falls short of that with them by at most this share, at any distance"
+        if are_declared
+        else "the study declares no calibration error of this camera",
     )
     linear = Bound(
         relative_change=linear_error,
@@ -55,3 +52,49 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
         Model(name=LINEAR, bounds={"depth_uncertainty": linear}, seconds=seconds),
     )
     return Slot(name="calibration", models=models if are_declared else models[:1])
+
+
+def temperature_slot(
+    *, share_of_uncertainty: float, expansion: float, error: float, seconds: float, is_declared: bool
+) -> Slot:
+    """Models of a temperature that differs from that of the calibration.
+
+    Parameters
+    ----------
+    share_of_uncertainty
+        1 − (uncertainty without it)/(with it), the largest over usable distances.
+    expansion
+        Relative change of length, one standard deviation.
+    error
+        Stated error of the model that includes it, as a share of the depth uncertainty.
+    seconds
+        Predicted cost of including it [s].
+    is_declared
+        Whether the study declares a temperature.
+    """
+    reason = (
+        "the uncertainty without it falls short of that with it by at most this share, at any distance"
+        if is_declared
+        else "the study declares no change of temperature"
+    )
+    criterion = EffectCriterion(
+        words="relative expansion",
+        definition="coefficient of expansion times the deviation of temperature: relative change, one standard "
+        "deviation, of the baseline or of the distance from main lens to array",
+        value=expansion,
+    )
+    off = Model(
+        name=OFF,
+        bounds={"depth_uncertainty": Bound(
+            relative_change=share_of_uncertainty, criterion=criterion, reason=reason,
+        )},
+    )  # fmt: skip
+    on = Model(
+        name=EXPANSION,
+        seconds=seconds,
+        bounds={"depth_uncertainty": Bound(
+            relative_change=error, criterion=criterion,
+            reason="expansion is one more error of the length that it changes",
+        )},
+    )  # fmt: skip
+    return Slot(name="temperature", models=(off, on) if is_declared else (off,))

@@ -1,4 +1,8 @@
-"""Diffraction and defocus together, in Fresnel's approximation: the autocorrelation of the pupil."""
+"""How much of a sinusoid's contrast each step of a picture passes, in closed form: defocus, diffraction, the pixel.
+
+All are on the axis, rotationally symmetric unless said otherwise, and take spatial frequencies [cycles/m] in the plane
+in which their blur is measured. They are 1 at frequency 0; negative values are contrast reversals.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,82 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.errors import UnaffordableError
-from tradestudy.imaging.transfer.diffraction import airy_transfer
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.quadrature import gauss_legendre
 
+# Below this argument the series 1 − q²/8 is exact to the last digit.
+_SMALL = 1e-4
+# Of the nodes of Fresnel's integral.
 _MOST_NODES = 2000
 _STEP = 8  # so that few rules serve all pictures
 _AT_ONCE = 16_000  # values: enough to keep the loop cheap, few enough for a processor's cache
+
+
+def disc_transfer(frequency: ArrayLike, blur_diameter: ArrayLike) -> FloatArray:
+    """Transfer of a uniform disc of diameter c: ``2 J₁(q)/q, q = π c ν``.
+
+    Parameters
+    ----------
+    frequency
+        ν ≥ 0 [cycles/m], any shape.
+    blur_diameter
+        c ≥ 0 [m] in the same plane, broadcast.
+
+    Returns
+    -------
+    FloatArray
+        1 for c = 0; its first zero is at ν = 1.22/c and it is negative behind. The law of rays: right where the blur is
+        wide against the diffraction spot; together with `airy_transfer` as a product it loses too much contrast, see
+        `tradestudy.imaging.picture`.
+
+    References
+    ----------
+    J. W. Goodman, *Introduction to Fourier Optics*, section 6.4.4, the geometrical limit.
+    """
+    from scipy.special import j1
+
+    q = np.pi * np.asarray(blur_diameter, dtype=np.float64) * np.asarray(frequency, dtype=np.float64)
+    small = np.abs(q) < _SMALL
+    return np.asarray(np.where(small, 1.0 - q * q / 8.0, 2.0 * j1(q) / np.where(small, 1.0, q)))
+
+
+def airy_transfer(frequency: ArrayLike, wavelength: float, f_number: ArrayLike) -> FloatArray:
+    """Transfer of a circular pupil in focus: ``(2/π)(arccos s − s √(1 − s²)), s = λ N ν``.
+
+    Parameters
+    ----------
+    frequency
+        ν ≥ 0 [cycles/m].
+    wavelength
+        λ [m].
+    f_number
+        Working f-number N: image distance over pupil diameter; broadcast against the frequency.
+
+    Returns
+    -------
+    FloatArray
+        0 beyond the cut-off 1/(λ N). Paraxial, incoherent light.
+
+    References
+    ----------
+    J. W. Goodman, *Introduction to Fourier Optics*, eq. 6-31.
+    """
+    s = np.minimum(wavelength * np.asarray(f_number, dtype=np.float64) * np.asarray(frequency, dtype=np.float64), 1.0)
+    return np.asarray((2.0 / np.pi) * (np.arccos(s) - s * np.sqrt(1.0 - s * s)))
+
+
+def square_transfer(frequency_x: ArrayLike, frequency_y: ArrayLike, width: ArrayLike) -> FloatArray:
+    """Transfer of a square of side w: ``sinc(w ν_x) sinc(w ν_y)`` with sinc t = sin(πt)/(πt).
+
+    Parameters
+    ----------
+    frequency_x, frequency_y
+        Along the sides [cycles/m].
+    width
+        Side of the active, evenly sensitive part of the pixel [m]; 0 samples at a point.
+    """
+    w = np.asarray(width, dtype=np.float64)
+    return np.asarray(np.sinc(w * np.asarray(frequency_x)) * np.sinc(w * np.asarray(frequency_y)))
 
 
 def fresnel_transfer(

@@ -1,17 +1,25 @@
-"""Electrons in a pixel, and their noise."""
+"""Electrons in a pixel and their noise; what the edge of the field loses of them, and what neighbours bring."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, assert_never
+from typing import Final, Literal, assert_never
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.parts import require_positive
+from tradestudy.cameras.picture_geometry import PictureGeometry, column
 from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.transfer import airy_transfer, disc_transfer
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.quadrature import gauss_legendre
+
+# Nodes of the integral over a neighbour's light.
+_LEAST_NODES: Final = 32
+_NODES_PER_CYCLE: Final = 3  # of the product of two Bessel functions
+_STEP: Final = 32  # so that few rules serve all pictures
 
 SensorNoiseModel = Literal["off", "shot", "shot+read", "shot+read+quantisation"]
 
@@ -127,3 +135,83 @@ def noise_variance(electrons: ArrayLike, sensor: SensorNoise, model: SensorNoise
             return n + read + step**2 / 12.0
         case _:
             assert_never(model)
+
+
+def field_illumination(field_angle: float, *, pupil_diameter: float, stop_separation: float) -> float:
+    """Illumination over that on the axis: ``cos⁴θ · (2/π)(arccos s − s √(1 − s²)), s = L tan θ / A``.
+
+    The fourth power of the cosine is that of a lens whose pupil looks the same from everywhere; the rest is what two
+    equal round stops a distance apart leave of the pupil.
+
+    Parameters
+    ----------
+    field_angle
+        θ of the chief ray against the axis [rad], from 0 to below 90°.
+    pupil_diameter
+        A [m].
+    stop_separation
+        L [m] between pupil and the second stop, along the axis; 0: none.
+
+    Raises
+    ------
+    OutOfRangeError
+        For an angle or a length that cannot be.
+    """
+    require_field_and_stops(field_angle, stop_separation)
+    s = min(stop_separation * math.tan(field_angle) / pupil_diameter, 1.0)
+    return math.cos(field_angle) ** 4 * (2.0 / math.pi) * (math.acos(s) - s * math.sqrt(1.0 - s * s))
+
+
+def require_field_and_stops(field_angle: float, stop_separation: float) -> None:
+    """Refuse an angle or a length that cannot be, as `field_illumination` does.
+
+    Raises
+    ------
+    OutOfRangeError
+        For an angle outside 0° to below 90°, or a separation that is negative or not finite.
+    """
+    if not 0.0 <= field_angle < math.pi / 2.0:
+        raise OutOfRangeError("field angle", value=f"{math.degrees(field_angle):g}°", limit="0° to below 90°")
+    if not (math.isfinite(stop_separation) and stop_separation >= 0.0):
+        raise OutOfRangeError("separation of the stops", value=f"{stop_separation:g} m", limit="0 m or more")
+
+
+def neighbours_share(
+    geometry: PictureGeometry, wavelength: float, window_px: FloatArray, *, blurred: bool
+) -> FloatArray:
+    """Share of the light in a window that a neighbouring microlens brings, over distance; 0 without microlenses.
+
+    Every microlens spreads the light of its own micro-image, a disc of radius R, by diffraction and blur; in a uniform
+    scene as much comes in from neighbours as goes out. Averaged over a window in the middle, as over the disc of its
+    area, of radius a:
+
+    ``1 − (2 R/a) ∫₀^{1/λN} H(ν) J₁(2π R ν) J₁(2π a ν) dν/ν``, H the transfer of Airy pattern and blur.
+
+    Parameters
+    ----------
+    geometry
+        The picture.
+    wavelength
+        [m].
+    window_px
+        Side of the window [samples], over distance, at most what a micro-image holds.
+    blurred
+        Whether the geometric blur spreads light, too.
+    """
+    lens = geometry.microlens
+    if lens is None:
+        return np.zeros_like(geometry.distance)
+    from scipy.special import j1
+
+    R = geometry.widest_window_px * geometry.sample_pitch / math.sqrt(2.0)
+    # What is the same at all distances is computed once.
+    a = column(window_px * geometry.sample_pitch / math.sqrt(math.pi))
+    _, N, blur = lens.columns
+    blur = blur if blurred else np.zeros((1, 1))
+    cutoff = 1.0 / (wavelength * N)
+    cycles = 2.0 * R * float(np.nanmax(cutoff, initial=0.0))
+    t, w = gauss_legendre(_STEP * math.ceil((_LEAST_NODES + _NODES_PER_CYCLE * cycles) / _STEP))
+    nu = cutoff * t
+    unblurred = w / t * airy_transfer(nu, wavelength, N) * j1(2.0 * np.pi * R * nu) * j1(2.0 * np.pi * a * nu)
+    own = 2.0 * R / a * np.sum(unblurred * disc_transfer(nu, blur), axis=1, keepdims=True)
+    return np.broadcast_to(1.0 - own, (geometry.distance.size, 1))[:, 0]
