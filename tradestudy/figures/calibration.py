@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -27,9 +26,6 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.cameras import camera_titles
 from tradestudy.results.views.groups import FloatArray
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 _COLUMNS = 3
 _TOP = 2.5  # depth over distance at the upper end of the bands
 _LEAST_SHARE = 1e-5
@@ -49,32 +45,32 @@ def panels_of(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:
     return list(grid.flat)[:count]
 
 
+@styled()
 def draw_bands(tree: xr.DataTree) -> StudyFigure:
     """Quantiles of one reading over the true distance, per camera: 95 and 68 % on the axis, 95 % at the edge."""
-    with styled():
-        shown = traces_in(tree, "calibration")
-        data = tree["calibration"].to_dataset()
-        figure = new_figure(0.7 + 1.75 * -(-len(shown) // _COLUMNS))
-        reach = _reach(data.sel(way="both"))
-        panels = panels_of(figure, len(shown), float(data["distance"].values[-1]))
-        for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
-            _band(axes, data.sel(camera=camera.key, way="both"), camera)
-            axes.set_ylim(max(0.0, 1.0 - reach), 1.0 + reach)
-            if order % _COLUMNS == 0:
-                axes.set_ylabel("depth / distance")
-        handles: list[Line2D | Patch] = [
-            Patch(color=SOFT, alpha=0.25, linewidth=0),
-            Patch(color=SOFT, alpha=0.6, linewidth=0),
-            Line2D([], [], color=SOFT, linewidth=1.2),
-            Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 2))),
-            Line2D([], [], color=SOFT, linewidth=0.8, linestyle=(0, (1, 1))),
-            Line2D([], [], color=INK, linewidth=0.6),
-        ]
-        labels = [
-            "central 95 %", "central 68 %", "median", "linear theory, 95 %", "95 % at the edge of the field",
-            "upright line: mean and deviation end here",
-        ]  # fmt: skip
-        legend(figure, handles, labels, columns=3)
+    shown = traces_in(tree, "calibration")
+    data = tree["calibration"].to_dataset()
+    figure = new_figure(0.7 + 1.75 * -(-len(shown) // _COLUMNS))
+    reach = _reach(data.sel(way="both"))
+    panels = panels_of(figure, len(shown), float(data["distance"].values[-1]))
+    for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
+        _band(axes, data.sel(camera=camera.key, way="both"), camera)
+        axes.set_ylim(max(0.0, 1.0 - reach), 1.0 + reach)
+        if order % _COLUMNS == 0:
+            axes.set_ylabel("depth / distance")
+    handles: list[Line2D | Patch] = [
+        Patch(color=SOFT, alpha=0.25, linewidth=0),
+        Patch(color=SOFT, alpha=0.6, linewidth=0),
+        Line2D([], [], color=SOFT, linewidth=1.2),
+        Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 2))),
+        Line2D([], [], color=SOFT, linewidth=0.8, linestyle=(0, (1, 1))),
+        Line2D([], [], color=INK, linewidth=0.6),
+    ]
+    labels = [
+        "central 95 %", "central 68 %", "median", "linear theory, 95 %", "95 % at the edge of the field",
+        "upright line: mean and deviation end here",
+    ]  # fmt: skip
+    legend(figure, handles, labels, columns=3)
     return figure
 
 
@@ -108,33 +104,33 @@ def _band(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 
 
+@styled()
 def draw_failures(tree: xr.DataTree) -> StudyFigure:
     """Probability of a reading at or beyond infinity, and of none at all, against distance; axis and edge."""
-    with styled():
-        shown = traces_in(tree, "calibration")
-        data = tree["calibration"].to_dataset().sel(way="both")
-        figure = new_figure(2.9 + 0.13 * len(shown))
-        panels = figure.subplots(2, 2, sharex=True, sharey=True)
-        distance = np.asarray(data["distance"].values, dtype=np.float64)
-        for column, field in enumerate(("axis", "edge")):
-            for camera in shown:
-                there = data.sel(camera=camera.key, field=field)
-                infinite = np.asarray(there["infinite_fraction"].values, dtype=np.float64)
-                _share(panels[0, column], distance, infinite, camera)
-                _share(panels[1, column], distance, _failed(there), camera)
-            panels[0, column].set_title(f"beyond infinity, {_FIELD_WORDS[field]}")
-            panels[1, column].set_title(f"no reading, {_FIELD_WORDS[field]}")
-            panels[1, column].set_xlabel(distance_label(float(distance[-1])))
-        for axes in panels.flat:
-            distance_axis(axes, (float(distance[0]), float(distance[-1])))
-            axes.set_yscale("symlog", linthresh=_LEAST_SHARE, linscale=0.5)
-            axes.set_yticks([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
-            axes.set_yticklabels(["0", "10 ppm", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
-            axes.set_ylim(0.0, 1.6)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("probability")
-        handles = [Line2D([], [], color=c.style.color, linestyle=c.style.dash) for c in shown]
-        legend(figure, handles, [camera.title for camera in shown], columns=3)
+    shown = traces_in(tree, "calibration")
+    data = tree["calibration"].to_dataset().sel(way="both")
+    figure = new_figure(2.9 + 0.13 * len(shown))
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    distance = np.asarray(data["distance"].values, dtype=np.float64)
+    for column, field in enumerate(("axis", "edge")):
+        for camera in shown:
+            there = data.sel(camera=camera.key, field=field)
+            infinite = np.asarray(there["infinite_fraction"].values, dtype=np.float64)
+            _share(panels[0, column], distance, infinite, camera)
+            _share(panels[1, column], distance, _failed(there), camera)
+        panels[0, column].set_title(f"beyond infinity, {_FIELD_WORDS[field]}")
+        panels[1, column].set_title(f"no reading, {_FIELD_WORDS[field]}")
+        panels[1, column].set_xlabel(distance_label(float(distance[-1])))
+    for axes in panels.flat:
+        distance_axis(axes, (float(distance[0]), float(distance[-1])))
+        axes.set_yscale("symlog", linthresh=_LEAST_SHARE, linscale=0.5)
+        axes.set_yticks([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
+        axes.set_yticklabels(["0", "10 ppm", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
+        axes.set_ylim(0.0, 1.6)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("probability")
+    handles = [Line2D([], [], color=c.style.color, linestyle=c.style.dash) for c in shown]
+    legend(figure, handles, [camera.title for camera in shown], columns=3)
     return figure
 
 
@@ -149,33 +145,33 @@ def _share(axes: Axes, distance: FloatArray, values: FloatArray, camera: CameraT
     axes.plot(distance, values, color=camera.style.color, linestyle=camera.style.dash, linewidth=1.3)
 
 
+@styled()
 def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
     """Probability that the first camera of each pair errs less, against distance; calibration alone, and with noise."""
-    with styled():
-        data = tree["decision"].to_dataset()
-        titles = camera_titles(tree)
-        figure = new_figure(3.9 + 0.08 * data.sizes["pair"])
-        panels = figure.subplots(2, 2, sharex=True, sharey=True)
-        distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
-        for row, way in enumerate(data["rank_way"].values):
-            for column, field in enumerate(data["field"].values):
-                axes = panels[row, column]
-                for order, pair in enumerate(data["pair"].values):
-                    there = data.sel(pair=pair, field=field, rank_way=way)
-                    _rank_line(axes, distance, there, order)
-                axes.axhline(0.5, color=FAINT, linewidth=0.8, zorder=0)
-                words = "calibration alone" if way == "calibration" else "single readings"
-                axes.set_title(f"{words}, {_FIELD_WORDS[str(field)]}")
-                distance_axis(axes, (float(distance[0]), float(distance[-1])))
-                axes.set_ylim(0.0, 1.0)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("P(first errs less)")
-        for axes in panels[1]:
-            axes.set_xlabel(distance_label(float(distance[-1])))
-        pairs = zip(data["pair_first"].values, data["pair_second"].values, strict=True)
-        labels = [f"{titles[str(first)]} before {titles[str(second)]}" for first, second in pairs]
-        handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(labels))]
-        legend(figure, handles, labels, columns=2)
+    data = tree["decision"].to_dataset()
+    titles = camera_titles(tree)
+    figure = new_figure(3.9 + 0.08 * data.sizes["pair"])
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
+    for row, way in enumerate(data["rank_way"].values):
+        for column, field in enumerate(data["field"].values):
+            axes = panels[row, column]
+            for order, pair in enumerate(data["pair"].values):
+                there = data.sel(pair=pair, field=field, rank_way=way)
+                _rank_line(axes, distance, there, order)
+            axes.axhline(0.5, color=FAINT, linewidth=0.8, zorder=0)
+            words = "calibration alone" if way == "calibration" else "single readings"
+            axes.set_title(f"{words}, {_FIELD_WORDS[str(field)]}")
+            distance_axis(axes, (float(distance[0]), float(distance[-1])))
+            axes.set_ylim(0.0, 1.0)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("P(first errs less)")
+    for axes in panels[1]:
+        axes.set_xlabel(distance_label(float(distance[-1])))
+    pairs = zip(data["pair_first"].values, data["pair_second"].values, strict=True)
+    labels = [f"{titles[str(first)]} before {titles[str(second)]}" for first, second in pairs]
+    handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(labels))]
+    legend(figure, handles, labels, columns=2)
     return figure
 
 

@@ -7,9 +7,10 @@ import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
@@ -32,9 +33,6 @@ from tradestudy.figures.style import (
 from tradestudy.results.cost import NO_ANSWER
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.units import DURATION, pretty, significant
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _COLUMNS: Final = 2
 _PANEL_HEIGHT: Final = 2.7
@@ -134,31 +132,31 @@ def _time(one: xr.Dataset, name: str) -> str:
     return pretty(float(one[name]), DURATION, digits=2)
 
 
+@styled()
 def draw_cost(tree: xr.DataTree) -> StudyFigure:
     """One panel per quantity."""
-    with styled():
-        data = tree["cost"].to_dataset()
-        names = measured_quantities(data)
-        drawn = np.isin(data["quantity"].values, names) & _drawable(data["relative_error"].values)
-        models = list(dict.fromkeys(str(model) for model in data["model"].values[drawn]))
-        columns = min(_COLUMNS, len(names))
-        rows = -(-len(names) // columns)
-        marks = _marks()
-        labels = [*models, *marks]
-        beside = _legend_columns(labels)
-        figure = new_figure(_PANEL_HEIGHT * rows + 0.25 + 0.14 * -(-len(labels) // beside))
-        panels = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, name in zip(panels, names, strict=False):
-            _panel(axes, data, name, models)
-        for axes in panels[len(names) :]:
-            axes.remove()
-        legend(
-            figure,
-            [*(_line(models.index(model)) for model in models), *marks.values()],
-            labels,
-            beside,
-            longest=_LEGEND_WIDTH,
-        )
+    data = tree["cost"].to_dataset()
+    names = measured_quantities(data)
+    drawn = np.isin(data["quantity"].values, names) & _drawable(data["relative_error"].values)
+    models = list(dict.fromkeys(str(model) for model in data["model"].values[drawn]))
+    columns = min(_COLUMNS, len(names))
+    rows = -(-len(names) // columns)
+    marks = _marks()
+    labels = [*models, *marks]
+    beside = _legend_columns(labels)
+    figure = new_figure(_PANEL_HEIGHT * rows + 0.25 + 0.14 * -(-len(labels) // beside))
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, name in zip(panels, names, strict=False):
+        _panel(axes, data, name, models)
+    for axes in panels[len(names) :]:
+        axes.remove()
+    legend(
+        figure,
+        [*(_line(models.index(model)) for model in models), *marks.values()],
+        labels,
+        beside,
+        longest=_LEGEND_WIDTH,
+    )
     return figure
 
 

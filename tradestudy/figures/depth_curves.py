@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -31,42 +30,39 @@ from tradestudy.results.views.depth import nominal, of_camera, where_usable
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 MM = 1e3
 _UNUSABLE_WIDTH, _USABLE_WIDTH = 0.7, 1.9
 _LETTERS_PER_DECADE, _SHORTEST_NAME = 34, 9  # of a name written into the bar of the best camera
 
 
+@styled()
 def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
     """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
-    with styled():
-        depth, shown = nominal(tree), traces(tree)
-        figure = new_figure(3.3)
-        left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-        distance = np.asarray(depth["distance"].values, dtype=float)
-        # One point more on each side, so that a curve reaches the edge of the panel.
-        inside = np.flatnonzero((distance >= near) & (distance <= far))
-        view = depth.isel(distance=slice(max(inside[0] - 1, 0), inside[-1] + 2))
-        drawn: list[FloatArray] = []
-        for camera in shown:
-            nearer = of_camera(view, "depth_discrimination", camera.key, side="nearer")
-            farther = of_camera(view, "depth_discrimination", camera.key, side="farther")
-            uncertainty = of_camera(view, "depth_uncertainty", camera.key)
-            _curve(left, view, camera, nearer)
-            _band(left, view, camera, nearer, farther)
-            _curve(right, view, camera, uncertainty)
-            drawn += [nearer, uncertainty]
-        for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
-            log_axis(axes, "y", tick=length_tick)
-            axes.set_xlim(near, far)
-            axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
-            axes.set_xlabel(distance_label(far))
-            axes.set_title(title)
-        left.set_ylabel("depth")
-        left.set_ylim(*_limits(drawn, view["distance"].values, near, far))
-        _camera_legend(figure, shown)
+    depth, shown = nominal(tree), traces(tree)
+    figure = new_figure(3.3)
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    distance = np.asarray(depth["distance"].values, dtype=float)
+    # One point more on each side, so that a curve reaches the edge of the panel.
+    inside = np.flatnonzero((distance >= near) & (distance <= far))
+    view = depth.isel(distance=slice(max(inside[0] - 1, 0), inside[-1] + 2))
+    drawn: list[FloatArray] = []
+    for camera in shown:
+        nearer = of_camera(view, "depth_discrimination", camera.key, side="nearer")
+        farther = of_camera(view, "depth_discrimination", camera.key, side="farther")
+        uncertainty = of_camera(view, "depth_uncertainty", camera.key)
+        _curve(left, view, camera, nearer)
+        _band(left, view, camera, nearer, farther)
+        _curve(right, view, camera, uncertainty)
+        drawn += [nearer, uncertainty]
+    for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
+        log_axis(axes, "y", tick=length_tick)
+        axes.set_xlim(near, far)
+        axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
+        axes.set_xlabel(distance_label(far))
+        axes.set_title(title)
+    left.set_ylabel("depth")
+    left.set_ylim(*_limits(drawn, view["distance"].values, near, far))
+    _camera_legend(figure, shown)
     return figure
 
 
@@ -109,26 +105,26 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
     )
 
 
+@styled()
 def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
-    with styled():
-        depth, shown = nominal(tree), traces(tree)
-        figure = new_figure(2.6 + 0.16 * len(shown))
-        curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
-        distance = np.asarray(depth["distance"].values, dtype=float)
-        drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
-        for camera, uncertainty in zip(shown, drawn, strict=True):
-            _curve(curves, depth, camera, uncertainty)
-        log_axis(curves, "y", tick=length_tick)
-        distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
-        curves.set_ylim(*_limits(drawn, distance, float(distance[0]), float(distance[-1])))
-        curves.set_ylabel("depth uncertainty (68 %)")
-        _relative_guides(curves, distance)
-        _bars(bars, depth, shown)
-        if has_winners(tree):
-            _best_camera_bar(bars, tree, shown)
-            _crossovers((curves, bars), tree)
-        bars.set_xlabel(distance_label(float(distance[-1])))
+    depth, shown = nominal(tree), traces(tree)
+    figure = new_figure(2.6 + 0.16 * len(shown))
+    curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
+    distance = np.asarray(depth["distance"].values, dtype=float)
+    drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
+    for camera, uncertainty in zip(shown, drawn, strict=True):
+        _curve(curves, depth, camera, uncertainty)
+    log_axis(curves, "y", tick=length_tick)
+    distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
+    curves.set_ylim(*_limits(drawn, distance, float(distance[0]), float(distance[-1])))
+    curves.set_ylabel("depth uncertainty (68 %)")
+    _relative_guides(curves, distance)
+    _bars(bars, depth, shown)
+    if has_winners(tree):
+        _best_camera_bar(bars, tree, shown)
+        _crossovers((curves, bars), tree)
+    bars.set_xlabel(distance_label(float(distance[-1])))
     return figure
 
 

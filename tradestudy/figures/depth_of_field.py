@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -26,45 +27,42 @@ from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_st
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.units import LENGTH, pretty
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 MM = 1e3
 _ROW = 0.27  # inches
 _SCENE = "#F5E7B8"
 _SHADES = (1.0, 0.6)  # of neighbouring slices
 
 
+@styled()
 def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
     """One row per camera: what the headline criterion keeps sharp, slice by slice, over what is resolved alike."""
-    with styled():
-        data, shown = by_first_criterion(tree), all_traces(tree)
-        distance = np.asarray(data["distance"].values, dtype=np.float64) * MM
-        figure = new_figure(0.95 + _ROW * len(shown))
-        axes = figure.subplots()
-        log_axis(axes, "x", dense=True)
-        axes.set_xlim(distance[0], distance[-1])
-        _scene_band(axes, data, "x")
-        equal = "resolved_near" in data
-        for row, camera in enumerate(shown):
-            one = data.sel(camera=camera.key)
-            _slices(axes, sharp_stretches(one, "slice"), row, camera)
-            _far_end(axes, sharp_stretches(one, "sharp"), row)
-            _gaps(axes, sharp_stretches(one, "gap"), row)
-            if equal:
-                _thin(axes, sharp_stretches(one, "resolved"), row)
-        axes.set_yticks(range(len(shown)), [shortened(camera.title) for camera in shown])
-        axes.set_ylim(len(shown) - 0.4, -0.6)
-        axes.grid(visible=False, axis="y")
-        axes.tick_params(axis="y", length=0)
-        axes.set_xlabel("distance from the lens [mm]")
-        _resolution_beside(axes, data, shown)
-        handles: list[Any] = [Patch(color=_SCENE, linewidth=0), Patch(color=SOFT, linewidth=0)]
-        labels = ["the scene", "sharp (shades: images or types)"]
+    data, shown = by_first_criterion(tree), all_traces(tree)
+    distance = np.asarray(data["distance"].values, dtype=np.float64) * MM
+    figure = new_figure(0.95 + _ROW * len(shown))
+    axes = figure.subplots()
+    log_axis(axes, "x", dense=True)
+    axes.set_xlim(distance[0], distance[-1])
+    _scene_band(axes, data, "x")
+    equal = "resolved_near" in data
+    for row, camera in enumerate(shown):
+        one = data.sel(camera=camera.key)
+        _slices(axes, sharp_stretches(one, "slice"), row, camera)
+        _far_end(axes, sharp_stretches(one, "sharp"), row)
+        _gaps(axes, sharp_stretches(one, "gap"), row)
         if equal:
-            handles.append(Line2D([], [], color=INK, linewidth=1.4))
-            labels.append(f"resolves {pretty(float(data.attrs['equal_resolution']), LENGTH)} or finer")
-        legend(figure, handles, labels, columns=3)
+            _thin(axes, sharp_stretches(one, "resolved"), row)
+    axes.set_yticks(range(len(shown)), [shortened(camera.title) for camera in shown])
+    axes.set_ylim(len(shown) - 0.4, -0.6)
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlabel("distance from the lens [mm]")
+    _resolution_beside(axes, data, shown)
+    handles: list[Any] = [Patch(color=_SCENE, linewidth=0), Patch(color=SOFT, linewidth=0)]
+    labels = ["the scene", "sharp (shades: images or types)"]
+    if equal:
+        handles.append(Line2D([], [], color=INK, linewidth=1.4))
+        labels.append(f"resolves {pretty(float(data.attrs['equal_resolution']), LENGTH)} or finer")
+    legend(figure, handles, labels, columns=3)
     return figure
 
 
@@ -154,37 +152,37 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, .
     )
 
 
+@styled()
 def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     """Size of detail that each camera resolves, log–log, bold where it is sharp by the headline criterion."""
-    with styled():
-        data, shown = by_first_criterion(tree), all_traces(tree)
-        distance = np.asarray(data["distance"].values, dtype=np.float64)
-        figure = new_figure(3.9)
-        axes = figure.subplots()
-        log_axis(axes, "x", dense=True)
-        log_axis(axes, "y", dense=True, tick=length_tick)
-        axes.set_xlim(distance[0] * MM, distance[-1] * MM)
-        _scene_band(axes, data, "x")
-        for camera in shown:
-            size = np.asarray(data["lateral_resolution"].sel(camera=camera.key).values, dtype=np.float64) * MM
-            sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
-            style = camera.style
-            line = {"color": style.color, "linestyle": style.dash}
-            axes.plot(distance * MM, size, linewidth=0.8, alpha=0.55, **line)
-            axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=2.0, **line)
-        if "equal_resolution" in data.attrs:
-            axes.axhline(float(data.attrs["equal_resolution"]) * MM, color=INK, linewidth=0.9)
-        axes.set_ylim(*_size_limits(np.asarray(data["lateral_resolution"].values, dtype=np.float64) * MM))
-        axes.set_xlabel("distance from the lens [mm]")
-        axes.set_ylabel("detail resolved on the object")
-        handles: list[Any] = [Line2D([], [], color=c.style.color, linestyle=c.style.dash, linewidth=2.0) for c in shown]
-        handles += [Line2D([], [], color=SOFT, linewidth=0.8), Patch(color=_SCENE, linewidth=0)]
-        labels = [*(camera.title for camera in shown), "thin: not sharp", "the scene"]
-        if "equal_resolution" in data.attrs:
-            handles.append(Line2D([], [], color=INK, linewidth=0.9))
-            labels.append("equal resolution")
-        legend(figure, handles, labels, columns=3)
-        axes.grid(visible=True, color=FAINT)
+    data, shown = by_first_criterion(tree), all_traces(tree)
+    distance = np.asarray(data["distance"].values, dtype=np.float64)
+    figure = new_figure(3.9)
+    axes = figure.subplots()
+    log_axis(axes, "x", dense=True)
+    log_axis(axes, "y", dense=True, tick=length_tick)
+    axes.set_xlim(distance[0] * MM, distance[-1] * MM)
+    _scene_band(axes, data, "x")
+    for camera in shown:
+        size = np.asarray(data["lateral_resolution"].sel(camera=camera.key).values, dtype=np.float64) * MM
+        sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
+        style = camera.style
+        line = {"color": style.color, "linestyle": style.dash}
+        axes.plot(distance * MM, size, linewidth=0.8, alpha=0.55, **line)
+        axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=2.0, **line)
+    if "equal_resolution" in data.attrs:
+        axes.axhline(float(data.attrs["equal_resolution"]) * MM, color=INK, linewidth=0.9)
+    axes.set_ylim(*_size_limits(np.asarray(data["lateral_resolution"].values, dtype=np.float64) * MM))
+    axes.set_xlabel("distance from the lens [mm]")
+    axes.set_ylabel("detail resolved on the object")
+    handles: list[Any] = [Line2D([], [], color=c.style.color, linestyle=c.style.dash, linewidth=2.0) for c in shown]
+    handles += [Line2D([], [], color=SOFT, linewidth=0.8), Patch(color=_SCENE, linewidth=0)]
+    labels = [*(camera.title for camera in shown), "thin: not sharp", "the scene"]
+    if "equal_resolution" in data.attrs:
+        handles.append(Line2D([], [], color=INK, linewidth=0.9))
+        labels.append("equal resolution")
+    legend(figure, handles, labels, columns=3)
+    axes.grid(visible=True, color=FAINT)
     return figure
 
 

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.figures import depth_of_field
 from tradestudy.figures.drawing import Drawing
 from tradestudy.results.views.cameras import camera_titles
 from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_stretches
 from tradestudy.units import LENGTH, PIXELS, pretty
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:

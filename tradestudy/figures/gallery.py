@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.figures import (
     depth_curves,
@@ -28,9 +28,6 @@ from tradestudy.results.views.depth import nominal, of_camera, swept, where_usab
 from tradestudy.results.views.largest import largest_part
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 CLOSE_RANGE_ENDS = 1.0  # m: the paper's figure 8 ends and its figure 9 begins here
 _NEAR_ZERO = 0.1  # of the farthest distance: an axis that begins nearer than this may begin at the camera

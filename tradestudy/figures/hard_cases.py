@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import FAINT, SOFT, StudyFigure, legend, line_style, new_figure, styled
 from tradestudy.results.views.groups import FloatArray
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Errors live between these powers of ten; an exact value and a wrong infinity have places of their own beside them.
 _LOWEST, _HIGHEST = -18.0, 4.0
@@ -42,21 +39,21 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
     )
 
 
+@styled()
 def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
     """Our error against that of the usual formula."""
-    with styled():
-        data = tree["hard_cases"].to_dataset()
-        data = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
-        figure = new_figure(3.6)
-        axes = figure.subplots()
-        _frame(axes)
-        families = list(dict.fromkeys(str(name) for name in data["family_title"].values))
-        for order, family in enumerate(families):
-            cases = data.isel(case=np.flatnonzero(data["family_title"].values == family))
-            x, y = (_placed(np.asarray(cases[name].values, dtype=float)) for name in ("naive_error", "our_error"))
-            style = line_style(order)
-            axes.plot(x, y, linestyle="", marker=style.marker, markersize=3.6, color=style.color, alpha=0.8)
-        legend(figure, [_mark(order) for order in range(len(families))], families, columns=4)
+    data = tree["hard_cases"].to_dataset()
+    data = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    _frame(axes)
+    families = list(dict.fromkeys(str(name) for name in data["family_title"].values))
+    for order, family in enumerate(families):
+        cases = data.isel(case=np.flatnonzero(data["family_title"].values == family))
+        x, y = (_placed(np.asarray(cases[name].values, dtype=float)) for name in ("naive_error", "our_error"))
+        style = line_style(order)
+        axes.plot(x, y, linestyle="", marker=style.marker, markersize=3.6, color=style.color, alpha=0.8)
+    legend(figure, [_mark(order) for order in range(len(families))], families, columns=4)
     return figure
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -25,9 +24,6 @@ from tradestudy.figures.style import (
     styled,
 )
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 MM = 1e3
 _COLUMNS = 3
 _MOST_BARS = 8
@@ -43,25 +39,25 @@ def tornado_distance(tree: xr.DataTree) -> float:
     return float(distance[np.argmin(np.abs(np.log(distance / middle)))])
 
 
+@styled()
 def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     """Half the central 68.27 % interval of depth from each independent source alone, largest first, per camera."""
-    with styled():
-        shown = traces_in(tree, "sensitivity")
-        place = tornado_distance(tree)
-        data = tree["sensitivity"].to_dataset().sel(distance=place)
-        rows = -(-len(shown) // 2)
-        figure = new_figure(0.6 + 1.75 * rows)
-        grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-        largest = float(np.nanmax(data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])))) * MM
-        for axes, camera in zip(grid.flat, shown, strict=False):
-            _bars(axes, data.sel(camera=camera.key), camera)
-            axes.set_xlim(largest * 1e-5, largest * 2.0)
-        for axes in list(grid.flat)[len(shown) :]:
-            axes.set_visible(False)
-        for axes in grid[-1]:
-            axes.set_xlabel("depth uncertainty from one source alone")
-        handles = [Patch(color=SOFT, linewidth=0), Patch(color=SOFT, alpha=0.4, linewidth=0)]
-        legend(figure, handles, ["on the axis", "at the edge of the field"], columns=2)
+    shown = traces_in(tree, "sensitivity")
+    place = tornado_distance(tree)
+    data = tree["sensitivity"].to_dataset().sel(distance=place)
+    rows = -(-len(shown) // 2)
+    figure = new_figure(0.6 + 1.75 * rows)
+    grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
+    largest = float(np.nanmax(data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])))) * MM
+    for axes, camera in zip(grid.flat, shown, strict=False):
+        _bars(axes, data.sel(camera=camera.key), camera)
+        axes.set_xlim(largest * 1e-5, largest * 2.0)
+    for axes in list(grid.flat)[len(shown) :]:
+        axes.set_visible(False)
+    for axes in grid[-1]:
+        axes.set_xlabel("depth uncertainty from one source alone")
+    handles = [Patch(color=SOFT, linewidth=0), Patch(color=SOFT, alpha=0.4, linewidth=0)]
+    legend(figure, handles, ["on the axis", "at the edge of the field"], columns=2)
     return figure
 
 
@@ -82,32 +78,32 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
 
 
+@styled()
 def draw_indices(tree: xr.DataTree) -> StudyFigure:
     """Total Sobol indices of inverse depth against distance, with the first-order ones dotted, per camera."""
-    with styled():
-        shown = traces_in(tree, "sensitivity")
-        data = tree["sensitivity"].to_dataset().sel(field="axis")
-        names = _main_sources(data)
-        figure = new_figure(0.8 + 1.7 * -(-len(shown) // _COLUMNS))
-        distance = np.asarray(data["distance"].values, dtype=np.float64)
-        panels = panels_of(figure, len(shown), float(distance[-1]))
-        for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
-            there = data.sel(camera=camera.key)
-            for number, name in enumerate(names):
-                style = line_style(number)
-                total = there["total_index"].sel(source=name).values
-                first = there["first_index"].sel(source=name).values
-                axes.plot(distance, total, color=style.color, linestyle=style.dash, linewidth=1.3)
-                axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
-            distance_axis(axes, (float(distance[0]), float(distance[-1])))
-            axes.set_ylim(0.0, 1.05)
-            axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
-            if order % _COLUMNS == 0:
-                axes.set_ylabel("share of variance")
-        handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
-        handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
-        labels = [*(name.replace("_", " ") for name in names), "first order"]
-        legend(figure, handles, labels, columns=4)
+    shown = traces_in(tree, "sensitivity")
+    data = tree["sensitivity"].to_dataset().sel(field="axis")
+    names = _main_sources(data)
+    figure = new_figure(0.8 + 1.7 * -(-len(shown) // _COLUMNS))
+    distance = np.asarray(data["distance"].values, dtype=np.float64)
+    panels = panels_of(figure, len(shown), float(distance[-1]))
+    for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
+        there = data.sel(camera=camera.key)
+        for number, name in enumerate(names):
+            style = line_style(number)
+            total = there["total_index"].sel(source=name).values
+            first = there["first_index"].sel(source=name).values
+            axes.plot(distance, total, color=style.color, linestyle=style.dash, linewidth=1.3)
+            axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
+        distance_axis(axes, (float(distance[0]), float(distance[-1])))
+        axes.set_ylim(0.0, 1.05)
+        axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
+        if order % _COLUMNS == 0:
+            axes.set_ylabel("share of variance")
+    handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
+    handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
+    labels = [*(name.replace("_", " ") for name in names), "first order"]
+    legend(figure, handles, labels, columns=4)
     return figure
 
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
@@ -30,9 +29,6 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MM = 1e3
 _COLUMNS = 3
@@ -79,20 +75,20 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
     return f"{plain_number(value * factor)} {unit}".rstrip()
 
 
+@styled()
 def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty [mm] at the reference distance: a curve over one swept parameter, a map over two.
 
     Of more than two, all but the two with the most values stand at their first value.
     """
-    with styled():
-        place, moved = reference_distance(tree), moved_cameras(tree)
-        depth = tree["depth"].to_dataset().sel(distance=place, method="nearest")
-        dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
-        at_first = dict.fromkeys(dims[2:], 0)
-        uncertainty = depth["depth_uncertainty"].isel(at_first)
-        if len(dims) == 1:
-            return _curves(uncertainty, moved, dims[0], place)
-        return _maps(uncertainty, moved, (dims[0], dims[1]), place)
+    place, moved = reference_distance(tree), moved_cameras(tree)
+    depth = tree["depth"].to_dataset().sel(distance=place, method="nearest")
+    dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
+    at_first = dict.fromkeys(dims[2:], 0)
+    uncertainty = depth["depth_uncertainty"].isel(at_first)
+    if len(dims) == 1:
+        return _curves(uncertainty, moved, dims[0], place)
+    return _maps(uncertainty, moved, (dims[0], dims[1]), place)
 
 
 def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str, place: float) -> StudyFigure:
@@ -167,43 +163,41 @@ def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
         )
 
 
+@styled()
 def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     """Nearest usable distance against uncertainty at the reference distance, for designs usable there; the frontier."""
-    with styled():
-        depth, place = tree["depth"].to_dataset(), reference_distance(tree)
-        figure = new_figure(3.4)
-        axes = figure.subplots()
-        shown = traces(tree)
-        clouds: list[FloatArray] = []
-        for camera in shown:
-            near = depth["usable_near"].sel(camera=camera.key).min("interval")
-            there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
-            sigma = there["depth_uncertainty"].where(there["usable"])
-            points = np.stack([array.values.ravel() for array in _aligned(near, sigma)], axis=1)
-            points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
-            clouds.append(points)
-            style = camera.style
-            axes.plot(
-                points[:, 0],
-                points[:, 1] * MM,
-                linestyle="",
-                marker=style.marker,
-                color=style.color,
-                markersize=5,
-            )
-        designs = np.concatenate(clouds)
-        front = frontier(designs)
-        axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
-        farthest = float(np.max(designs[:, 0], initial=0.0))
-        log_axis(axes, "x", dense=True, tick=distance_tick(farthest))
-        log_axis(axes, "y", dense=True, tick=length_tick)
-        axes.set_xlabel(f"nearest usable {distance_label(farthest)}")
-        axes.set_ylabel(f"depth uncertainty at {distance(place)}")
-        handles = [
-            Line2D([], [], color=c.style.color, marker=c.style.marker, linestyle="", markersize=5) for c in shown
-        ]
-        handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
-        legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
+    depth, place = tree["depth"].to_dataset(), reference_distance(tree)
+    figure = new_figure(3.4)
+    axes = figure.subplots()
+    shown = traces(tree)
+    clouds: list[FloatArray] = []
+    for camera in shown:
+        near = depth["usable_near"].sel(camera=camera.key).min("interval")
+        there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
+        sigma = there["depth_uncertainty"].where(there["usable"])
+        points = np.stack([array.values.ravel() for array in _aligned(near, sigma)], axis=1)
+        points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
+        clouds.append(points)
+        style = camera.style
+        axes.plot(
+            points[:, 0],
+            points[:, 1] * MM,
+            linestyle="",
+            marker=style.marker,
+            color=style.color,
+            markersize=5,
+        )
+    designs = np.concatenate(clouds)
+    front = frontier(designs)
+    axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
+    farthest = float(np.max(designs[:, 0], initial=0.0))
+    log_axis(axes, "x", dense=True, tick=distance_tick(farthest))
+    log_axis(axes, "y", dense=True, tick=length_tick)
+    axes.set_xlabel(f"nearest usable {distance_label(farthest)}")
+    axes.set_ylabel(f"depth uncertainty at {distance(place)}")
+    handles = [Line2D([], [], color=c.style.color, marker=c.style.marker, linestyle="", markersize=5) for c in shown]
+    handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
+    legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
     return figure
 
 

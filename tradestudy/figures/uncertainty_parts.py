@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
@@ -25,9 +24,6 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.results.views.depth import nominal, of_camera, where_usable
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MM = 1e3
 _COLUMNS = 3
@@ -51,29 +47,29 @@ def _largest(depth: xr.Dataset) -> dict[str, float]:
     return {str(name): float(m) if m >= 0.0 else np.nan for name, m in zip(part["part"].values, known, strict=True)}
 
 
+@styled()
 def draw_uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty of every camera and its parts against distance, both axes logarithmic."""
-    with styled():
-        depth, shown = nominal(tree), traces(tree)
-        names = part_names(depth)
-        columns = min(_COLUMNS, len(shown))
-        rows = -(-len(shown) // columns)
-        figure = new_figure(0.6 + 1.85 * rows)
-        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        for axes, camera in zip(panels.flat, shown, strict=False):
-            _panel(axes, depth, camera, names)
-        for axes in panels.flat[len(shown) :]:
-            axes.set_visible(False)
-        for column in range(columns):
-            last = panels[(len(shown) - 1 - column) // columns, column]
-            last.set_xlabel(distance_label(float(depth["distance"].values[-1])))
-            last.tick_params(labelbottom=True)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("depth uncertainty")
-        panels[0, 0].set_ylim(*_limits(depth))
-        handles = [Line2D([], [], color=INK, linewidth=2.2)]
-        handles += [_part_handle(order) for order in range(len(names))]
-        legend(figure, handles, ["all together", *(name.replace("_", " ") for name in names)], columns=4)
+    depth, shown = nominal(tree), traces(tree)
+    names = part_names(depth)
+    columns = min(_COLUMNS, len(shown))
+    rows = -(-len(shown) // columns)
+    figure = new_figure(0.6 + 1.85 * rows)
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes, camera in zip(panels.flat, shown, strict=False):
+        _panel(axes, depth, camera, names)
+    for axes in panels.flat[len(shown) :]:
+        axes.set_visible(False)
+    for column in range(columns):
+        last = panels[(len(shown) - 1 - column) // columns, column]
+        last.set_xlabel(distance_label(float(depth["distance"].values[-1])))
+        last.tick_params(labelbottom=True)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("depth uncertainty")
+    panels[0, 0].set_ylim(*_limits(depth))
+    handles = [Line2D([], [], color=INK, linewidth=2.2)]
+    handles += [_part_handle(order) for order in range(len(names))]
+    legend(figure, handles, ["all together", *(name.replace("_", " ") for name in names)], columns=4)
     return figure
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import xarray as xr
+
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Contents, PageBreak, Report
 from tradestudy.report.sections.answer import describe_answer
 from tradestudy.report.sections.calibration import describe_calibration
@@ -26,11 +29,6 @@ from tradestudy.report.sections.registers import (
 )
 from tradestudy.report.sections.results import describe_results
 from tradestudy.results.views.groups import attribute
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 
 def compose_report(

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Picture
-
-if TYPE_CHECKING:
-    from tradestudy.figures.drawing import Drawing
 
 
 def pictures_of(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Picture]:

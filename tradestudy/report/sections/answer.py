@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -27,11 +28,6 @@ from tradestudy.results.views.groups import group, has
 from tradestudy.results.views.largest import largest_part
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, span
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Column,
@@ -30,11 +31,6 @@ from tradestudy.results.views.cameras import titles_in
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _FIELDS = {"axis": "on the axis", "edge": "at the edge of the field"}
 _WAYS = {"noise": "per measurement", "calibration": "per rig and session", "both": "together"}

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+
+import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Column, Heading, Table, say
 from tradestudy.results.views.cameras import camera_families, camera_titles
 from tradestudy.results.views.groups import group, has, records
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:

@@ -7,10 +7,12 @@ import math
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -27,11 +29,6 @@ from tradestudy.report.pictures import pictures_of
 from tradestudy.results.cost import NO_ANSWER
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import DURATION, pretty, significant
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _HAS_PRICES: Final = ("depth", "depth_of_field", "calibration", "images", "point_spread")
 _WITHIN_DOUBLE_QUOTES: Final = frozenset('$`\\"!')  # what a shell reads there

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -27,11 +28,6 @@ from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_st
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import PIXELS, pretty, significant
 from tradestudy.wording import counted
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _SPOT = {"none": "defocus alone", "fwhm": "with diffraction at half maximum", "airy-diameter": "with the Airy diameter"}
 

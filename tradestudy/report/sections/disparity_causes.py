@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import share
@@ -13,9 +14,6 @@ from tradestudy.results.views.cameras import titles_in
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _COLUMNS: Final = {
     "no blur": "without blur",

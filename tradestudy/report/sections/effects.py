@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import in_words
@@ -16,9 +17,6 @@ from tradestudy.results.views.cameras import camera_titles
 from tradestudy.results.views.groups import group, has, records
 from tradestudy.units import DURATION, FRACTION, pretty, significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _QUANTITIES = {
     "depth_uncertainty": "depth uncertainty, at every distance",

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -25,11 +26,6 @@ from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import FloatArray, group, has
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
 from tradestudy.units import significant
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _METRICS = {"peak": "peak", "l1": "L1", "largest": "largest"}
 

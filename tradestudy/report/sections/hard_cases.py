@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Spans, Table, Text, say
 from tradestudy.report.pictures import pictures_of
 from tradestudy.results.views.groups import records
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 
 def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:

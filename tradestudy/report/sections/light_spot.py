@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.light_methods import long_title
 from tradestudy.report.document import (
     Block,
@@ -25,11 +27,6 @@ from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import group, has
 from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import significant
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _NOT_STATED = (
     "The discretisation and the machine behind the published times are not known, so that published and own times "

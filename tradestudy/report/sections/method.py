@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Equation, Heading, Paragraph, say
 from tradestudy.results.views.cameras import depth_methods
 from tradestudy.results.views.groups import group, has
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def describe_method(tree: xr.DataTree) -> Iterator[Block]:

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import in_words, share
 from tradestudy.results.views.cameras import camera_titles
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import significant
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 
 def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:

@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import in_words
 from tradestudy.results.views.cameras import camera_families, camera_titles
 from tradestudy.results.views.groups import group, has, records
 from tradestudy.units import significant
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES = ("set for this run", "assumed", "derived", "datasheet", "measured", "paper")

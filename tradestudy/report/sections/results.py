@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.pictures import pictures_of
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
@@ -17,11 +19,6 @@ from tradestudy.results.views.depth import nominal, told_places
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
 WAYS = {"noise": "noise", "calibration": "calibration", "both": "both"}

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Table, Text, say
 from tradestudy.report.words import in_words, length, share
@@ -15,9 +15,6 @@ from tradestudy.results.views.groups import group, has, records
 from tradestudy.results.views.largest import largest_source
 from tradestudy.units import significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def computed_places(tree: xr.DataTree) -> list[float]:
