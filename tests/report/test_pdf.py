@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy import figures, report
 from tradestudy.errors import TradestudyError
-from tradestudy.figures.cameras import traces
+from tradestudy.figures.style import traces
 from tradestudy.report import pdf
 from tradestudy.report.document import (
     Bullets,
@@ -20,8 +20,6 @@ from tradestudy.report.document import (
     Column,
     Equation,
     Heading,
-    KeyFigure,
-    KeyFigures,
     Paragraph,
     Picture,
     Report,
@@ -129,7 +127,6 @@ def test_hostile_text_stays_text() -> None:
             Paragraph(say("{x}", x=HOSTILE)),
             Bullets((HOSTILE,)),
             Callout(title=HOSTILE, blocks=(Paragraph(HOSTILE),)),
-            KeyFigures((KeyFigure(value="1", label=HOSTILE),)),
             Table(name="t", caption=HOSTILE, columns=columns, rows=((HOSTILE, "1"), (HOSTILE,)), notes=(HOSTILE,)),
             Picture(name="p", caption=HOSTILE, alt=HOSTILE),
             Equation(typst="x", alt="x", reference="r"),

@@ -10,8 +10,8 @@ import xarray as xr
 
 from tradestudy.figures import calibration, posterior, sensitivity
 from tradestudy.figures.drawing import Drawing
-from tradestudy.results.views.cameras import camera_titles, titles_in
-from tradestudy.results.views.largest import largest_source
+from tradestudy.results.views.depth import largest_source
+from tradestudy.results.views.groups import camera_titles, titles_in
 from tradestudy.units import LENGTH, pretty, significant
 
 

@@ -141,7 +141,14 @@ def draw_cost(tree: xr.DataTree) -> StudyFigure:
     models = list(dict.fromkeys(str(model) for model in data["model"].values[drawn]))
     columns = min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)
-    marks = _marks()
+    marks = {
+        "frontier": Line2D([], [], color=FAINT, linewidth=5.0),
+        "the study's choice": Line2D([], [], **_RING),
+        "the next digit": Line2D([], [], **_STAR),
+        "errs by at most this": Line2D(
+            [], [], **{**_ARROW, "marker": _HOLLOW_AND_DOWN, "markersize": 11}, markeredgecolor=INK
+        ),
+    }
     labels = [*models, *marks]
     beside = _legend_columns(labels)
     figure = new_figure(_PANEL_HEIGHT * rows + 0.25 + 0.14 * -(-len(labels) // beside))
@@ -150,9 +157,10 @@ def draw_cost(tree: xr.DataTree) -> StudyFigure:
         _panel(axes, data, name, models)
     for axes in panels[len(names) :]:
         axes.remove()
+    styles = [line_style(order) for order in range(len(models))]
     legend(
         figure,
-        [*(_line(models.index(model)) for model in models), *marks.values()],
+        [*(style.handle(marker=style.marker, markersize=_MARKER) for style in styles), *marks.values()],
         labels,
         beside,
         longest=_LEGEND_WIDTH,
@@ -167,23 +175,6 @@ def _legend_columns(labels: list[str]) -> int:
         if sum(longest) + _LEGEND_HANDLE * len(longest) <= _LEGEND_WIDTH:
             return columns
     return 1
-
-
-def _marks() -> dict[str, Line2D]:
-    """Legend of what is not a model."""
-    return {
-        "frontier": Line2D([], [], color=FAINT, linewidth=5.0),
-        "the study's choice": Line2D([], [], **_RING),
-        "the next digit": Line2D([], [], **_STAR),
-        "errs by at most this": Line2D(
-            [], [], **{**_ARROW, "marker": _HOLLOW_AND_DOWN, "markersize": 11}, markeredgecolor=INK
-        ),
-    }
-
-
-def _line(order: int) -> Line2D:
-    style = line_style(order)
-    return Line2D([], [], color=style.color, linestyle=style.dash, marker=style.marker, markersize=_MARKER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,8 +229,7 @@ def _panel(axes: Axes, data: xr.Dataset, name: str, models: list[str]) -> None:
     if star is not None:
         _whole(axes, np.array([star.seconds]), np.array([max(star.error, scale.floor)]), zorder=5, **_STAR)
     _headed(axes, summary, star)
-    axes.set_xlabel("seconds")
-    axes.set_ylabel("relative error")
+    axes.set(xlabel="seconds", ylabel="relative error")
     _frame(axes, seconds[shown], np.append(error[shown], scale.floor), scale)
 
 
@@ -316,7 +306,8 @@ def _frame(axes: Axes, seconds: FloatArray, errors: FloatArray, scale: _Scale) -
         low, high = float(values.min()) / room, float(values.max()) * room
         decades = math.log10(high / low)
         labelled = scale.gap if which == "y" and scale.exact else low
-        dense = decades < _FEW_DECADES or _powers_of_ten(labelled, high) < _FEWEST_TICKS
+        powers_of_ten = math.floor(math.log10(high)) - math.ceil(math.log10(labelled)) + 1
+        dense = decades < _FEW_DECADES or powers_of_ten < _FEWEST_TICKS
         log_axis(axes, which, dense=dense)
         if not dense:
             axis = axes.xaxis if which == "x" else axes.yaxis
@@ -324,11 +315,6 @@ def _frame(axes: Axes, seconds: FloatArray, errors: FloatArray, scale: _Scale) -
         (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)
     if scale.exact:
         _broken(axes, scale)
-
-
-def _powers_of_ten(low: float, high: float) -> int:
-    """How many stand between two values."""
-    return math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
 
 
 def _broken(axes: Axes, scale: _Scale) -> None:

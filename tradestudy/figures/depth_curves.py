@@ -9,11 +9,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.cameras import CameraTrace, traces
 from tradestudy.figures.style import (
     FAINT,
     INK,
     SOFT,
+    CameraTrace,
     StudyFigure,
     distance_axis,
     distance_label,
@@ -21,9 +21,11 @@ from tradestudy.figures.style import (
     legend,
     length_tick,
     log_axis,
+    named_rows,
     new_figure,
     shortened,
     styled,
+    traces,
 )
 from tradestudy.results.views.decision import has_winners, told_winners, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_usable
@@ -56,12 +58,9 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
         drawn += [nearer, uncertainty]
     for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
         log_axis(axes, "y", tick=length_tick)
-        axes.set_xlim(near, far)
+        axes.set(xlim=(near, far), xlabel=distance_label(far), title=title)
         axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
-        axes.set_xlabel(distance_label(far))
-        axes.set_title(title)
-    left.set_ylabel("depth")
-    left.set_ylim(*_limits(drawn, view["distance"].values, near, far))
+    left.set(ylabel="depth", ylim=_limits(drawn, view["distance"].values, near, far))
     _camera_legend(figure, shown)
     return figure
 
@@ -77,18 +76,14 @@ def _limits(curves: list[FloatArray], distance: FloatArray, near: float, far: fl
     return float(np.percentile(values, 2.0)) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
 
 
-def _usable(view: xr.Dataset, camera: CameraTrace) -> FloatArray:
-    return np.asarray(view["usable"].sel(camera=camera.key).values, dtype=bool)
-
-
 def _curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray) -> None:
     """A curve over all distances, bold where the camera is usable."""
     distance = np.asarray(view["distance"].values, dtype=float)
     y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
-    style = camera.style
-    axes.plot(distance, y, color=style.color, linestyle=style.dash, linewidth=_UNUSABLE_WIDTH, alpha=0.55)
-    bold = np.where(_usable(view, camera), y, np.nan)
-    axes.plot(distance, bold, color=style.color, linestyle=style.dash, linewidth=_USABLE_WIDTH)
+    line = {"color": camera.style.color, "linestyle": camera.style.dash}
+    axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH, alpha=0.55, **line)
+    bold = np.where(view["usable"].sel(camera=camera.key).values.astype(bool), y, np.nan)
+    axes.plot(distance, bold, linewidth=_USABLE_WIDTH, **line)
 
 
 def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:
@@ -117,8 +112,8 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
         _curve(curves, depth, camera, uncertainty)
     log_axis(curves, "y", tick=length_tick)
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
-    curves.set_ylim(*_limits(drawn, distance, float(distance[0]), float(distance[-1])))
-    curves.set_ylabel("depth uncertainty (68 %)")
+    limits = _limits(drawn, distance, float(distance[0]), float(distance[-1]))
+    curves.set(ylim=limits, ylabel="depth uncertainty (68 %)")
     _relative_guides(curves, distance)
     _bars(bars, depth, shown)
     if has_winners(tree):
@@ -155,10 +150,7 @@ def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None
             axes.barh(row, min(far, last) - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
             # The camera's line style runs through its bar, for readers without colours.
             axes.plot([near, min(far, last)], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9)
-    axes.set_yticks(range(len(shown)), [shortened(camera.title) for camera in shown])
-    axes.set_ylim(len(shown) - 0.4, -0.6)
-    axes.grid(visible=False, axis="y")
-    axes.tick_params(axis="y", length=0)
+    named_rows(axes, [shortened(camera.title) for camera in shown])
     axes.set_title("Usable", fontsize=7.5)
 
 
@@ -172,9 +164,9 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
             if letters >= _SHORTEST_NAME:
                 name = shortened(by_key[key].title, letters)
                 axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)
-    axes.set_yticks([*range(len(shown)), row], [*(shortened(camera.title) for camera in shown), "best camera"])
+    names = [*(shortened(camera.title) for camera in shown), "best camera"]
+    axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))
     axes.get_yticklabels()[-1].set_fontweight("bold")
-    axes.set_ylim(row + 0.6, -0.6)
 
 
 def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
@@ -198,10 +190,10 @@ def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
 
 def _camera_legend(figure: StudyFigure, shown: tuple[CameraTrace, ...]) -> None:
     handles: list[Line2D | Patch] = [
-        Line2D([], [], color=c.style.color, linestyle=c.style.dash, linewidth=_USABLE_WIDTH) for c in shown
+        *(camera.style.handle(linewidth=_USABLE_WIDTH) for camera in shown),
+        Line2D([], [], color=SOFT, linewidth=_UNUSABLE_WIDTH),
+        Patch(color=SOFT, alpha=0.2, linewidth=0),
     ]
-    handles.append(Line2D([], [], color=SOFT, linewidth=_UNUSABLE_WIDTH))
-    handles.append(Patch(color=SOFT, alpha=0.2, linewidth=0))
     labels = [
         *(camera.title for camera in shown),
         "thin: outside the usable range",

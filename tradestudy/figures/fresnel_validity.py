@@ -10,7 +10,6 @@ import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from tradestudy.figures.drawing import Drawing
@@ -86,9 +85,10 @@ def _words(data: xr.Dataset) -> str:
     for element in data["element"].values:
         values = np.asarray(point.sel(element=element).values, dtype=float)
         place = published_place(data, str(element))
-        title = element_title(data, element)
         low, high = pretty(float(values.min()), FRACTION), pretty(float(values.max()), FRACTION)
-        sentences.append(f"{title} at f/{significant(place)}, parabolic phase: {low} to {high}. ")
+        sentences.append(
+            f"{element_title(data, element)} at f/{significant(place)}, parabolic phase: {low} to {high}. "
+        )
     return "".join(sentences)
 
 
@@ -113,10 +113,8 @@ def draw_fresnel_error(tree: xr.DataTree) -> StudyFigure:
     if rows == 2:
         panels[1, 0].set_ylabel(f"error {np.degrees(data.attrs['field_angle']):.2g}° off the axis")
     phases = [str(name) for name in data["lens_phase"].values]
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(phases))
-    ]
-    handles += [
+    handles = [
+        *(line_style(order).handle() for order in range(len(phases))),
         Line2D([], [], linestyle="", marker="*", markersize=9, color=INK),
         Line2D([], [], color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))),
     ]
@@ -207,10 +205,8 @@ def draw_fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
     panels = figure.subplots(1, len(elements), squeeze=False, sharey=True)[0]
     for axes, element in zip(panels, elements, strict=True):
         _criteria_panel(axes, data, element)
-        axes.set_title(shortened(element_title(data, element)))
-        axes.set_xlabel("least f-number")
-    panels[0].set_yticks(range(len(names)), names)
-    panels[0].set_ylim(len(names) - 0.4, -0.6)
+        axes.set(title=shortened(element_title(data, element)), xlabel="least f-number")
+    panels[0].set(yticks=range(len(names)), yticklabels=names, ylim=(len(names) - 0.4, -0.6))
     return figure
 
 
@@ -246,14 +242,13 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
 def _criteria_words(data: xr.Dataset) -> str:
     sentences = []
     for element in data["element"].values:
-        title = element_title(data, element)
         parts = [
             f"{name} {significant(float(values.min()))} to "
             f"{significant(float(values.max())) if np.isfinite(values.max()) else 'infinity'}"
             for name, values, _ in _criteria(data, str(element))
             if values.max() > 0
         ]
-        sentences.append(f"{title}: {'; '.join(parts)}. ")
+        sentences.append(f"{element_title(data, element)}: {'; '.join(parts)}. ")
     return "".join(sentences)
 
 
@@ -288,12 +283,14 @@ def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
                 f"printed: {plain_number(printed)}", (2, printed), xytext=(-2, 2), textcoords="offset points",
                 ha="right", fontsize=6.5,
             )  # fmt: skip
-        axes.set_xlim(0, 2)
-        axes.set_ylim(0, top)
-        axes.set_title(shortened(element_title(data, element)))
-        axes.set_xlabel("growth of object and image distance, in quarter waves")
+        axes.set(
+            xlim=(0, 2),
+            ylim=(0, top),
+            title=shortened(element_title(data, element)),
+            xlabel="growth of object and image distance, in quarter waves",
+        )
     panels[0].set_ylabel("minimal f-number of eq. 27")
-    handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(2)]
+    handles = [line_style(order).handle() for order in range(2)]
     legend(figure, handles, ["smaller zero", "bigger zero, which the paper takes"], columns=2)
     return figure
 

@@ -10,7 +10,7 @@ import xarray as xr
 
 from tradestudy.figures import (
     depth_curves,
-    focus_gallery,
+    depth_of_field,
     fresnel_validity,
     light_spot,
     readings,
@@ -18,14 +18,13 @@ from tradestudy.figures import (
     uncertainty_parts,
 )
 from tradestudy.figures.calibration_gallery import calibration_drawings
-from tradestudy.figures.cameras import CameraTrace, traces
 from tradestudy.figures.cost import cost_drawing, measured_quantities
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
-from tradestudy.results.views.cameras import camera_titles
+from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.results.views.decision import candidates, has_winners, told_winners
-from tradestudy.results.views.depth import nominal, of_camera, swept, where_usable
-from tradestudy.results.views.largest import largest_part
+from tradestudy.results.views.depth import largest_part, nominal, of_camera, swept, where_usable
+from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
 
@@ -40,7 +39,7 @@ def all_drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
 
 def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if "depth_of_field" in tree.children:
-        yield from focus_gallery.focus_drawings(tree)
+        yield from depth_of_field.focus_drawings(tree)
     if "depth" in tree.children:
         yield _whole_range(tree)
         yield from _paper_figures(tree)
@@ -149,7 +148,8 @@ def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) 
 
 
 def _parts(tree: xr.DataTree) -> Drawing:
-    silent = ", ".join(name.replace("_", " ") for name in uncertainty_parts.silent_part_names(nominal(tree)))
+    largest = uncertainty_parts.largest_by_part(nominal(tree))
+    silent = ", ".join(name.replace("_", " ") for name, most in largest.items() if most == 0.0)
     return Drawing(
         name="uncertainty_parts",
         caption="What depth uncertainty is made of: each source of error alone, and all together (black). Shaded: "

@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.image import AxesImage
-from matplotlib.lines import Line2D
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
@@ -27,7 +26,7 @@ from tradestudy.figures.style import (
 )
 from tradestudy.light_methods import short_title
 from tradestudy.results.views.groups import FloatArray
-from tradestudy.results.views.wave_optics import reference_method
+from tradestudy.results.views.wave_optics import element_title, reference_method
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
 _DARKEST = 1e-4  # of the cut
@@ -133,8 +132,7 @@ def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low:
     axes.add_collection(LineCollection(_cells(data), colors=color, linewidths=0.35, alpha=0.6), autolim=False)
     axes.set_xticks([x[0] - step, 0, x[-1] + step], [f"{x[0] - step:.0f}", "0", f"{x[-1] + step:.0f} µm"])
     axes.set_yticks([])
-    for side in axes.spines.values():
-        side.set_visible(False)
+    axes.spines[:].set_visible(False)
     return shown
 
 
@@ -159,11 +157,13 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
         cut = np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top
         axes.plot(x, np.maximum(cut, _DARKEST), color=style.color, linestyle=style.dash, linewidth=1.2)
     log_axis(axes, "y")
-    axes.set_ylim(_DARKEST, 2)
-    axes.set_xlim(x[0], x[-1])
-    axes.set_xlabel("place along the middle row of pixels (µm)")
-    axes.set_ylabel("light, brightest = 1")
-    handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
+    axes.set(
+        ylim=(_DARKEST, 2),
+        xlim=(x[0], x[-1]),
+        xlabel="place along the middle row of pixels (µm)",
+        ylabel="light, brightest = 1",
+    )
+    handles = [line_style(order).handle() for order in range(len(names))]
     axes.legend(handles, [short_title(name) for name in names], ncols=len(names), loc="upper center",
                 bbox_to_anchor=(0.5, 1.22))  # fmt: skip
 
@@ -178,14 +178,12 @@ def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
     for row, element in enumerate(elements):
         for column, what in enumerate(varied):
             _spread_panel(panels[row, column], data.sel(element=element, varied=what), _SHOWN_IN[what])
-            if row == len(elements) - 1:
-                panels[row, column].set_xlabel(_VARIED[what])
-        panels[row, 0].set_ylabel(f"{shortened(str(data['title'].sel(element=element).item()), 24)} (µm)")
+        panels[row, 0].set_ylabel(f"{shortened(element_title(data, element), 24)} (µm)")
         panels[row, 0].set_ylim(bottom=0)
-    handles = [
-        Line2D([], [], color=line_style(k).color, marker=line_style(k).marker, markersize=3.5)
-        for k in range(len(_SPREADS))
-    ]
+    for axes, what in zip(panels[-1], varied, strict=True):
+        axes.set_xlabel(_VARIED[what])
+    styles = [line_style(order) for order in range(len(_SPREADS))]
+    handles = [style.handle(linestyle="-", marker=style.marker, markersize=3.5) for style in styles]
     legend(figure, handles, list(_SPREADS.values()), columns=4)
     return figure
 

@@ -42,8 +42,7 @@ def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
         for column in range(row + 1):
             axes = figure.add_subplot(grid[row, column])
             axes.grid(visible=False)
-            axes.set_xlim(-3.5, 3.5)
-            axes.set_xticks([-2, 0, 2])
+            axes.set(xlim=(-3.5, 3.5), xticks=[-2, 0, 2])
             axes.tick_params(labelsize=5, length=2, labelbottom=row == size - 1)
             if column == row:
                 _marginal(axes, scores[:, row], float(laplace[row]))
@@ -92,8 +91,7 @@ def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     middle = 0.5 * (edges[1:] + edges[:-1])
     if levels[0] < levels[1]:
         axes.contour(middle, middle, smooth.T, levels=levels, colors=[SOFT, INK], linewidths=0.8)
-    axes.set_ylim(-3.5, 3.5)
-    axes.set_yticks([-2, 0, 2])
+    axes.set(ylim=(-3.5, 3.5), yticks=[-2, 0, 2])
 
 
 @styled()
@@ -104,15 +102,13 @@ def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
     walks = np.asarray(data["posterior_trace"].values, dtype=np.float64)
     scores = (walks - np.asarray(data["posterior_mean"].values)) / np.asarray(data["posterior_deviation"].values)
     figure = new_figure(0.4 + 0.45 * len(names))
-    panels = np.atleast_1d(figure.subplots(len(names), 1, sharex=True, sharey=True))
+    panels = figure.subplots(len(names), 1, sharex=True, sharey=True, squeeze=False).ravel()
     share = np.linspace(0.0, 1.0, scores.shape[1])
     for number, axes in enumerate(panels):
         for ensemble in range(scores.shape[0]):
             axes.plot(share, scores[ensemble, :, number], color=line_style(ensemble).color, linewidth=0.4)
-        axes.set_ylim(-4.0, 4.0)
-        axes.set_yticks([-3, 0, 3])
+        axes.set(ylim=(-4.0, 4.0), yticks=[-3, 0, 3])
         axes.tick_params(labelsize=5)
         axes.set_ylabel(_lines(names[number]), fontsize=5, rotation=0, ha="right", va="center")
-    panels[-1].set_xlim(0.0, 1.0)
-    panels[-1].set_xlabel("share of the kept chain")
+    panels[-1].set(xlim=(0.0, 1.0), xlabel="share of the kept chain")
     return figure

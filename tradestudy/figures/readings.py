@@ -23,8 +23,7 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.groups import FloatArray, camera_titles
 from tradestudy.wording import distance
 
 WAY_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
@@ -48,11 +47,14 @@ def draw_readings(tree: xr.DataTree) -> StudyFigure:
             decision["certainty_flips"].sel(way=way).values,
         )
         axes.set_title(title, fontsize=7.5)
-    panels[0].set_yticks(range(len(names)), [shortened(name, 30) for name in names])
-    panels[0].get_yticklabels()[0].set_fontweight("bold")
-    panels[0].set_ylim(len(names) - 0.4, -0.6)
     first, second = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
-    panels[0].set_xlabel(f"uncertainty of {first}\nover that of {second}")
+    panels[0].set(
+        yticks=range(len(names)),
+        yticklabels=[shortened(name, 30) for name in names],
+        ylim=(len(names) - 0.4, -0.6),
+        xlabel=f"uncertainty of {first}\nover that of {second}",
+    )
+    panels[0].get_yticklabels()[0].set_fontweight("bold")
     for axes in panels[1:]:
         axes.set_xlabel("the same ratio")
     handles = [_mark(order, len(places), filled=True) for order in range(len(places))]

@@ -8,12 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.calibration import panels_of
-from tradestudy.figures.cameras import CameraTrace, traces_in
-from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
+    PANELS_IN_A_ROW,
     SOFT,
+    CameraTrace,
     StudyFigure,
+    camera_panels,
     distance_axis,
     legend,
     length_tick,
@@ -22,10 +22,10 @@ from tradestudy.figures.style import (
     new_figure,
     shortened,
     styled,
+    traces_in,
 )
 
 MM = 1e3
-_COLUMNS = 3
 _MOST_BARS = 8
 _MOST_LINES = 7
 _LEAST_INDEX = 0.02
@@ -65,17 +65,17 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
-    names = [str(data["source"].values[k]).replace("_", " ") for k in order]
+    names = [shortened(str(data["source"].values[k]).replace("_", " "), 26) for k in order]
     rows = np.arange(len(order))
     for offset, field, alpha in ((-0.2, 0, 1.0), (0.2, 1, 0.4)):
         widths = np.where(np.isfinite(values[field, order]), values[field, order], 0.0)
         axes.barh(rows + offset, widths, height=0.38, color=camera.style.color, alpha=alpha, linewidth=0)
-    axes.set_yticks(rows, [shortened(name, 26) for name in names], fontsize=6)
+    axes.set_yticks(rows, names, fontsize=6)
     axes.set_ylim(_MOST_BARS - 0.4, -0.6)
     log_axis(axes, "x", tick=length_tick)
     axes.tick_params(axis="x", labelsize=5.5)
     axes.grid(visible=False, axis="y")
-    axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
+    axes.set_title(shortened(camera.title, 34), fontsize=7.5)
 
 
 @styled()
@@ -84,10 +84,10 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
     shown = traces_in(tree, "sensitivity")
     data = tree["sensitivity"].to_dataset().sel(field="axis")
     names = _main_sources(data)
-    figure = new_figure(0.8 + 1.7 * -(-len(shown) // _COLUMNS))
+    figure = new_figure(0.8 + 1.7 * -(-len(shown) // PANELS_IN_A_ROW))
     distance = np.asarray(data["distance"].values, dtype=np.float64)
-    panels = panels_of(figure, len(shown), float(distance[-1]))
-    for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
+    panels = camera_panels(figure, len(shown), float(distance[-1]))
+    for axes, camera in zip(panels, shown, strict=True):
         there = data.sel(camera=camera.key)
         for number, name in enumerate(names):
             style = line_style(number)
@@ -97,10 +97,10 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
             axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
         distance_axis(axes, (float(distance[0]), float(distance[-1])))
         axes.set_ylim(0.0, 1.05)
-        axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
-        if order % _COLUMNS == 0:
-            axes.set_ylabel("share of variance")
-    handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
+        axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    for axes in panels[::PANELS_IN_A_ROW]:
+        axes.set_ylabel("share of variance")
+    handles = [line_style(order).handle() for order in range(len(names))]
     handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
     labels = [*(name.replace("_", " ") for name in names), "first order"]
     legend(figure, handles, labels, columns=4)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
@@ -10,11 +12,11 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.cameras import CameraTrace, traces
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     INK,
     SOFT,
+    CameraTrace,
     StudyFigure,
     distance_label,
     distance_tick,
@@ -25,6 +27,7 @@ from tradestudy.figures.style import (
     plain_number,
     shortened,
     styled,
+    traces,
 )
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.groups import FloatArray
@@ -84,8 +87,7 @@ def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     place, moved = reference_distance(tree), moved_cameras(tree)
     depth = tree["depth"].to_dataset().sel(distance=place, method="nearest")
     dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
-    at_first = dict.fromkeys(dims[2:], 0)
-    uncertainty = depth["depth_uncertainty"].isel(at_first)
+    uncertainty = depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0))
     if len(dims) == 1:
         return _curves(uncertainty, moved, dims[0], place)
     return _maps(uncertainty, moved, (dims[0], dims[1]), place)
@@ -97,17 +99,13 @@ def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str,
     x, names, label = _axis_values(uncertainty[dim])
     for camera in moved:
         y = np.asarray(uncertainty.sel(camera=camera.key).values, dtype=float) * MM
-        style = camera.style
-        y = np.where(np.isfinite(y), y, np.nan)
+        y, style = np.where(np.isfinite(y), y, np.nan), camera.style
         axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
     log_axis(axes, "y", dense=True, tick=length_tick)
     if uncertainty[dim].dtype.kind not in "fiu":
         axes.set_xticks(x, names)
-    axes.set_xlabel(label)
-    axes.set_ylabel(f"depth uncertainty at {distance(place)}")
-    handles = [
-        Line2D([], [], color=c.style.color, linestyle=c.style.dash, marker=c.style.marker, markersize=4) for c in moved
-    ]
+    axes.set(xlabel=label, ylabel=f"depth uncertainty at {distance(place)}")
+    handles = [camera.style.handle(marker=camera.style.marker, markersize=4) for camera in moved]
     legend(figure, handles, [camera.title for camera in moved], columns=2)
     return figure
 
@@ -124,10 +122,7 @@ def _maps(
     finite = everything[np.isfinite(everything) & (everything > 0)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (1.0, 10.0)
     norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
-    (x, x_names, x_label), (y, y_names, y_label) = (
-        _axis_values(uncertainty[dims[0]]),
-        _axis_values(uncertainty[dims[1]]),
-    )
+    (x, x_names, x_label), (y, y_names, y_label) = (_axis_values(uncertainty[dim]) for dim in dims)
     for axes, camera in zip(panels.flat, moved, strict=False):
         _map(axes, arrays[camera.key], norm)
         axes.set_xticks(np.arange(len(x)) + 0.5, x_names)
@@ -171,40 +166,27 @@ def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     axes = figure.subplots()
     shown = traces(tree)
     clouds: list[FloatArray] = []
+    handles = []
     for camera in shown:
         near = depth["usable_near"].sel(camera=camera.key).min("interval")
         there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
         sigma = there["depth_uncertainty"].where(there["usable"])
-        points = np.stack([array.values.ravel() for array in _aligned(near, sigma)], axis=1)
+        points = np.stack([array.values.ravel() for array in xr.broadcast(near, sigma)], axis=1)
         points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
         clouds.append(points)
-        style = camera.style
-        axes.plot(
-            points[:, 0],
-            points[:, 1] * MM,
-            linestyle="",
-            marker=style.marker,
-            color=style.color,
-            markersize=5,
-        )
+        mark: dict[str, Any] = {"linestyle": "", "marker": camera.style.marker, "markersize": 5}
+        axes.plot(points[:, 0], points[:, 1] * MM, color=camera.style.color, **mark)
+        handles.append(camera.style.handle(**mark))
     designs = np.concatenate(clouds)
     front = frontier(designs)
     axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
     farthest = float(np.max(designs[:, 0], initial=0.0))
     log_axis(axes, "x", dense=True, tick=distance_tick(farthest))
     log_axis(axes, "y", dense=True, tick=length_tick)
-    axes.set_xlabel(f"nearest usable {distance_label(farthest)}")
-    axes.set_ylabel(f"depth uncertainty at {distance(place)}")
-    handles = [Line2D([], [], color=c.style.color, marker=c.style.marker, linestyle="", markersize=5) for c in shown]
+    axes.set(xlabel=f"nearest usable {distance_label(farthest)}", ylabel=f"depth uncertainty at {distance(place)}")
     handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
     legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
     return figure
-
-
-def _aligned(*arrays: xr.DataArray) -> tuple[xr.DataArray, ...]:
-    import xarray
-
-    return tuple(xarray.broadcast(*arrays))
 
 
 def frontier(points: FloatArray) -> FloatArray:

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, LiteralString
 
+from tradestudy.figures.drawing import Drawing
+
 SpanStyle = Literal["plain", "strong", "emphasis", "code", "sub", "sup", "link"]
 Tone = Literal["answer", "note", "warning"]
 Align = Literal["left", "right", "center"]
@@ -130,21 +132,6 @@ class Callout:
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeyFigure:
-    """One number worth remembering, with what it is."""
-
-    value: str
-    label: Text
-
-
-@dataclass(frozen=True)
-class KeyFigures:
-    """A row of numbers worth remembering."""
-
-    items: tuple[KeyFigure, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Column:
     """A table column; `weight` 0 takes the width that its content needs, others share the rest."""
 
@@ -198,7 +185,7 @@ class PageBreak:
     """A new page in print."""
 
 
-Block = Heading | Paragraph | Bullets | Callout | KeyFigures | Table | Picture | Equation | Contents | PageBreak
+Block = Heading | Paragraph | Bullets | Callout | Table | Picture | Equation | Contents | PageBreak
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,3 +232,10 @@ def _numbered(blocks: tuple[Block, ...]) -> dict[str, str]:
             raise ValueError(f"two parts of the report are called {name!r}")
         numbers[name] = number
     return numbers
+
+
+def pictures_of(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Picture]:
+    """Show the figures of these names, in this order; those that the run does not have are left out."""
+    for name in names:
+        if name in drawings:
+            yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)

@@ -11,10 +11,8 @@ from tradestudy.report.document import (
     Bullets,
     Callout,
     Heading,
-    KeyFigures,
     Picture,
     Report,
-    Span,
     Table,
     Text,
     spans,
@@ -50,12 +48,14 @@ def render_pdf(document: Report, pictures: Mapping[str, bytes]) -> bytes:
 
 
 def _text(text: Text, numbers: Mapping[str, str]) -> list[Json]:
-    return [_span(span, numbers) for span in spans(text)]
-
-
-def _span(span: Span, numbers: Mapping[str, str]) -> Json:
-    text = span.text or numbers.get(span.target, "")
-    return {"text": printable(text), "style": span.style, "target": span.target}
+    return [
+        {
+            "text": printable(span.text or numbers.get(span.target, "")),
+            "style": span.style,
+            "target": span.target,
+        }
+        for span in spans(text)
+    ]
 
 
 def _block(block: Block, numbers: Mapping[str, str]) -> Json:
@@ -66,24 +66,24 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
             content |= {"title": _text(block.title, numbers), "blocks": inner, "tone": block.tone}
         case Bullets():
             content["items"] = [_text(item, numbers) for item in block.items]
-        case KeyFigures():
-            content["items"] = [
-                {"value": printable(one.value), "label": _text(one.label, numbers)} for one in block.items
-            ]
         case Table():
             content |= {
                 "name": block.name,
                 "number": numbers[block.name],
                 "caption": _text(block.caption, numbers),
+                "columns": [
+                    vars(one) | {"title": _text(one.title, numbers), "unit": printable(one.unit)}
+                    for one in block.columns
+                ],
+                "rows": [[_text(cell, numbers) for cell in row] for row in block.rows],
+                "notes": [_text(note, numbers) for note in block.notes],
             }
-            content["columns"] = [
-                vars(one) | {"title": _text(one.title, numbers), "unit": printable(one.unit)} for one in block.columns
-            ]
-            content["rows"] = [[_text(cell, numbers) for cell in row] for row in block.rows]
-            content["notes"] = [_text(note, numbers) for note in block.notes]
         case Picture():
-            content |= vars(block) | {"number": numbers[block.name], "caption": _text(block.caption, numbers)}
-            content["alt"] = printable(block.alt)
+            content |= vars(block) | {
+                "number": numbers[block.name],
+                "caption": _text(block.caption, numbers),
+                "alt": printable(block.alt),
+            }
         case Heading():
             content |= vars(block) | {"number": numbers[block.anchor], "text": _text(block.text, numbers)}
         case _:

@@ -12,10 +12,9 @@ from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.claims import claims_group, requirements_group
 from tradestudy.run.groups.decision import decision_group
 from tradestudy.run.groups.depth import depth_at_places_group, depth_group
-from tradestudy.run.groups.disparity_causes import disparity_causes_group
+from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
 from tradestudy.run.groups.effects import effects_group
 from tradestudy.run.groups.registers import assumptions_group, cameras_group, contradictions_group
-from tradestudy.run.kirchhoff_pictures import compute_kirchhoff_pictures
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
 NOMINAL = "as declared"
@@ -76,7 +75,7 @@ def compute(
         progress("decision", 1.0)
     # What few studies ask for is imported where they do.
     if file.calibration is not None:
-        from tradestudy.run.groups.uncertain import uncertain_groups
+        from tradestudy.run.groups.calibration import uncertain_groups
 
         groups |= uncertain_groups(definition, file.calibration, groups["/decision"], steps)
     if file.depth_of_field is not None:
@@ -111,8 +110,7 @@ def compute(
 
 def _depth_of_field(plan: Plan, part: DepthOfFieldPart, progress: Progress) -> dict[str, xr.Dataset]:
     from tradestudy.plan.situations import depth_of_field
-    from tradestudy.run.groups.criteria import criteria_group
-    from tradestudy.run.groups.depth_of_field import depth_of_field_group
+    from tradestudy.run.groups.depth_of_field import criteria_group, depth_of_field_group
 
     definition, selection = plan.definition, plan.selections[depth_of_field.NAME]
     progress("depth of field", 0.0)

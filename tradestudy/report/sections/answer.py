@@ -17,15 +17,13 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import in_words, length, share
-from tradestudy.results.views.cameras import camera_titles, titles_in
 from tradestudy.results.views.decision import Flips, candidates, flips, handovers, solved_questions, told_winners
-from tradestudy.results.views.depth import nominal, nominal_is_declared
-from tradestudy.results.views.groups import group, has
-from tradestudy.results.views.largest import largest_part
+from tradestudy.results.views.depth import largest_part, nominal, nominal_is_declared
+from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, span
 

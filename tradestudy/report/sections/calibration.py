@@ -15,9 +15,9 @@ from tradestudy.report.document import (
     Paragraph,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.sections.posterior import describe_posteriors
 from tradestudy.report.sections.uncertain_decision import (
     computed_places,
@@ -27,8 +27,7 @@ from tradestudy.report.sections.uncertain_decision import (
     describe_verdict,
 )
 from tradestudy.report.words import in_words, interval, length, share
-from tradestudy.results.views.cameras import titles_in
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import distance
 

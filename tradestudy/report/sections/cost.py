@@ -23,9 +23,9 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.results.cost import NO_ANSWER
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import DURATION, pretty, significant

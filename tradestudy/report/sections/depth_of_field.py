@@ -19,13 +19,12 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import length, share
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_stretches
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.depth import by_first_criterion, sharp_stretches
+from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
 from tradestudy.wording import counted
 

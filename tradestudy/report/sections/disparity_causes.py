@@ -10,8 +10,7 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import share
-from tradestudy.results.views.cameras import titles_in
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import distance
 

@@ -13,8 +13,7 @@ import xarray as xr
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import in_words
 from tradestudy.results.effects import OF_NOISE_ALONE, TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.groups import group, has, records
+from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.units import DURATION, FRACTION, pretty, significant
 from tradestudy.wording import distance
 

@@ -19,9 +19,9 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import FloatArray, group, has
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place

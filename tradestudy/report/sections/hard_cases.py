@@ -9,8 +9,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Spans, Table, Text, say
-from tradestudy.report.pictures import pictures_of
+from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Spans, Table, Text, pictures_of, say
 from tradestudy.results.views.groups import records
 
 

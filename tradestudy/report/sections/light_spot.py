@@ -20,9 +20,9 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import group, has
 from tradestudy.results.views.wave_optics import reference_method

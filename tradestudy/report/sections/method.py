@@ -8,8 +8,7 @@ from typing import Any
 import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Equation, Heading, Paragraph, say
-from tradestudy.results.views.cameras import depth_methods
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.groups import depth_methods, group, has
 
 
 def describe_method(tree: xr.DataTree) -> Iterator[Block]:

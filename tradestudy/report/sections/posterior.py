@@ -8,11 +8,9 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.pictures import pictures_of
+from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.words import in_words, share
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
 
 

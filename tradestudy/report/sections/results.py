@@ -9,14 +9,12 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.pictures import pictures_of
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.report.words import in_words, interval, length, share
-from tradestudy.results.views.cameras import camera_titles, depth_methods, titles_in
 from tradestudy.results.views.decision import solved_questions
 from tradestudy.results.views.depth import nominal, told_places
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import distance
 

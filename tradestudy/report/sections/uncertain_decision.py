@@ -9,10 +9,8 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Table, Text, say
 from tradestudy.report.words import in_words, length, share
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.depth import told_places
-from tradestudy.results.views.groups import group, has, records
-from tradestudy.results.views.largest import largest_source
+from tradestudy.results.views.depth import largest_source, told_places
+from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.units import significant
 from tradestudy.wording import distance
 

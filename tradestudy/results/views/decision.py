@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.cameras import titles_in
 from tradestudy.results.views.depth import nominal, nominal_is_declared
-from tradestudy.results.views.groups import FloatArray, group, has, records
+from tradestudy.results.views.groups import FloatArray, group, has, records, titles_in
 from tradestudy.wording import distance
 
 _WAY = "both"  # noise and calibration together
