@@ -86,8 +86,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
 def _design_words(tree: xr.DataTree) -> str:
     """Which of the swept designs the curves show; nothing to say without a sweep."""
     depth = nominal(tree)
-    names = swept(tree["depth"].to_dataset())
-    if not names:
+    if not (names := swept(tree["depth"].to_dataset())):
         return ""
     design = ", ".join(f"{name} = {sweeps.shown_value(depth[name], depth[name].item())}" for name in names)
     return f" Of the swept designs the one with {design} is shown."
@@ -95,11 +94,10 @@ def _design_words(tree: xr.DataTree) -> str:
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
     """Where each camera is usable, in one sentence each."""
-    sentences = []
-    for camera in shown:
-        where = [span(a, b) for a, b in where_usable(depth, camera.key)]
-        sentences.append(f"{camera.title}: usable {' and '.join(where) or 'nowhere'}. ")
-    return "".join(sentences)
+    where = [" and ".join(span(a, b) for a, b in where_usable(depth, camera.key)) for camera in shown]
+    return "".join(
+        f"{camera.title}: usable {places or 'nowhere'}. " for camera, places in zip(shown, where, strict=True)
+    )
 
 
 def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
@@ -215,9 +213,7 @@ def _unbounded_words(ratio: xr.DataArray) -> str:
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     names = ", ".join(swept(tree["depth"].to_dataset()))
     place = distance(sweeps.reference_distance(tree))
-    moved = sweeps.moved_cameras(tree)
-    titles = ", ".join(camera.title for camera in moved)
-    if moved:
+    if titles := ", ".join(camera.title for camera in sweeps.moved_cameras(tree)):
         yield Drawing(
             name="sweep_map",
             caption=f"Depth uncertainty at {place} over the swept values of {names}.",

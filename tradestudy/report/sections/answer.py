@@ -35,7 +35,16 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     yield Heading(text="The answer", anchor="answer")
     yield Callout(
         title="Which camera for which distance",
-        blocks=(Bullets((*_stretches(tree), *_changes(tree), *_ways(tree), *_solved(tree))),),
+        blocks=(
+            Bullets(
+                (
+                    *_stretches(tree),
+                    *_changes(tree),
+                    *_ways(tree),
+                    *(say("{says} **{answer}**.", says=says, answer=answer) for says, answer in solved_questions(tree)),
+                )
+            ),
+        ),
         tone="answer",
     )
     yield from pictures_of(drawings, "whole_range")
@@ -153,12 +162,6 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
     parts += [f"decides nothing at {undecided}"] if undecided else []
     parts[0] += f" of {counted(len(names), 'declared distance')}"
     return f"{way} alone {', '.join(parts)}"
-
-
-def _solved(tree: xr.DataTree) -> Iterator[Spans]:
-    """The inverse questions with their answers."""
-    for one in solved_questions(tree):
-        yield say("{says} **{answer}**.", says=one.says, answer=one.answer)
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:

@@ -126,7 +126,8 @@ def _taken(data: xr.Dataset) -> str:
     pieces: dict[str, list[str]] = {}
     for title, seconds in zip(data["piece_title"].values, data["piece_seconds"].values, strict=True):
         pieces.setdefault(_duration(float(seconds)), []).append(str(title))
-    return f"The models that act take {', '.join(f'{time} ({_listed(names)})' for time, names in pieces.items())}."
+    taken = ", ".join(f"{time} ({'; '.join(names)})" for time, names in pieces.items())
+    return f"The models that act take {taken}."
 
 
 def _formulas(rows: list[dict[str, Any]]) -> Iterator[Table]:
@@ -152,6 +153,11 @@ class _Row:
     takes: str
     why: str
     rule: str
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What is said of its effects."""
+        return self.model, self.takes, self.why, self.rule
 
     @property
     def heading(self) -> str:
@@ -196,7 +202,8 @@ def _of_a_piece(rows: list[dict[str, Any]]) -> list[_Row]:
     """Models of one piece; all effects that one reason keeps from mattering are one row."""
     found: list[_Row] = []
     for row in map(_row, rows):
-        twin = next((k for k, other in enumerate(found) if _is_harmless(row) and _are_alike(row, other)), None)
+        harmless = row.why in ("changes nothing", _NOTHING)
+        twin = next((k for k, other in enumerate(found) if harmless and other.told == row.told), None)
         if twin is None:
             found.append(row)
         else:
@@ -218,14 +225,6 @@ def _row(row: dict[str, Any]) -> _Row:
     )
 
 
-def _is_harmless(row: _Row) -> bool:
-    return row.why in ("changes nothing", _NOTHING)
-
-
-def _are_alike(one: _Row, other: _Row) -> bool:
-    return all(getattr(one, name) == getattr(other, name) for name in ("model", "takes", "why", "rule"))
-
-
 def _why(row: dict[str, Any]) -> str:
     """The verdict in the words of the plan, which tells no number of what acts and changes nothing."""
     if row["chosen"] and not row["forced"] and row["change"] == 0.0:
@@ -238,12 +237,7 @@ def _of(members: list[str], titles: dict[str, str]) -> str:
     others = [str(title) for name, title in titles.items() if name not in members]
     if len(others) < min(len(members), 2):
         return f"all but {others[0]}" if others else "all"
-    return _listed([str(titles[name]) for name in members])
-
-
-def _listed(titles: list[str]) -> str:
-    """Titles, which may hold commas."""
-    return "; ".join(titles)
+    return "; ".join(str(titles[name]) for name in members)  # titles may hold commas
 
 
 def _number(row: dict[str, Any]) -> tuple[str, str] | None:

@@ -19,7 +19,11 @@ def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     if not rows:
         return
     yield Heading(text="Hard cases", anchor="hard-cases")
-    yield Callout(title="Where formulas break", blocks=(Paragraph(_verdict(rows)),), tone=_tone(rows))
+    yield Callout(
+        title="Where formulas break",
+        blocks=(Paragraph(_verdict(rows)),),
+        tone="answer" if all(row["met"] for row in rows) else "warning",
+    )
     yield Paragraph(
         say(
             "Every case is computed at each run by the formula as it is usually written and by the functions of this "
@@ -48,10 +52,6 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
         beyond=str(beyond),
         wrong=f" Not met: {'; '.join(wrong)}." if wrong else "",
     )
-
-
-def _tone(rows: list[dict[str, Any]]) -> Any:
-    return "answer" if all(row["met"] for row in rows) else "warning"
 
 
 def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:

@@ -123,12 +123,11 @@ def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
         "resolved silently: this is what was stated, what the other inputs imply, and what this study uses."
     )
     weights = {"Camera": 4, "What": 5, "Stated": 4, "Implied": 7, "Used": 9}
-    columns = tuple(Column(title=title, weight=weight) for title, weight in weights.items())
     titles = camera_titles(tree)
     yield Table(
         name="contradiction-table",
         caption="Contradictions between inputs.",
-        columns=columns,
+        columns=tuple(Column(title=title, weight=weight) for title, weight in weights.items()),
         rows=tuple(
             (
                 titles.get(str(r["camera"]), str(r["camera"])),
@@ -162,7 +161,7 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
         rows=tuple(
             (
                 str(r["claim"]),
-                _with_source(r),
+                say("{says} *({source})*", says=str(r["says"]), source=str(r["source"])),
                 str(r["expected"]),
                 say("**{v}**", v=str(r["verdict"])),
                 str(r["reason"]),
@@ -175,10 +174,6 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
         ),
     )
     yield from _claim_values(tree, rows)
-
-
-def _with_source(row: dict[str, Any]) -> Text:
-    return say("{says} *({source})*", says=str(row["says"]), source=str(row["source"]))
 
 
 def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Block]:

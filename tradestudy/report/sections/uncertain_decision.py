@@ -38,8 +38,8 @@ def describe_verdict(tree: xr.DataTree) -> Iterator[Block]:
             second=titles[second],
             rig=share(float(pair["rank_first"].sel(rank_way="calibration", rank_distance=place))),
             reading=share(float(pair["rank_first"].sel(rank_way="both", rank_distance=place))),
-            of_first=_driver(tree, first, place),
-            of_second=_driver(tree, second, place),
+            of_first=in_words(largest_source(tree, first, place) or "nothing seen"),
+            of_second=in_words(largest_source(tree, second, place) or "nothing seen"),
         )
         for place in computed_places(tree)
     ]
@@ -49,11 +49,6 @@ def describe_verdict(tree: xr.DataTree) -> Iterator[Block]:
             for row in records(tree, "decision", "stability")
         ]
     yield Callout(title="The verdict under calibration errors", blocks=(Bullets(tuple(items)),), tone="answer")
-
-
-def _driver(tree: xr.DataTree, camera: str, place: float) -> str:
-    source = largest_source(tree, camera, place)
-    return "nothing seen" if source is None else in_words(source)
 
 
 def describe_ranks(tree: xr.DataTree) -> Table:

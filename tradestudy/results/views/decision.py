@@ -132,19 +132,8 @@ def handovers(decision: xr.Dataset) -> Iterator[float]:
             yield float(place)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SolvedQuestion:
-    """An inverse question with its answer, in words."""
-
-    says: str
-    answer: str
-
-
-def solved_questions(tree: xr.DataTree) -> tuple[SolvedQuestion, ...]:
-    """Read the inverse questions of a study."""
+def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
+    """Read the inverse questions of a study with their answers, in words."""
     if not has(tree, "decision", "solved_says", "solved_answer"):
         return ()
-    return tuple(
-        SolvedQuestion(says=str(row["solved_says"]), answer=str(row["solved_answer"]))
-        for row in records(tree, "decision", "question")
-    )
+    return tuple((str(row["solved_says"]), str(row["solved_answer"])) for row in records(tree, "decision", "question"))

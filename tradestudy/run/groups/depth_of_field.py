@@ -41,15 +41,21 @@ def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, s
     case, wavelength = definition.case, definition.case.wavelength
     cameras = case.all_cameras
     sharp = acting_criteria(asked, wavelength, selection)
-    ranges = [[camera.focus.sharp_range(criterion) for criterion in sharp.values()] for camera in cameras.values()]
+    ranges = [[one.focus.sharp_range(criterion) for criterion in sharp.values()] for one in cameras.values()]
     values = {
         "blur_px": [criterion.blur_px for criterion in sharp.values()],
         "diffraction": [criterion.measure for criterion in sharp.values()],
         **_slices(ranges),
         **_stretches(ranges),
-        **_of_scene(cameras, list(sharp.values()), ranges, asked.scene),
+        "extent": [[found.extent for found in row] for row in ranges],
+        "scene_share": [[found.share_of(*asked.scene) for found in row] for row in ranges],
+        "reason": [[found.reason for found in row] for row in ranges],
+        "images": [
+            [one.focus.images(criterion, *asked.scene) for criterion in sharp.values()] for one in cameras.values()
+        ],
         **_resolutions(cameras, case.distance, wavelength, asked.scene),
-        **_coverage(cameras, case.distance),
+        "microlenses_seeing": [camera.microlenses_seeing(case.distance) for camera in cameras.values()],
+        "total_covering_plane": [camera.total_covering_plane for camera in cameras.values()],
     }
     attributes: dict[str, Any] = {"scene_near": asked.scene[0], "scene_far": asked.scene[1]}
     if asked.equal_resolution is not None:
@@ -97,20 +103,6 @@ def _stretches(ranges: list[list[SharpRange]]) -> Mapping[str, Any]:
     }
 
 
-def _of_scene(
-    cameras: Mapping[str, Camera],
-    criteria: list[BlurCriterion],
-    ranges: list[list[SharpRange]],
-    scene: tuple[float, float],
-) -> Mapping[str, Any]:
-    return {
-        "extent": [[found.extent for found in row] for row in ranges],
-        "scene_share": [[found.share_of(*scene) for found in row] for row in ranges],
-        "reason": [[found.reason for found in row] for row in ranges],
-        "images": [[camera.focus.images(criterion, *scene) for criterion in criteria] for camera in cameras.values()],
-    }
-
-
 def _resolutions(
     cameras: Mapping[str, Camera], distance: FloatArray, wavelength: float, scene: tuple[float, float]
 ) -> Mapping[str, Any]:
@@ -124,13 +116,6 @@ def _resolutions(
         "scene_diffraction": [
             float(np.max(camera.focus.diffraction_width(within, wavelength, "fwhm"))) for camera in cameras.values()
         ],
-    }
-
-
-def _coverage(cameras: Mapping[str, Camera], distance: FloatArray) -> Mapping[str, Any]:
-    return {
-        "microlenses_seeing": [camera.microlenses_seeing(distance) for camera in cameras.values()],
-        "total_covering_plane": [camera.total_covering_plane for camera in cameras.values()],
     }
 
 

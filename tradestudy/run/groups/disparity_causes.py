@@ -41,10 +41,11 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
     seen = [_electrons(camera, law, distance) for camera, law in derived.values()]
     electrons = np.stack([n for n, _ in seen])
     brightest = _brightest(electrons, np.stack([share for _, share in seen]))
-    found = []
-    for k, (camera, law) in enumerate(derived.values()):
-        ratio = _light_lacked(electrons, k, brightest)
-        found.append(error_causes(camera.picture_geometry(distance), law.settings, law.models, ratio))
+    lacked = [_light_lacked(electrons, k, brightest) for k in range(len(names))]
+    found = [
+        error_causes(camera.picture_geometry(distance), law.settings, law.models, ratio)
+        for (camera, law), ratio in zip(derived.values(), lacked, strict=True)
+    ]
     return dataset(
         "disparity_causes",
         {
