@@ -273,8 +273,9 @@ def _change(before: float, after: float) -> str:
 
 
 def _label(array: xr.DataArray, index: tuple[int, ...]) -> str:
-    parts = []
-    for dim, position in zip(array.dims, index, strict=True):
-        value = array[dim].values[position] if dim in array.coords else position
-        parts.append(f"{dim}={value:.4g}" if isinstance(value, float) else f"{dim}={value}")
+    places = {
+        dim: array[dim].values[position] if dim in array.coords else position
+        for dim, position in zip(array.dims, index, strict=True)
+    }
+    parts = [f"{dim}={at:.4g}" if isinstance(at, float) else f"{dim}={at}" for dim, at in places.items()]
     return f" at {', '.join(parts)}" if parts else ""

@@ -69,6 +69,8 @@ _SLASH: Final[Mapping[str, Any]] = {
 def cost_drawing(tree: xr.DataTree) -> Drawing:
     """Describe the figure of `draw_cost`."""
     data = tree["cost"].to_dataset()
+    titles, drawn = data["title"], measured_quantities(data)
+    missing = [str(titles.sel(cost_quantity=name).item()) for name in data["cost_quantity"].values if name not in drawn]
     return Drawing(
         name="cost",
         caption="What accuracy costs on this machine: relative error against the reference (up) and seconds (across), "
@@ -77,7 +79,12 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
         "Star: the cheapest that was measured within a tenth of its error, or, where nothing was, of the error that "
         "the study asks for; named above each panel. Dotted: the error of the reference; hollow marks on it, with an "
         "arrow, err by at most that. Below a break in the axis: no error, for an entry that is the reference. Errors "
-        "above ten times the value are not drawn." + _without_panel(data),
+        "above ten times the value are not drawn."
+        + (
+            f" Without a panel, as nothing of it was measured that could be drawn: {'; '.join(missing)}."
+            if missing
+            else ""
+        ),
         alt="Log-log charts of error against seconds. " + _in_words(data),
         draw=partial(draw_cost, tree),
     )
@@ -87,17 +94,6 @@ def measured_quantities(data: xr.Dataset) -> list[str]:
     """Quantities that have entries whose errors can be drawn."""
     kept = {str(name) for name in data["quantity"].values[_drawable(data["relative_error"].values)]}
     return [str(name) for name in data["cost_quantity"].values if str(name) in kept]
-
-
-def _without_panel(data: xr.Dataset) -> str:
-    """What there is nothing to draw of."""
-    drawn = measured_quantities(data)
-    missing = [
-        str(data["title"].sel(cost_quantity=name).item()) for name in data["cost_quantity"].values if name not in drawn
-    ]
-    return (
-        f" Without a panel, as nothing of it was measured that could be drawn: {'; '.join(missing)}." if missing else ""
-    )
 
 
 def _drawable(error: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:

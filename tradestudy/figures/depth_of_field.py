@@ -145,8 +145,8 @@ def _slices(axes: Axes, slices: tuple[tuple[float, float], ...], row: int, camer
     for number, stretch in enumerate(slices):
         if (inside := _clipped(axes, stretch)) is not None:
             near, far = inside
-            shade, color = _SHADES[number % len(_SHADES)], camera.style.color
-            axes.barh(row - 0.08, far - near, left=near, height=0.44, color=color, alpha=shade, linewidth=0)
+            shade = _SHADES[number % len(_SHADES)]
+            axes.barh(row - 0.08, far - near, 0.44, near, color=camera.style.color, alpha=shade, linewidth=0)
 
 
 def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int) -> None:

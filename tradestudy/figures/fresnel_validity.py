@@ -188,11 +188,11 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
         ("plane wave, bare hole (Southwell)", of("southwell_f_number"), False),
     ]
     limits = one["limit_f_number"].sel(lens_phase=data["lens_phase"].values[0])
-    found.append(("measured, peak", np.asarray(limits.sel(metric="peak").isel(window=0).values, dtype=float), True))
-    for window in data["window"].values:
-        values = np.asarray(limits.sel(metric="l1", window=window).values, dtype=float)
-        found.append((f"measured, {plain_number(float(window))} Airy radii", values, True))
-    return found
+    measured = [("peak", limits.sel(metric="peak").isel(window=0))] + [
+        (f"{plain_number(float(window))} Airy radii", limits.sel(metric="l1", window=window))
+        for window in data["window"].values
+    ]
+    return found + [(f"measured, {name}", np.asarray(one.values, dtype=float), True) for name, one in measured]
 
 
 @styled()

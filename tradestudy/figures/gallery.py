@@ -179,6 +179,8 @@ def _largest_parts(tree: xr.DataTree) -> str:
 def _readings(tree: xr.DataTree) -> Drawing:
     decision = tree["decision"].to_dataset()
     ratio = decision["uncertainty_ratio"]
+    every = np.asarray(ratio.values, dtype=float)
+    signs = [sign for sign, there in (("∞", np.isinf(every)), ("0", every == 0.0)) if there.any()]
     titles = camera_titles(tree)
     numerator, denominator = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
     sentences = []
@@ -196,18 +198,12 @@ def _readings(tree: xr.DataTree) -> Drawing:
         name="readings",
         caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under "
         f"every reading of what the sources leave open. Left of 1 (shaded) {numerator} is better, right of it "
-        f"{denominator}." + _unbounded_words(ratio),
+        f"{denominator}."
+        + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
         alt="Dot chart of the ratio of uncertainties, one row per reading, one mark per distance, three panels: "
         "noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.draw_readings, tree),
     )
-
-
-def _unbounded_words(ratio: xr.DataArray) -> str:
-    """What signs at the edges mean, where there are some."""
-    values = np.asarray(ratio.values, dtype=float)
-    signs = [sign for sign, there in (("∞", np.isinf(values)), ("0", values == 0.0)) if there.any()]
-    return f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""
 
 
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:

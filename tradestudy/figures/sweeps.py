@@ -99,7 +99,8 @@ def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str,
     x, names, label = _axis_values(uncertainty[dim])
     for camera in moved:
         y = np.asarray(uncertainty.sel(camera=camera.key).values, dtype=float) * MM
-        y, style = np.where(np.isfinite(y), y, np.nan), camera.style
+        style = camera.style
+        y = np.where(np.isfinite(y), y, np.nan)
         axes.plot(x, y, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
     log_axis(axes, "y", dense=True, tick=length_tick)
     if uncertainty[dim].dtype.kind not in "fiu":

@@ -45,7 +45,8 @@ def _table(data: xr.Dataset, dims: tuple[str, ...], names: list[str]) -> bytes:
             labels = [f",{cell}" if number else cell for cell in _cells(data[dim].values)]
             keys = [key + label for key in keys for label in labels]
         columns.insert(0, keys)
-    title = ",".join(_quoted(_titled(data, name)) for name in (*dims, *names))
+    units = {name: data[name].attrs.get("units", "") for name in (*dims, *names)}
+    title = ",".join(_quoted(_cell(f"{name} [{unit}]" if unit else name)) for name, unit in units.items())
     return "\n".join((title, *map(",".join, zip(*columns, strict=True)), "")).encode()
 
 
@@ -59,11 +60,6 @@ def _cells(values: NDArray[Any]) -> list[str]:
     cells = [_cell(value) for value in flat.tolist()]
     quoted = {cell: _quoted(cell) for cell in set(cells)}
     return [quoted[cell] for cell in cells]
-
-
-def _titled(data: xr.Dataset, name: str) -> str:
-    unit = data[name].attrs.get("units", "")
-    return _cell(f"{name} [{unit}]" if unit else name)
 
 
 def _cell(value: object) -> str:

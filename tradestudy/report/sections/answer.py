@@ -32,19 +32,11 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     """Say which camera for which distance, how sure, what decides it, and what would turn it over."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return
+    solved = (say("{says} **{answer}**.", says=says, answer=answer) for says, answer in solved_questions(tree))
     yield Heading(text="The answer", anchor="answer")
     yield Callout(
         title="Which camera for which distance",
-        blocks=(
-            Bullets(
-                (
-                    *_stretches(tree),
-                    *_changes(tree),
-                    *_ways(tree),
-                    *(say("{says} **{answer}**.", says=says, answer=answer) for says, answer in solved_questions(tree)),
-                )
-            ),
-        ),
+        blocks=(Bullets((*_stretches(tree), *_changes(tree), *_ways(tree), *solved)),),
         tone="answer",
     )
     yield from pictures_of(drawings, "whole_range")

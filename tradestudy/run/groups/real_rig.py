@@ -35,7 +35,7 @@ def _rows(rig: RealRig) -> Iterator[tuple[str, str]]:
     yield "left–right motion of the board that explains it", pretty(fit.explained.motion_scale, LENGTH)
     yield (
         "residual left by it, left and right",
-        (f"{pretty(fit.explained.left_rms_px, PIXELS)}, {pretty(fit.explained.right_rms_px, PIXELS)}"),
+        f"{pretty(fit.explained.left_rms_px, PIXELS)}, {pretty(fit.explained.right_rms_px, PIXELS)}",
     )
     yield "noise of one corner coordinate", pretty(fit.explained.noise_px, PIXELS)
     yield "gain in log likelihood by it", significant(fit.explained.log_likelihood_gain)
