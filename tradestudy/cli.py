@@ -38,6 +38,9 @@ app = typer.Typer(
 
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study file.", show_default=False)]
 DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.", show_default=False)]
+OutOption = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
+]
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -66,9 +69,7 @@ def main() -> None:
 @app.command()
 def run(
     study: StudyArgument,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
-    ] = None,
+    out: OutOption = None,
     set_: SetOption = None,
     tolerance: ToleranceOption = None,
     jobs: Annotated[
@@ -97,7 +98,7 @@ def run(
         with _shown_progress(quiet=quiet) as progress:
             result = api.run(loaded, directory, fresh=fresh, pdf=not no_pdf, progress=progress, executor=executor)
         if not quiet:
-            _say(f"{directory / 'report.html'}")
+            typer.echo(f"{directory / 'report.html'}")
         if strict and result.unmet_requirements:
             raise RequirementsNotMetError("requirements not met", value=", ".join(result.unmet_requirements))
 
@@ -113,15 +114,13 @@ def plan(
     with _answering(debug=debug):
         from tradestudy import api
 
-        _say(str(api.load(study, set_ or (), tolerance=tolerance).plan()))
+        typer.echo(str(api.load(study, set_ or (), tolerance=tolerance).plan()))
 
 
 @app.command()
 def cost(
     study: StudyArgument,
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
-    ] = None,
+    out: OutOption = None,
     set_: SetOption = None,
     tolerance: ToleranceOption = None,
     repeats: Annotated[
@@ -149,9 +148,9 @@ def cost(
             found = api.cost(loaded, directory, repeats=repeats, budget=budget, progress=progress)
             shown = api.is_finished(loaded, directory)
         if not quiet:
-            _say("\n".join((*api.cost_answers(loaded, found, directory), f"{directory / 'cost.json'}")))
+            typer.echo("\n".join((*api.cost_answers(loaded, found, directory), f"{directory / 'cost.json'}")))
             later = "The report of the next `run` of this study into this folder shows it, given the same options."
-            _say(f"{directory / 'report.html'}" if shown else later)
+            typer.echo(f"{directory / 'report.html'}" if shown else later)
 
 
 @app.command()
@@ -160,7 +159,7 @@ def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = Fal
     with _answering(debug=debug):
         from tradestudy import api
 
-        _say(api.load(study, set_ or ()).check())
+        typer.echo(api.load(study, set_ or ()).check())
 
 
 @app.command()
@@ -180,7 +179,7 @@ def new(
                 file.write(text)
         except FileExistsError:
             raise _InputError("a file of this name exists already", value=str(path), remedy="choose another") from None
-        _say(f"{path}\npython -m tradestudy run {path}")
+        typer.echo(f"{path}\npython -m tradestudy run {path}")
 
 
 @app.command()
@@ -194,7 +193,7 @@ def report(
         from tradestudy import api
 
         api.report(directory, pdf=not no_pdf)
-        _say(f"{directory / 'report.html'}")
+        typer.echo(f"{directory / 'report.html'}")
 
 
 @app.command()
@@ -208,7 +207,7 @@ def compare(
     with _answering(debug=debug):
         from tradestudy import api
 
-        _say(str(api.compare(directories)))
+        typer.echo(str(api.compare(directories)))
 
 
 @app.command()
@@ -217,7 +216,7 @@ def schema(debug: DebugOption = False) -> None:
     with _answering(debug=debug):
         from tradestudy import api
 
-        _say(json.dumps(api.schema(), indent=2, ensure_ascii=False))
+        typer.echo(json.dumps(api.schema(), indent=2, ensure_ascii=False))
 
 
 def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Executor | None:
@@ -252,7 +251,7 @@ def _answering(*, debug: bool) -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt:
-        _complain("interrupted; what is finished is kept")
+        typer.echo("interrupted; what is finished is kept", err=True)
         raise typer.Exit(INTERRUPTED) from None
     except BrokenPipeError:
         # The reader of our output has gone (`| head`); Python would complain about it again when it flushes at exit.
@@ -261,22 +260,14 @@ def _answering(*, debug: bool) -> Iterator[None]:
     except TradestudyError as error:
         if debug:
             traceback.print_exc()
-        _complain(str(error))
+        typer.echo(str(error), err=True)
         raise typer.Exit(error.exit_status) from None
     except Exception as error:
         if debug:
             traceback.print_exc()
         text = " ".join(str(error).split())
-        _complain(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}")
+        typer.echo(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
         raise typer.Exit(UNEXPECTED) from None
-
-
-def _say(text: str) -> None:
-    print(text, flush=True)
-
-
-def _complain(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)
 
 
 def _logged() -> str:
@@ -320,7 +311,17 @@ class _ProgressBar:
         if self.progress is None:
             if time.monotonic() - self.begin < self.WORTH_A_LOOK:
                 return
-            self.progress = _bars(is_foreseen=self.is_foreseen)
+            from rich import progress
+            from rich.console import Console
+
+            self.progress = progress.Progress(
+                progress.TextColumn("{task.description}"),
+                progress.BarColumn(),
+                progress.TaskProgressColumn(),
+                progress.TimeRemainingColumn(compact=True) if self.is_foreseen else progress.TimeElapsedColumn(),
+                console=Console(stderr=True),
+                transient=True,
+            )
             self.progress.start()
         if step not in self.tasks:
             self.tasks[step] = self.progress.add_task(step, total=1.0)
@@ -330,20 +331,6 @@ class _ProgressBar:
         """Leave the terminal as it was."""
         if self.progress is not None:
             self.progress.stop()
-
-
-def _bars(*, is_foreseen: bool) -> Progress:
-    from rich import progress
-    from rich.console import Console
-
-    return progress.Progress(
-        progress.TextColumn("{task.description}"),
-        progress.BarColumn(),
-        progress.TaskProgressColumn(),
-        progress.TimeRemainingColumn(compact=True) if is_foreseen else progress.TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )
 
 
 @contextmanager

@@ -157,7 +157,9 @@ def _variable(what: str, columns: Sequence[xr.DataArray | None]) -> Iterator[Dif
     if first.dtype.kind in "OUTS":
         yield from _text(what, [first, *others])
         return
-    moves = [_flips(first, other) if _is_flag(first) else _largest_move(first, other) for other in others]
+    # Answers, yes or no or not asked, are no numbers whose relative change would say anything.
+    move_of = _flips if first.dtype.kind == "b" or first.dtype == np.int8 else _largest_move
+    moves = [move_of(first, other) for other in others]
     if any(moves):
         yield Difference(what=what, values=(_REFERENCE, *(move or "unchanged" for move in moves)))
 
@@ -217,11 +219,6 @@ def _stretches(
         yield f" at {', '.join(part for part in (f'distance={where}', listed(every)) if part)}", values
 
 
-def _is_flag(array: xr.DataArray) -> bool:
-    """Whether numbers are answers, yes or no or not asked, whose relative change says nothing."""
-    return array.dtype.kind == "b" or array.dtype == np.int8
-
-
 def _flips(first: xr.DataArray, other: xr.DataArray) -> str:
     """How many answers are others, and what they have in common."""
     if first.shape != other.shape:
@@ -276,8 +273,9 @@ def _change(before: float, after: float) -> str:
 
 
 def _label(array: xr.DataArray, index: tuple[int, ...]) -> str:
-    parts = []
-    for dim, position in zip(array.dims, index, strict=True):
-        value = array[dim].values[position] if dim in array.coords else position
-        parts.append(f"{dim}={value:.4g}" if isinstance(value, float) else f"{dim}={value}")
+    places = {
+        dim: array[dim].values[position] if dim in array.coords else position
+        for dim, position in zip(array.dims, index, strict=True)
+    }
+    parts = [f"{dim}={at:.4g}" if isinstance(at, float) else f"{dim}={at}" for dim, at in places.items()]
     return f" at {', '.join(parts)}" if parts else ""

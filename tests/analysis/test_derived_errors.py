@@ -18,7 +18,7 @@ from tradestudy.imaging.kirchhoff import kirchhoff_correction
 from tradestudy.plan.plan import plan_of
 from tradestudy.run import runner
 from tradestudy.run.groups.depth import depth_as_declared
-from tradestudy.run.kirchhoff_pictures import compute_kirchhoff_pictures
+from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 

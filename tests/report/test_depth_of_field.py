@@ -15,8 +15,8 @@ from tradestudy import figures
 from tradestudy.api import Result, load
 from tradestudy.report import contents
 from tradestudy.report.document import Table, all_blocks, spans
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.depth_of_field import sharp_stretches
+from tradestudy.results.views.depth import sharp_stretches
+from tradestudy.results.views.groups import camera_titles
 
 STUDIES = Path(__file__).parents[2] / "studies"
 

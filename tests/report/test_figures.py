@@ -14,9 +14,8 @@ import xarray as xr
 
 from tradestudy import figures
 from tradestudy.errors import OutOfRangeError
-from tradestudy.figures.cameras import traces
 from tradestudy.figures.fonts import printable
-from tradestudy.figures.style import length_tick, line_style, plain_number
+from tradestudy.figures.style import length_tick, line_style, plain_number, traces
 from tradestudy.figures.sweeps import frontier
 from tradestudy.results.views.decision import has_winners, winners
 from tradestudy.results.views.depth import nominal

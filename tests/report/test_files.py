@@ -9,7 +9,7 @@ import pytest
 import xarray as xr
 
 from tradestudy import report
-from tradestudy.report import csv_tables, files, html
+from tradestudy.report import csv_tables, html
 from tradestudy.report.words import interval
 from tradestudy.results import FORMAT_VERSION, storage
 from tradestudy.wording import distance
@@ -65,14 +65,14 @@ def test_a_write_that_fails_leaves_the_old_file_and_nothing_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     target = tmp_path / "x"
-    files.replace_file(target, b"old")
+    storage.replace_file(target, b"old")
 
     def full(_: int) -> None:
         raise OSError("no space left on device")
 
     monkeypatch.setattr("os.fsync", full)
     with pytest.raises(OSError, match="no space"):
-        files.replace_file(target, b"new")
+        storage.replace_file(target, b"new")
     assert _content(tmp_path) == {"x": b"old"}
 
 

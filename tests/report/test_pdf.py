@@ -12,7 +12,7 @@ import xarray as xr
 
 from tradestudy import figures, report
 from tradestudy.errors import TradestudyError
-from tradestudy.figures.cameras import traces
+from tradestudy.figures.style import traces
 from tradestudy.report import pdf
 from tradestudy.report.document import (
     Bullets,

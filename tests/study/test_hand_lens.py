@@ -15,7 +15,7 @@ from tests.study.conftest import STUDIES
 from tradestudy.api import Result, load
 from tradestudy.errors import StudyError
 from tradestudy.results import GROUPS, storage
-from tradestudy.run.groups.criteria import criteria_group
+from tradestudy.run.groups.depth_of_field import criteria_group
 from tradestudy.run.groups.registers import contradictions
 
 DEPTH_CAMERAS = {

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.cameras import CameraTrace, traces_in
-from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
+    PANELS_IN_A_ROW,
     SOFT,
+    CameraTrace,
     StudyFigure,
+    camera_panels,
     distance_axis,
     distance_label,
     legend,
@@ -23,58 +23,40 @@ from tradestudy.figures.style import (
     new_figure,
     shortened,
     styled,
+    traces_in,
 )
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.groups import FloatArray, camera_titles
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-_COLUMNS = 3
 _TOP = 2.5  # depth over distance at the upper end of the bands
 _LEAST_SHARE = 1e-5
 
 
-def panels_of(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:
-    """Panels for so many cameras over distances up to `farthest` [m], three in a row; those left over are hidden."""
-    columns = min(_COLUMNS, count)
-    rows = -(-count // columns)
-    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for axes in list(grid.flat)[count:]:
-        axes.set_visible(False)
-    for column in range(columns):
-        last = grid[(count - 1 - column) // columns, column]
-        last.set_xlabel(distance_label(farthest))
-        last.tick_params(labelbottom=True)
-    return list(grid.flat)[:count]
-
-
+@styled()
 def draw_bands(tree: xr.DataTree) -> StudyFigure:
     """Quantiles of one reading over the true distance, per camera: 95 and 68 % on the axis, 95 % at the edge."""
-    with styled():
-        shown = traces_in(tree, "calibration")
-        data = tree["calibration"].to_dataset()
-        figure = new_figure(0.7 + 1.75 * -(-len(shown) // _COLUMNS))
-        reach = _reach(data.sel(way="both"))
-        panels = panels_of(figure, len(shown), float(data["distance"].values[-1]))
-        for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
-            _band(axes, data.sel(camera=camera.key, way="both"), camera)
-            axes.set_ylim(max(0.0, 1.0 - reach), 1.0 + reach)
-            if order % _COLUMNS == 0:
-                axes.set_ylabel("depth / distance")
-        handles: list[Line2D | Patch] = [
-            Patch(color=SOFT, alpha=0.25, linewidth=0),
-            Patch(color=SOFT, alpha=0.6, linewidth=0),
-            Line2D([], [], color=SOFT, linewidth=1.2),
-            Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 2))),
-            Line2D([], [], color=SOFT, linewidth=0.8, linestyle=(0, (1, 1))),
-            Line2D([], [], color=INK, linewidth=0.6),
-        ]
-        labels = [
-            "central 95 %", "central 68 %", "median", "linear theory, 95 %", "95 % at the edge of the field",
-            "upright line: mean and deviation end here",
-        ]  # fmt: skip
-        legend(figure, handles, labels, columns=3)
+    shown = traces_in(tree, "calibration")
+    data = tree["calibration"].to_dataset()
+    figure = new_figure(0.7 + 1.75 * -(-len(shown) // PANELS_IN_A_ROW))
+    reach = _reach(data.sel(way="both"))
+    panels = camera_panels(figure, len(shown), float(data["distance"].values[-1]))
+    for axes, camera in zip(panels, shown, strict=True):
+        _band(axes, data.sel(camera=camera.key, way="both"), camera)
+        axes.set_ylim(max(0.0, 1.0 - reach), 1.0 + reach)
+    for axes in panels[::PANELS_IN_A_ROW]:
+        axes.set_ylabel("depth / distance")
+    handles: list[Line2D | Patch] = [
+        Patch(color=SOFT, alpha=0.25, linewidth=0),
+        Patch(color=SOFT, alpha=0.6, linewidth=0),
+        Line2D([], [], color=SOFT, linewidth=1.2),
+        Line2D([], [], color=INK, linewidth=0.9, linestyle=(0, (4, 2))),
+        Line2D([], [], color=SOFT, linewidth=0.8, linestyle=(0, (1, 1))),
+        Line2D([], [], color=INK, linewidth=0.6),
+    ]
+    labels = [
+        "central 95 %", "central 68 %", "median", "linear theory, 95 %", "95 % at the edge of the field",
+        "upright line: mean and deviation end here",
+    ]  # fmt: skip
+    legend(figure, handles, labels, columns=3)
     return figure
 
 
@@ -105,77 +87,66 @@ def _band(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     if np.isfinite(end):
         axes.axvline(end, color=INK, linewidth=0.6)
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
-    axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
+    axes.set_title(shortened(camera.title, 34), fontsize=7.5)
 
 
+@styled()
 def draw_failures(tree: xr.DataTree) -> StudyFigure:
     """Probability of a reading at or beyond infinity, and of none at all, against distance; axis and edge."""
-    with styled():
-        shown = traces_in(tree, "calibration")
-        data = tree["calibration"].to_dataset().sel(way="both")
-        figure = new_figure(2.9 + 0.13 * len(shown))
-        panels = figure.subplots(2, 2, sharex=True, sharey=True)
-        distance = np.asarray(data["distance"].values, dtype=np.float64)
-        for column, field in enumerate(("axis", "edge")):
-            for camera in shown:
-                there = data.sel(camera=camera.key, field=field)
-                infinite = np.asarray(there["infinite_fraction"].values, dtype=np.float64)
-                _share(panels[0, column], distance, infinite, camera)
-                _share(panels[1, column], distance, _failed(there), camera)
-            panels[0, column].set_title(f"beyond infinity, {_FIELD_WORDS[field]}")
-            panels[1, column].set_title(f"no reading, {_FIELD_WORDS[field]}")
-            panels[1, column].set_xlabel(distance_label(float(distance[-1])))
-        for axes in panels.flat:
-            distance_axis(axes, (float(distance[0]), float(distance[-1])))
-            axes.set_yscale("symlog", linthresh=_LEAST_SHARE, linscale=0.5)
-            axes.set_yticks([0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0])
-            axes.set_yticklabels(["0", "10 ppm", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"])
-            axes.set_ylim(0.0, 1.6)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("probability")
-        handles = [Line2D([], [], color=c.style.color, linestyle=c.style.dash) for c in shown]
-        legend(figure, handles, [camera.title for camera in shown], columns=3)
+    shown = traces_in(tree, "calibration")
+    data = tree["calibration"].to_dataset().sel(way="both")
+    figure = new_figure(2.9 + 0.13 * len(shown))
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    distance = np.asarray(data["distance"].values, dtype=np.float64)
+    for column, field in enumerate(("axis", "edge")):
+        for camera in shown:
+            there = data.sel(camera=camera.key, field=field)
+            shares = (there["infinite_fraction"], there["failed_fraction"].sum("cause"))
+            for axes, share in zip(panels[:, column], shares, strict=True):
+                axes.plot(distance, share.values, color=camera.style.color, linestyle=camera.style.dash, linewidth=1.3)
+        panels[0, column].set_title(f"beyond infinity, {_FIELD_WORDS[field]}")
+        panels[1, column].set(title=f"no reading, {_FIELD_WORDS[field]}", xlabel=distance_label(float(distance[-1])))
+    for axes in panels.flat:
+        distance_axis(axes, (float(distance[0]), float(distance[-1])))
+        axes.set_yscale("symlog", linthresh=_LEAST_SHARE, linscale=0.5)
+        axes.set(
+            yticks=[0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0],
+            yticklabels=["0", "10 ppm", "0.01 %", "0.1 %", "1 %", "10 %", "100 %"],
+            ylim=(0.0, 1.6),
+        )
+    for axes in panels[:, 0]:
+        axes.set_ylabel("probability")
+    legend(figure, [camera.style.handle() for camera in shown], [camera.title for camera in shown], columns=3)
     return figure
 
 
 _FIELD_WORDS = {"axis": "on the axis", "edge": "at the edge"}
 
 
-def _failed(data: xr.Dataset) -> FloatArray:
-    return np.asarray(data["failed_fraction"].sum("cause").values, dtype=np.float64)
-
-
-def _share(axes: Axes, distance: FloatArray, values: FloatArray, camera: CameraTrace) -> None:
-    axes.plot(distance, values, color=camera.style.color, linestyle=camera.style.dash, linewidth=1.3)
-
-
+@styled()
 def draw_rank_probability(tree: xr.DataTree) -> StudyFigure:
     """Probability that the first camera of each pair errs less, against distance; calibration alone, and with noise."""
-    with styled():
-        data = tree["decision"].to_dataset()
-        titles = camera_titles(tree)
-        figure = new_figure(3.9 + 0.08 * data.sizes["pair"])
-        panels = figure.subplots(2, 2, sharex=True, sharey=True)
-        distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
-        for row, way in enumerate(data["rank_way"].values):
-            for column, field in enumerate(data["field"].values):
-                axes = panels[row, column]
-                for order, pair in enumerate(data["pair"].values):
-                    there = data.sel(pair=pair, field=field, rank_way=way)
-                    _rank_line(axes, distance, there, order)
-                axes.axhline(0.5, color=FAINT, linewidth=0.8, zorder=0)
-                words = "calibration alone" if way == "calibration" else "single readings"
-                axes.set_title(f"{words}, {_FIELD_WORDS[str(field)]}")
-                distance_axis(axes, (float(distance[0]), float(distance[-1])))
-                axes.set_ylim(0.0, 1.0)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("P(first errs less)")
-        for axes in panels[1]:
-            axes.set_xlabel(distance_label(float(distance[-1])))
-        pairs = zip(data["pair_first"].values, data["pair_second"].values, strict=True)
-        labels = [f"{titles[str(first)]} before {titles[str(second)]}" for first, second in pairs]
-        handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(labels))]
-        legend(figure, handles, labels, columns=2)
+    data = tree["decision"].to_dataset()
+    titles = camera_titles(tree)
+    figure = new_figure(3.9 + 0.08 * data.sizes["pair"])
+    panels = figure.subplots(2, 2, sharex=True, sharey=True)
+    distance = np.asarray(data["rank_distance"].values, dtype=np.float64)
+    for row, way in enumerate(data["rank_way"].values):
+        for column, field in enumerate(data["field"].values):
+            axes = panels[row, column]
+            for order, pair in enumerate(data["pair"].values):
+                _rank_line(axes, distance, data.sel(pair=pair, field=field, rank_way=way), order)
+            axes.axhline(0.5, color=FAINT, linewidth=0.8, zorder=0)
+            words = "calibration alone" if way == "calibration" else "single readings"
+            distance_axis(axes, (float(distance[0]), float(distance[-1])))
+            axes.set(title=f"{words}, {_FIELD_WORDS[str(field)]}", ylim=(0.0, 1.0))
+    for axes in panels[:, 0]:
+        axes.set_ylabel("P(first errs less)")
+    for axes in panels[1]:
+        axes.set_xlabel(distance_label(float(distance[-1])))
+    pairs = zip(data["pair_first"].values, data["pair_second"].values, strict=True)
+    labels = [f"{titles[str(first)]} before {titles[str(second)]}" for first, second in pairs]
+    legend(figure, [line_style(order).handle() for order in range(len(labels))], labels, columns=2)
     return figure
 
 

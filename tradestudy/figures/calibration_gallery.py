@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.figures import calibration, posterior, sensitivity
 from tradestudy.figures.drawing import Drawing
-from tradestudy.results.views.cameras import camera_titles, titles_in
-from tradestudy.results.views.largest import largest_source
+from tradestudy.results.views.depth import largest_source
+from tradestudy.results.views.groups import camera_titles, titles_in
 from tradestudy.units import LENGTH, pretty, significant
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:

@@ -7,9 +7,10 @@ import textwrap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.path import Path
@@ -32,9 +33,6 @@ from tradestudy.figures.style import (
 from tradestudy.results.cost import NO_ANSWER
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.units import DURATION, pretty, significant
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _COLUMNS: Final = 2
 _PANEL_HEIGHT: Final = 2.7
@@ -71,6 +69,8 @@ _SLASH: Final[Mapping[str, Any]] = {
 def cost_drawing(tree: xr.DataTree) -> Drawing:
     """Describe the figure of `draw_cost`."""
     data = tree["cost"].to_dataset()
+    titles, drawn = data["title"], measured_quantities(data)
+    missing = [str(titles.sel(cost_quantity=name).item()) for name in data["cost_quantity"].values if name not in drawn]
     return Drawing(
         name="cost",
         caption="What accuracy costs on this machine: relative error against the reference (up) and seconds (across), "
@@ -79,7 +79,12 @@ def cost_drawing(tree: xr.DataTree) -> Drawing:
         "Star: the cheapest that was measured within a tenth of its error, or, where nothing was, of the error that "
         "the study asks for; named above each panel. Dotted: the error of the reference; hollow marks on it, with an "
         "arrow, err by at most that. Below a break in the axis: no error, for an entry that is the reference. Errors "
-        "above ten times the value are not drawn." + _without_panel(data),
+        "above ten times the value are not drawn."
+        + (
+            f" Without a panel, as nothing of it was measured that could be drawn: {'; '.join(missing)}."
+            if missing
+            else ""
+        ),
         alt="Log-log charts of error against seconds. " + _in_words(data),
         draw=partial(draw_cost, tree),
     )
@@ -89,17 +94,6 @@ def measured_quantities(data: xr.Dataset) -> list[str]:
     """Quantities that have entries whose errors can be drawn."""
     kept = {str(name) for name in data["quantity"].values[_drawable(data["relative_error"].values)]}
     return [str(name) for name in data["cost_quantity"].values if str(name) in kept]
-
-
-def _without_panel(data: xr.Dataset) -> str:
-    """What there is nothing to draw of."""
-    drawn = measured_quantities(data)
-    missing = [
-        str(data["title"].sel(cost_quantity=name).item()) for name in data["cost_quantity"].values if name not in drawn
-    ]
-    return (
-        f" Without a panel, as nothing of it was measured that could be drawn: {'; '.join(missing)}." if missing else ""
-    )
 
 
 def _drawable(error: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
@@ -134,31 +128,39 @@ def _time(one: xr.Dataset, name: str) -> str:
     return pretty(float(one[name]), DURATION, digits=2)
 
 
+@styled()
 def draw_cost(tree: xr.DataTree) -> StudyFigure:
     """One panel per quantity."""
-    with styled():
-        data = tree["cost"].to_dataset()
-        names = measured_quantities(data)
-        drawn = np.isin(data["quantity"].values, names) & _drawable(data["relative_error"].values)
-        models = list(dict.fromkeys(str(model) for model in data["model"].values[drawn]))
-        columns = min(_COLUMNS, len(names))
-        rows = -(-len(names) // columns)
-        marks = _marks()
-        labels = [*models, *marks]
-        beside = _legend_columns(labels)
-        figure = new_figure(_PANEL_HEIGHT * rows + 0.25 + 0.14 * -(-len(labels) // beside))
-        panels = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, name in zip(panels, names, strict=False):
-            _panel(axes, data, name, models)
-        for axes in panels[len(names) :]:
-            axes.remove()
-        legend(
-            figure,
-            [*(_line(models.index(model)) for model in models), *marks.values()],
-            labels,
-            beside,
-            longest=_LEGEND_WIDTH,
-        )
+    data = tree["cost"].to_dataset()
+    names = measured_quantities(data)
+    drawn = np.isin(data["quantity"].values, names) & _drawable(data["relative_error"].values)
+    models = list(dict.fromkeys(str(model) for model in data["model"].values[drawn]))
+    columns = min(_COLUMNS, len(names))
+    rows = -(-len(names) // columns)
+    marks = {
+        "frontier": Line2D([], [], color=FAINT, linewidth=5.0),
+        "the study's choice": Line2D([], [], **_RING),
+        "the next digit": Line2D([], [], **_STAR),
+        "errs by at most this": Line2D(
+            [], [], **{**_ARROW, "marker": _HOLLOW_AND_DOWN, "markersize": 11}, markeredgecolor=INK
+        ),
+    }
+    labels = [*models, *marks]
+    beside = _legend_columns(labels)
+    figure = new_figure(_PANEL_HEIGHT * rows + 0.25 + 0.14 * -(-len(labels) // beside))
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes, name in zip(panels, names, strict=False):
+        _panel(axes, data, name, models)
+    for axes in panels[len(names) :]:
+        axes.remove()
+    styles = [line_style(order) for order in range(len(models))]
+    legend(
+        figure,
+        [*(style.handle(marker=style.marker, markersize=_MARKER) for style in styles), *marks.values()],
+        labels,
+        beside,
+        longest=_LEGEND_WIDTH,
+    )
     return figure
 
 
@@ -169,23 +171,6 @@ def _legend_columns(labels: list[str]) -> int:
         if sum(longest) + _LEGEND_HANDLE * len(longest) <= _LEGEND_WIDTH:
             return columns
     return 1
-
-
-def _marks() -> dict[str, Line2D]:
-    """Legend of what is not a model."""
-    return {
-        "frontier": Line2D([], [], color=FAINT, linewidth=5.0),
-        "the study's choice": Line2D([], [], **_RING),
-        "the next digit": Line2D([], [], **_STAR),
-        "errs by at most this": Line2D(
-            [], [], **{**_ARROW, "marker": _HOLLOW_AND_DOWN, "markersize": 11}, markeredgecolor=INK
-        ),
-    }
-
-
-def _line(order: int) -> Line2D:
-    style = line_style(order)
-    return Line2D([], [], color=style.color, linestyle=style.dash, marker=style.marker, markersize=_MARKER)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,8 +225,7 @@ def _panel(axes: Axes, data: xr.Dataset, name: str, models: list[str]) -> None:
     if star is not None:
         _whole(axes, np.array([star.seconds]), np.array([max(star.error, scale.floor)]), zorder=5, **_STAR)
     _headed(axes, summary, star)
-    axes.set_xlabel("seconds")
-    axes.set_ylabel("relative error")
+    axes.set(xlabel="seconds", ylabel="relative error")
     _frame(axes, seconds[shown], np.append(error[shown], scale.floor), scale)
 
 
@@ -318,7 +302,8 @@ def _frame(axes: Axes, seconds: FloatArray, errors: FloatArray, scale: _Scale) -
         low, high = float(values.min()) / room, float(values.max()) * room
         decades = math.log10(high / low)
         labelled = scale.gap if which == "y" and scale.exact else low
-        dense = decades < _FEW_DECADES or _powers_of_ten(labelled, high) < _FEWEST_TICKS
+        powers_of_ten = math.floor(math.log10(high)) - math.ceil(math.log10(labelled)) + 1
+        dense = decades < _FEW_DECADES or powers_of_ten < _FEWEST_TICKS
         log_axis(axes, which, dense=dense)
         if not dense:
             axis = axes.xaxis if which == "x" else axes.yaxis
@@ -326,11 +311,6 @@ def _frame(axes: Axes, seconds: FloatArray, errors: FloatArray, scale: _Scale) -
         (axes.set_xlim if which == "x" else axes.set_ylim)(low, high)
     if scale.exact:
         _broken(axes, scale)
-
-
-def _powers_of_ten(low: float, high: float) -> int:
-    """How many stand between two values."""
-    return math.floor(math.log10(high)) - math.ceil(math.log10(low)) + 1
 
 
 def _broken(axes: Axes, scale: _Scale) -> None:

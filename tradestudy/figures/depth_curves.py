@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.cameras import CameraTrace, traces
 from tradestudy.figures.style import (
     FAINT,
     INK,
     SOFT,
+    CameraTrace,
     StudyFigure,
     distance_axis,
     distance_label,
@@ -22,51 +21,47 @@ from tradestudy.figures.style import (
     legend,
     length_tick,
     log_axis,
+    named_rows,
     new_figure,
     shortened,
     styled,
+    traces,
 )
 from tradestudy.results.views.decision import has_winners, told_winners, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_usable
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 MM = 1e3
 _UNUSABLE_WIDTH, _USABLE_WIDTH = 0.7, 1.9
 _LETTERS_PER_DECADE, _SHORTEST_NAME = 34, 9  # of a name written into the bar of the best camera
 
 
+@styled()
 def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: float) -> StudyFigure:
     """Two panels over distances from `near` to `far` [m]: discriminating power and uncertainty, in millimetres."""
-    with styled():
-        depth, shown = nominal(tree), traces(tree)
-        figure = new_figure(3.3)
-        left, right = figure.subplots(1, 2, sharex=True, sharey=True)
-        distance = np.asarray(depth["distance"].values, dtype=float)
-        # One point more on each side, so that a curve reaches the edge of the panel.
-        inside = np.flatnonzero((distance >= near) & (distance <= far))
-        view = depth.isel(distance=slice(max(inside[0] - 1, 0), inside[-1] + 2))
-        drawn: list[FloatArray] = []
-        for camera in shown:
-            nearer = of_camera(view, "depth_discrimination", camera.key, side="nearer")
-            farther = of_camera(view, "depth_discrimination", camera.key, side="farther")
-            uncertainty = of_camera(view, "depth_uncertainty", camera.key)
-            _curve(left, view, camera, nearer)
-            _band(left, view, camera, nearer, farther)
-            _curve(right, view, camera, uncertainty)
-            drawn += [nearer, uncertainty]
-        for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
-            log_axis(axes, "y", tick=length_tick)
-            axes.set_xlim(near, far)
-            axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
-            axes.set_xlabel(distance_label(far))
-            axes.set_title(title)
-        left.set_ylabel("depth")
-        left.set_ylim(*_limits(drawn, view["distance"].values, near, far))
-        _camera_legend(figure, shown)
+    depth, shown = nominal(tree), traces(tree)
+    figure = new_figure(3.3)
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    distance = np.asarray(depth["distance"].values, dtype=float)
+    # One point more on each side, so that a curve reaches the edge of the panel.
+    inside = np.flatnonzero((distance >= near) & (distance <= far))
+    view = depth.isel(distance=slice(max(inside[0] - 1, 0), inside[-1] + 2))
+    drawn: list[FloatArray] = []
+    for camera in shown:
+        nearer = of_camera(view, "depth_discrimination", camera.key, side="nearer")
+        farther = of_camera(view, "depth_discrimination", camera.key, side="farther")
+        uncertainty = of_camera(view, "depth_uncertainty", camera.key)
+        _curve(left, view, camera, nearer)
+        _band(left, view, camera, nearer, farther)
+        _curve(right, view, camera, uncertainty)
+        drawn += [nearer, uncertainty]
+    for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
+        log_axis(axes, "y", tick=length_tick)
+        axes.set(xlim=(near, far), xlabel=distance_label(far), title=title)
+        axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
+    left.set(ylabel="depth", ylim=_limits(drawn, view["distance"].values, near, far))
+    _camera_legend(figure, shown)
     return figure
 
 
@@ -81,18 +76,14 @@ def _limits(curves: list[FloatArray], distance: FloatArray, near: float, far: fl
     return float(np.percentile(values, 2.0)) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
 
 
-def _usable(view: xr.Dataset, camera: CameraTrace) -> FloatArray:
-    return np.asarray(view["usable"].sel(camera=camera.key).values, dtype=bool)
-
-
 def _curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray) -> None:
     """A curve over all distances, bold where the camera is usable."""
     distance = np.asarray(view["distance"].values, dtype=float)
     y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
-    style = camera.style
-    axes.plot(distance, y, color=style.color, linestyle=style.dash, linewidth=_UNUSABLE_WIDTH, alpha=0.55)
-    bold = np.where(_usable(view, camera), y, np.nan)
-    axes.plot(distance, bold, color=style.color, linestyle=style.dash, linewidth=_USABLE_WIDTH)
+    line = {"color": camera.style.color, "linestyle": camera.style.dash}
+    axes.plot(distance, y, linewidth=_UNUSABLE_WIDTH, alpha=0.55, **line)
+    bold = np.where(view["usable"].sel(camera=camera.key).values.astype(bool), y, np.nan)
+    axes.plot(distance, bold, linewidth=_USABLE_WIDTH, **line)
 
 
 def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray, farther: FloatArray) -> None:
@@ -109,26 +100,26 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
     )
 
 
+@styled()
 def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
-    with styled():
-        depth, shown = nominal(tree), traces(tree)
-        figure = new_figure(2.6 + 0.16 * len(shown))
-        curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
-        distance = np.asarray(depth["distance"].values, dtype=float)
-        drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
-        for camera, uncertainty in zip(shown, drawn, strict=True):
-            _curve(curves, depth, camera, uncertainty)
-        log_axis(curves, "y", tick=length_tick)
-        distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
-        curves.set_ylim(*_limits(drawn, distance, float(distance[0]), float(distance[-1])))
-        curves.set_ylabel("depth uncertainty (68 %)")
-        _relative_guides(curves, distance)
-        _bars(bars, depth, shown)
-        if has_winners(tree):
-            _best_camera_bar(bars, tree, shown)
-            _crossovers((curves, bars), tree)
-        bars.set_xlabel(distance_label(float(distance[-1])))
+    depth, shown = nominal(tree), traces(tree)
+    figure = new_figure(2.6 + 0.16 * len(shown))
+    curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
+    distance = np.asarray(depth["distance"].values, dtype=float)
+    drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
+    for camera, uncertainty in zip(shown, drawn, strict=True):
+        _curve(curves, depth, camera, uncertainty)
+    log_axis(curves, "y", tick=length_tick)
+    distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
+    limits = _limits(drawn, distance, float(distance[0]), float(distance[-1]))
+    curves.set(ylim=limits, ylabel="depth uncertainty (68 %)")
+    _relative_guides(curves, distance)
+    _bars(bars, depth, shown)
+    if has_winners(tree):
+        _best_camera_bar(bars, tree, shown)
+        _crossovers((curves, bars), tree)
+    bars.set_xlabel(distance_label(float(distance[-1])))
     return figure
 
 
@@ -159,10 +150,7 @@ def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None
             axes.barh(row, min(far, last) - near, left=near, height=0.62, color=camera.style.color, linewidth=0)
             # The camera's line style runs through its bar, for readers without colours.
             axes.plot([near, min(far, last)], [row, row], color="white", linestyle=camera.style.dash, linewidth=0.9)
-    axes.set_yticks(range(len(shown)), [shortened(camera.title) for camera in shown])
-    axes.set_ylim(len(shown) - 0.4, -0.6)
-    axes.grid(visible=False, axis="y")
-    axes.tick_params(axis="y", length=0)
+    named_rows(axes, [shortened(camera.title) for camera in shown])
     axes.set_title("Usable", fontsize=7.5)
 
 
@@ -176,9 +164,9 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
             if letters >= _SHORTEST_NAME:
                 name = shortened(by_key[key].title, letters)
                 axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)
-    axes.set_yticks([*range(len(shown)), row], [*(shortened(camera.title) for camera in shown), "best camera"])
+    names = [*(shortened(camera.title) for camera in shown), "best camera"]
+    axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))
     axes.get_yticklabels()[-1].set_fontweight("bold")
-    axes.set_ylim(row + 0.6, -0.6)
 
 
 def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
@@ -202,10 +190,10 @@ def _crossovers(panels: tuple[Axes, ...], tree: xr.DataTree) -> None:
 
 def _camera_legend(figure: StudyFigure, shown: tuple[CameraTrace, ...]) -> None:
     handles: list[Line2D | Patch] = [
-        Line2D([], [], color=c.style.color, linestyle=c.style.dash, linewidth=_USABLE_WIDTH) for c in shown
+        *(camera.style.handle(linewidth=_USABLE_WIDTH) for camera in shown),
+        Line2D([], [], color=SOFT, linewidth=_UNUSABLE_WIDTH),
+        Patch(color=SOFT, alpha=0.2, linewidth=0),
     ]
-    handles.append(Line2D([], [], color=SOFT, linewidth=_UNUSABLE_WIDTH))
-    handles.append(Patch(color=SOFT, alpha=0.2, linewidth=0))
     labels = [
         *(camera.title for camera in shown),
         "thin: outside the usable range",

@@ -1,33 +1,96 @@
-"""Depth of field as bars over distance, and lateral resolution against distance."""
+"""Depth of field as bars over distance, and lateral resolution against distance; with what they show in words."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.cameras import CameraTrace, all_traces
+from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
     FAINT,
     INK,
     SOFT,
+    CameraTrace,
     StudyFigure,
+    all_traces,
     legend,
     length_tick,
     log_axis,
+    named_rows,
     new_figure,
     shortened,
     styled,
 )
-from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_stretches
-from tradestudy.results.views.groups import FloatArray
-from tradestudy.units import LENGTH, pretty
+from tradestudy.results.views.depth import by_first_criterion, sharp_stretches
+from tradestudy.results.views.groups import FloatArray, camera_titles
+from tradestudy.units import LENGTH, PIXELS, pretty
 
-if TYPE_CHECKING:
-    import xarray as xr
+
+def focus_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The bars and the curves of resolution."""
+    yield Drawing(
+        name="depth-of-field",
+        caption="What each camera keeps sharp, measured from its principal plane: "
+        + _criterion_words(tree)
+        + ". Neighbouring shades are images of a stack or types of microlenses; dotted lines are gaps between them."
+        + _thin_words(tree)
+        + " At the right, the coarsest detail that is resolved within the scene; grey where not all of it is sharp.",
+        alt="Bars of depth of field over working distance, one row per camera. " + _sharp_words(tree),
+        draw=partial(draw_depth_of_field, tree),
+    )
+    yield Drawing(
+        name="lateral-resolution",
+        caption="Detail that each camera resolves on the object: the larger of its lateral sample and its geometric "
+        "blur. Bold where the camera is sharp by the first criterion.",
+        alt="Log-log chart of resolved detail against distance. " + _resolution_words(tree),
+        draw=partial(draw_lateral_resolution, tree),
+    )
+
+
+def _criterion_words(tree: xr.DataTree) -> str:
+    first = by_first_criterion(tree)
+    measure = str(first["diffraction"].item())
+    beside = "defocus alone" if measure == "none" else f"defocus and the {measure} of diffraction"
+    return f"{beside} blurs to at most {pretty(float(first['blur_px']), PIXELS)}"
+
+
+def _thin_words(tree: xr.DataTree) -> str:
+    data = tree["depth_of_field"].to_dataset()
+    if "equal_resolution" not in data.attrs:
+        return ""
+    size = pretty(float(data.attrs["equal_resolution"]), LENGTH)
+    return f" Thin lines below: where {size} on the object is resolved, the comparison at equal resolution."
+
+
+def _sharp_words(tree: xr.DataTree) -> str:
+    data = by_first_criterion(tree)
+    sentences = []
+    for key, title in camera_titles(tree).items():
+        found = sharp_stretches(data.sel(camera=key), "sharp")
+        where = " and ".join(f"{pretty(a, LENGTH)} to {pretty(b, LENGTH)}" for a, b in found) or "nowhere"
+        sentences.append(f"{title}: sharp {where}. ")
+    return "".join(sentences)
+
+
+def _resolution_words(tree: xr.DataTree) -> str:
+    data = tree["depth_of_field"].to_dataset()
+    middle = (float(data.attrs["scene_near"]) + float(data.attrs["scene_far"])) / 2.0
+    there = data["lateral_resolution"].sel(distance=middle, method="nearest")
+    place = pretty(float(there["distance"]), LENGTH)
+    values = [
+        f"{title} {pretty(size, LENGTH)}"
+        for key, title in camera_titles(tree).items()
+        if np.isfinite(size := float(there.sel(camera=key)))
+    ]
+    return f"At {place}: " + "; ".join(values) + "."
+
 
 MM = 1e3
 _ROW = 0.27  # inches
@@ -35,42 +98,39 @@ _SCENE = "#F5E7B8"
 _SHADES = (1.0, 0.6)  # of neighbouring slices
 
 
+@styled()
 def draw_depth_of_field(tree: xr.DataTree) -> StudyFigure:
     """One row per camera: what the headline criterion keeps sharp, slice by slice, over what is resolved alike."""
-    with styled():
-        data, shown = by_first_criterion(tree), all_traces(tree)
-        distance = np.asarray(data["distance"].values, dtype=np.float64) * MM
-        figure = new_figure(0.95 + _ROW * len(shown))
-        axes = figure.subplots()
-        log_axis(axes, "x", dense=True)
-        axes.set_xlim(distance[0], distance[-1])
-        _scene_band(axes, data, "x")
-        equal = "resolved_near" in data
-        for row, camera in enumerate(shown):
-            one = data.sel(camera=camera.key)
-            _slices(axes, sharp_stretches(one, "slice"), row, camera)
-            _far_end(axes, sharp_stretches(one, "sharp"), row)
-            _gaps(axes, sharp_stretches(one, "gap"), row)
-            if equal:
-                _thin(axes, sharp_stretches(one, "resolved"), row)
-        axes.set_yticks(range(len(shown)), [shortened(camera.title) for camera in shown])
-        axes.set_ylim(len(shown) - 0.4, -0.6)
-        axes.grid(visible=False, axis="y")
-        axes.tick_params(axis="y", length=0)
-        axes.set_xlabel("distance from the lens [mm]")
-        _resolution_beside(axes, data, shown)
-        handles: list[Any] = [Patch(color=_SCENE, linewidth=0), Patch(color=SOFT, linewidth=0)]
-        labels = ["the scene", "sharp (shades: images or types)"]
+    data, shown = by_first_criterion(tree), all_traces(tree)
+    distance = np.asarray(data["distance"].values, dtype=np.float64) * MM
+    figure = new_figure(0.95 + _ROW * len(shown))
+    axes = figure.subplots()
+    log_axis(axes, "x", dense=True)
+    axes.set_xlim(distance[0], distance[-1])
+    _scene_band(axes, data)
+    equal = "resolved_near" in data
+    for row, camera in enumerate(shown):
+        one = data.sel(camera=camera.key)
+        _slices(axes, sharp_stretches(one, "slice"), row, camera)
+        _far_end(axes, sharp_stretches(one, "sharp"), row)
+        _lines(axes, sharp_stretches(one, "gap"), row - 0.08, linewidth=0.6, linestyle=(0, (1, 1)))
         if equal:
-            handles.append(Line2D([], [], color=INK, linewidth=1.4))
-            labels.append(f"resolves {pretty(float(data.attrs['equal_resolution']), LENGTH)} or finer")
-        legend(figure, handles, labels, columns=3)
+            _lines(axes, sharp_stretches(one, "resolved"), row + 0.27, linewidth=1.4, solid_capstyle="butt")
+    named_rows(axes, [shortened(camera.title) for camera in shown])
+    axes.set_xlabel("distance from the lens [mm]")
+    _resolution_beside(axes, data, shown)
+    handles: list[Any] = [Patch(color=_SCENE, linewidth=0), Patch(color=SOFT, linewidth=0)]
+    labels = ["the scene", "sharp (shades: images or types)"]
+    if equal:
+        handles.append(Line2D([], [], color=INK, linewidth=1.4))
+        labels.append(f"resolves {pretty(float(data.attrs['equal_resolution']), LENGTH)} or finer")
+    legend(figure, handles, labels, columns=3)
     return figure
 
 
-def _scene_band(axes: Axes, data: xr.Dataset, which: str) -> None:
+def _scene_band(axes: Axes, data: xr.Dataset) -> None:
     near, far = float(data.attrs["scene_near"]) * MM, float(data.attrs["scene_far"]) * MM
-    (axes.axvspan if which == "x" else axes.axhspan)(near, far, color=_SCENE, linewidth=0, zorder=0)
+    axes.axvspan(near, far, color=_SCENE, linewidth=0, zorder=0)
 
 
 def _clipped(axes: Axes, stretch: tuple[float, float]) -> tuple[float, float] | None:
@@ -83,12 +143,10 @@ def _clipped(axes: Axes, stretch: tuple[float, float]) -> tuple[float, float] | 
 def _slices(axes: Axes, slices: tuple[tuple[float, float], ...], row: int, camera: CameraTrace) -> None:
     """The slices of one camera, neighbours in different shades."""
     for number, stretch in enumerate(slices):
-        inside = _clipped(axes, stretch)
-        if inside is not None:
+        if (inside := _clipped(axes, stretch)) is not None:
             near, far = inside
             shade = _SHADES[number % len(_SHADES)]
-            color = camera.style.color
-            axes.barh(row - 0.08, far - near, left=near, height=0.44, color=color, alpha=shade, linewidth=0)
+            axes.barh(row - 0.08, far - near, 0.44, near, color=camera.style.color, alpha=shade, linewidth=0)
 
 
 def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int) -> None:
@@ -109,18 +167,11 @@ def _far_end(axes: Axes, sharp: tuple[tuple[float, float], ...], row: int) -> No
             )
 
 
-def _gaps(axes: Axes, gaps: tuple[tuple[float, float], ...], row: int) -> None:
-    for gap in gaps:
-        inside = _clipped(axes, gap)
-        if inside is not None:
-            axes.plot(inside, [row - 0.08] * 2, color=INK, linewidth=0.6, linestyle=(0, (1, 1)))
-
-
-def _thin(axes: Axes, resolved: tuple[tuple[float, float], ...], row: int) -> None:
-    for stretch in resolved:
-        inside = _clipped(axes, stretch)
-        if inside is not None:
-            axes.plot(inside, [row + 0.27] * 2, color=INK, linewidth=1.4, solid_capstyle="butt")
+def _lines(axes: Axes, stretches: tuple[tuple[float, float], ...], height: float, **style: Any) -> None:
+    """A line over each stretch, as far as it is inside the panel."""
+    for stretch in stretches:
+        if (inside := _clipped(axes, stretch)) is not None:
+            axes.plot(inside, [height] * 2, color=INK, **style)
 
 
 def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None:
@@ -154,37 +205,38 @@ def _resolution_beside(axes: Axes, data: xr.Dataset, shown: tuple[CameraTrace, .
     )
 
 
+@styled()
 def draw_lateral_resolution(tree: xr.DataTree) -> StudyFigure:
     """Size of detail that each camera resolves, log–log, bold where it is sharp by the headline criterion."""
-    with styled():
-        data, shown = by_first_criterion(tree), all_traces(tree)
-        distance = np.asarray(data["distance"].values, dtype=np.float64)
-        figure = new_figure(3.9)
-        axes = figure.subplots()
-        log_axis(axes, "x", dense=True)
-        log_axis(axes, "y", dense=True, tick=length_tick)
-        axes.set_xlim(distance[0] * MM, distance[-1] * MM)
-        _scene_band(axes, data, "x")
-        for camera in shown:
-            size = np.asarray(data["lateral_resolution"].sel(camera=camera.key).values, dtype=np.float64) * MM
-            sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
-            style = camera.style
-            line = {"color": style.color, "linestyle": style.dash}
-            axes.plot(distance * MM, size, linewidth=0.8, alpha=0.55, **line)
-            axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=2.0, **line)
-        if "equal_resolution" in data.attrs:
-            axes.axhline(float(data.attrs["equal_resolution"]) * MM, color=INK, linewidth=0.9)
-        axes.set_ylim(*_size_limits(np.asarray(data["lateral_resolution"].values, dtype=np.float64) * MM))
-        axes.set_xlabel("distance from the lens [mm]")
-        axes.set_ylabel("detail resolved on the object")
-        handles: list[Any] = [Line2D([], [], color=c.style.color, linestyle=c.style.dash, linewidth=2.0) for c in shown]
-        handles += [Line2D([], [], color=SOFT, linewidth=0.8), Patch(color=_SCENE, linewidth=0)]
-        labels = [*(camera.title for camera in shown), "thin: not sharp", "the scene"]
-        if "equal_resolution" in data.attrs:
-            handles.append(Line2D([], [], color=INK, linewidth=0.9))
-            labels.append("equal resolution")
-        legend(figure, handles, labels, columns=3)
-        axes.grid(visible=True, color=FAINT)
+    data, shown = by_first_criterion(tree), all_traces(tree)
+    distance = np.asarray(data["distance"].values, dtype=np.float64)
+    figure = new_figure(3.9)
+    axes = figure.subplots()
+    log_axis(axes, "x", dense=True)
+    log_axis(axes, "y", dense=True, tick=length_tick)
+    axes.set_xlim(distance[0] * MM, distance[-1] * MM)
+    _scene_band(axes, data)
+    for camera in shown:
+        size = np.asarray(data["lateral_resolution"].sel(camera=camera.key).values, dtype=np.float64) * MM
+        sharp = _inside(distance, sharp_stretches(data.sel(camera=camera.key), "sharp"))
+        line = {"color": camera.style.color, "linestyle": camera.style.dash}
+        axes.plot(distance * MM, size, linewidth=0.8, alpha=0.55, **line)
+        axes.plot(distance * MM, np.where(sharp, size, np.nan), linewidth=2.0, **line)
+    if "equal_resolution" in data.attrs:
+        axes.axhline(float(data.attrs["equal_resolution"]) * MM, color=INK, linewidth=0.9)
+    axes.set(
+        ylim=_size_limits(np.asarray(data["lateral_resolution"].values, dtype=np.float64) * MM),
+        xlabel="distance from the lens [mm]",
+        ylabel="detail resolved on the object",
+    )
+    handles: list[Any] = [camera.style.handle(linewidth=2.0) for camera in shown]
+    handles += [Line2D([], [], color=SOFT, linewidth=0.8), Patch(color=_SCENE, linewidth=0)]
+    labels = [*(camera.title for camera in shown), "thin: not sharp", "the scene"]
+    if "equal_resolution" in data.attrs:
+        handles.append(Line2D([], [], color=INK, linewidth=0.9))
+        labels.append("equal resolution")
+    legend(figure, handles, labels, columns=3)
+    axes.grid(visible=True, color=FAINT)
     return figure
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from tradestudy.figures.style import StudyFigure
+if TYPE_CHECKING:
+    from tradestudy.figures.style import StudyFigure
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from tradestudy.figures.drawing import Drawing
@@ -28,9 +28,6 @@ from tradestudy.figures.style import (
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _F_NUMBERS = (1, 1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22, 32, 45, 64)
 _PERCENT = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1, 3, 10, 30, 100, 300, 1000, 3000, 10000)
@@ -88,41 +85,40 @@ def _words(data: xr.Dataset) -> str:
     for element in data["element"].values:
         values = np.asarray(point.sel(element=element).values, dtype=float)
         place = published_place(data, str(element))
-        title = element_title(data, element)
         low, high = pretty(float(values.min()), FRACTION), pretty(float(values.max()), FRACTION)
-        sentences.append(f"{title} at f/{significant(place)}, parabolic phase: {low} to {high}. ")
+        sentences.append(
+            f"{element_title(data, element)} at f/{significant(place)}, parabolic phase: {low} to {high}. "
+        )
     return "".join(sentences)
 
 
+@styled()
 def draw_fresnel_error(tree: xr.DataTree) -> StudyFigure:
     """Error against f-number; a column per lens, a second row for the point off axis."""
-    with styled():
-        data = tree["fresnel_validity"].to_dataset()
-        rows = 2 if "off_axis_error" in data else 1
-        elements = [str(name) for name in data["element"].values]
-        figure = new_figure(0.7 + 2.45 * rows)
-        panels = figure.subplots(rows, len(elements), squeeze=False, sharey="row", sharex=True)
-        window = middle_window(data)
-        for column, element in enumerate(elements):
-            on_axis = data["psf_error"].sel(element=element, metric="l1", window=window)
-            _error_panel(panels[0, column], data, element, on_axis, on_axis_too=True)
-            panels[0, column].set_title(shortened(element_title(data, element)))
-            if rows == 2:
-                off = data["off_axis_error"].sel(element=element, metric="l1", window=window)
-                _error_panel(panels[1, column], data, element, off, on_axis_too=False)
-            panels[-1, column].set_xlabel("f-number")
-        panels[0, 0].set_ylabel("error on the axis")
+    data = tree["fresnel_validity"].to_dataset()
+    rows = 2 if "off_axis_error" in data else 1
+    elements = [str(name) for name in data["element"].values]
+    figure = new_figure(0.7 + 2.45 * rows)
+    panels = figure.subplots(rows, len(elements), squeeze=False, sharey="row", sharex=True)
+    window = middle_window(data)
+    for column, element in enumerate(elements):
+        on_axis = data["psf_error"].sel(element=element, metric="l1", window=window)
+        _error_panel(panels[0, column], data, element, on_axis, on_axis_too=True)
+        panels[0, column].set_title(shortened(element_title(data, element)))
         if rows == 2:
-            panels[1, 0].set_ylabel(f"error {np.degrees(data.attrs['field_angle']):.2g}° off the axis")
-        phases = [str(name) for name in data["lens_phase"].values]
-        handles: list[Line2D | Patch] = [
-            Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(phases))
-        ]
-        handles += [
-            Line2D([], [], linestyle="", marker="*", markersize=9, color=INK),
-            Line2D([], [], color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))),
-        ]
-        legend(figure, handles, [*phases, "published", "the camera's f-number"], columns=5)
+            off = data["off_axis_error"].sel(element=element, metric="l1", window=window)
+            _error_panel(panels[1, column], data, element, off, on_axis_too=False)
+        panels[-1, column].set_xlabel("f-number")
+    panels[0, 0].set_ylabel("error on the axis")
+    if rows == 2:
+        panels[1, 0].set_ylabel(f"error {np.degrees(data.attrs['field_angle']):.2g}° off the axis")
+    phases = [str(name) for name in data["lens_phase"].values]
+    handles = [
+        *(line_style(order).handle() for order in range(len(phases))),
+        Line2D([], [], linestyle="", marker="*", markersize=9, color=INK),
+        Line2D([], [], color=SOFT, linewidth=0.9, linestyle=(0, (1, 1.5))),
+    ]
+    legend(figure, handles, [*phases, "published", "the camera's f-number"], columns=5)
     return figure
 
 
@@ -192,27 +188,25 @@ def _criteria(data: xr.Dataset, element: str) -> list[tuple[str, FloatArray, boo
         ("plane wave, bare hole (Southwell)", of("southwell_f_number"), False),
     ]
     limits = one["limit_f_number"].sel(lens_phase=data["lens_phase"].values[0])
-    found.append(("measured, peak", np.asarray(limits.sel(metric="peak").isel(window=0).values, dtype=float), True))
-    for window in data["window"].values:
-        values = np.asarray(limits.sel(metric="l1", window=window).values, dtype=float)
-        found.append((f"measured, {plain_number(float(window))} Airy radii", values, True))
-    return found
+    measured = [("peak", limits.sel(metric="peak").isel(window=0))] + [
+        (f"{plain_number(float(window))} Airy radii", limits.sel(metric="l1", window=window))
+        for window in data["window"].values
+    ]
+    return found + [(f"measured, {name}", np.asarray(one.values, dtype=float), True) for name, one in measured]
 
 
+@styled()
 def draw_fresnel_criteria(tree: xr.DataTree) -> StudyFigure:
     """One row per criterion, a bar over the wavelengths; arrows where the range leaves the axis."""
-    with styled():
-        data = tree["fresnel_validity"].to_dataset()
-        elements = [str(name) for name in data["element"].values]
-        names = [name for name, _, _ in _criteria(data, elements[0])]
-        figure = new_figure(1.0 + 0.24 * len(names))
-        panels = figure.subplots(1, len(elements), squeeze=False, sharey=True)[0]
-        for axes, element in zip(panels, elements, strict=True):
-            _criteria_panel(axes, data, element)
-            axes.set_title(shortened(element_title(data, element)))
-            axes.set_xlabel("least f-number")
-        panels[0].set_yticks(range(len(names)), names)
-        panels[0].set_ylim(len(names) - 0.4, -0.6)
+    data = tree["fresnel_validity"].to_dataset()
+    elements = [str(name) for name in data["element"].values]
+    names = [name for name, _, _ in _criteria(data, elements[0])]
+    figure = new_figure(1.0 + 0.24 * len(names))
+    panels = figure.subplots(1, len(elements), squeeze=False, sharey=True)[0]
+    for axes, element in zip(panels, elements, strict=True):
+        _criteria_panel(axes, data, element)
+        axes.set(title=shortened(element_title(data, element)), xlabel="least f-number")
+    panels[0].set(yticks=range(len(names)), yticklabels=names, ylim=(len(names) - 0.4, -0.6))
     return figure
 
 
@@ -248,55 +242,56 @@ def _criteria_panel(axes: Axes, data: xr.Dataset, element: str) -> None:
 def _criteria_words(data: xr.Dataset) -> str:
     sentences = []
     for element in data["element"].values:
-        title = element_title(data, element)
         parts = [
             f"{name} {significant(float(values.min()))} to "
             f"{significant(float(values.max())) if np.isfinite(values.max()) else 'infinity'}"
             for name, values, _ in _criteria(data, str(element))
             if values.max() > 0
         ]
-        sentences.append(f"{title}: {'; '.join(parts)}. ")
+        sentences.append(f"{element_title(data, element)}: {'; '.join(parts)}. ")
     return "".join(sentences)
 
 
+@styled()
 def draw_paper_eq27(tree: xr.DataTree) -> StudyFigure:
     """Both zeros over one quarter-wave period, two panels per lens would hide that they are one criterion."""
-    with styled():
-        data = tree["fresnel_validity"].to_dataset()
-        elements = [str(name) for name in data["element"].values]
-        figure = new_figure(2.9)
-        panels = figure.subplots(1, len(elements), squeeze=False)[0]
-        share = np.asarray(data["quarter_wave"].values, dtype=float)
-        waves = data["wavelength"].values
-        for axes, element in zip(panels, elements, strict=True):
-            sweep = data["paper_eq27_sweep"].sel(element=element)
-            printed = float(data["published_minimum"].sel(element=element))
-            top = 1.15 * max(float(sweep.sel(zero="second").max()) * 1.6, printed if np.isfinite(printed) else 0.0)
-            for number, wave in enumerate(waves):
-                for order, zero in enumerate(("first", "second")):
-                    values = np.asarray(sweep.sel(zero=zero, wavelength=wave).values, dtype=float)
-                    style, middle = line_style(order), number == (len(waves) - 1) // 2
-                    axes.plot(
-                        np.concatenate([share, 1 + share]),
-                        np.concatenate([values, values]),
-                        color=style.color,
-                        linestyle=style.dash,
-                        linewidth=1.7 if middle else 0.7,
-                        alpha=1.0 if middle else 0.6,
-                    )
-            if np.isfinite(printed):
-                axes.axhline(printed, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
-                axes.annotate(
-                    f"printed: {plain_number(printed)}", (2, printed), xytext=(-2, 2), textcoords="offset points",
-                    ha="right", fontsize=6.5,
-                )  # fmt: skip
-            axes.set_xlim(0, 2)
-            axes.set_ylim(0, top)
-            axes.set_title(shortened(element_title(data, element)))
-            axes.set_xlabel("growth of object and image distance, in quarter waves")
-        panels[0].set_ylabel("minimal f-number of eq. 27")
-        handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(2)]
-        legend(figure, handles, ["smaller zero", "bigger zero, which the paper takes"], columns=2)
+    data = tree["fresnel_validity"].to_dataset()
+    elements = [str(name) for name in data["element"].values]
+    figure = new_figure(2.9)
+    panels = figure.subplots(1, len(elements), squeeze=False)[0]
+    share = np.asarray(data["quarter_wave"].values, dtype=float)
+    waves = data["wavelength"].values
+    for axes, element in zip(panels, elements, strict=True):
+        sweep = data["paper_eq27_sweep"].sel(element=element)
+        printed = float(data["published_minimum"].sel(element=element))
+        top = 1.15 * max(float(sweep.sel(zero="second").max()) * 1.6, printed if np.isfinite(printed) else 0.0)
+        for number, wave in enumerate(waves):
+            for order, zero in enumerate(("first", "second")):
+                values = np.asarray(sweep.sel(zero=zero, wavelength=wave).values, dtype=float)
+                style, middle = line_style(order), number == (len(waves) - 1) // 2
+                axes.plot(
+                    np.concatenate([share, 1 + share]),
+                    np.concatenate([values, values]),
+                    color=style.color,
+                    linestyle=style.dash,
+                    linewidth=1.7 if middle else 0.7,
+                    alpha=1.0 if middle else 0.6,
+                )
+        if np.isfinite(printed):
+            axes.axhline(printed, color=INK, linewidth=0.9, linestyle=(0, (4, 2)))
+            axes.annotate(
+                f"printed: {plain_number(printed)}", (2, printed), xytext=(-2, 2), textcoords="offset points",
+                ha="right", fontsize=6.5,
+            )  # fmt: skip
+        axes.set(
+            xlim=(0, 2),
+            ylim=(0, top),
+            title=shortened(element_title(data, element)),
+            xlabel="growth of object and image distance, in quarter waves",
+        )
+    panels[0].set_ylabel("minimal f-number of eq. 27")
+    handles = [line_style(order).handle() for order in range(2)]
+    legend(figure, handles, ["smaller zero", "bigger zero, which the paper takes"], columns=2)
     return figure
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.figures import (
     depth_curves,
-    focus_gallery,
+    depth_of_field,
     fresnel_validity,
     light_spot,
     readings,
@@ -18,19 +18,15 @@ from tradestudy.figures import (
     uncertainty_parts,
 )
 from tradestudy.figures.calibration_gallery import calibration_drawings
-from tradestudy.figures.cameras import CameraTrace, traces
 from tradestudy.figures.cost import cost_drawing, measured_quantities
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
-from tradestudy.results.views.cameras import camera_titles
+from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.results.views.decision import candidates, has_winners, told_winners
-from tradestudy.results.views.depth import nominal, of_camera, swept, where_usable
-from tradestudy.results.views.largest import largest_part
+from tradestudy.results.views.depth import largest_part, nominal, of_camera, swept, where_usable
+from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 CLOSE_RANGE_ENDS = 1.0  # m: the paper's figure 8 ends and its figure 9 begins here
 _NEAR_ZERO = 0.1  # of the farthest distance: an axis that begins nearer than this may begin at the camera
@@ -43,7 +39,7 @@ def all_drawings(tree: xr.DataTree) -> Mapping[str, Drawing]:
 
 def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if "depth_of_field" in tree.children:
-        yield from focus_gallery.focus_drawings(tree)
+        yield from depth_of_field.focus_drawings(tree)
     if "depth" in tree.children:
         yield _whole_range(tree)
         yield from _paper_figures(tree)
@@ -90,8 +86,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
 def _design_words(tree: xr.DataTree) -> str:
     """Which of the swept designs the curves show; nothing to say without a sweep."""
     depth = nominal(tree)
-    names = swept(tree["depth"].to_dataset())
-    if not names:
+    if not (names := swept(tree["depth"].to_dataset())):
         return ""
     design = ", ".join(f"{name} = {sweeps.shown_value(depth[name], depth[name].item())}" for name in names)
     return f" Of the swept designs the one with {design} is shown."
@@ -99,11 +94,10 @@ def _design_words(tree: xr.DataTree) -> str:
 
 def _usable_words(depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> str:
     """Where each camera is usable, in one sentence each."""
-    sentences = []
-    for camera in shown:
-        where = [span(a, b) for a, b in where_usable(depth, camera.key)]
-        sentences.append(f"{camera.title}: usable {' and '.join(where) or 'nowhere'}. ")
-    return "".join(sentences)
+    where = [" and ".join(span(a, b) for a, b in where_usable(depth, camera.key)) for camera in shown]
+    return "".join(
+        f"{camera.title}: usable {places or 'nowhere'}. " for camera, places in zip(shown, where, strict=True)
+    )
 
 
 def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
@@ -152,7 +146,8 @@ def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) 
 
 
 def _parts(tree: xr.DataTree) -> Drawing:
-    silent = ", ".join(name.replace("_", " ") for name in uncertainty_parts.silent_part_names(nominal(tree)))
+    largest = uncertainty_parts.largest_by_part(nominal(tree))
+    silent = ", ".join(name.replace("_", " ") for name, most in largest.items() if most == 0.0)
     return Drawing(
         name="uncertainty_parts",
         caption="What depth uncertainty is made of: each source of error alone, and all together (black). Shaded: "
@@ -184,6 +179,8 @@ def _largest_parts(tree: xr.DataTree) -> str:
 def _readings(tree: xr.DataTree) -> Drawing:
     decision = tree["decision"].to_dataset()
     ratio = decision["uncertainty_ratio"]
+    every = np.asarray(ratio.values, dtype=float)
+    signs = [sign for sign, there in (("∞", np.isinf(every)), ("0", every == 0.0)) if there.any()]
     titles = camera_titles(tree)
     numerator, denominator = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
     sentences = []
@@ -201,26 +198,18 @@ def _readings(tree: xr.DataTree) -> Drawing:
         name="readings",
         caption=f"Which assumption flips the verdict: uncertainty of {numerator} over that of {denominator}, under "
         f"every reading of what the sources leave open. Left of 1 (shaded) {numerator} is better, right of it "
-        f"{denominator}." + _unbounded_words(ratio),
+        f"{denominator}."
+        + (f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""),
         alt="Dot chart of the ratio of uncertainties, one row per reading, one mark per distance, three panels: "
         "noise and calibration, noise only, calibration only. " + "".join(sentences),
         draw=partial(readings.draw_readings, tree),
     )
 
 
-def _unbounded_words(ratio: xr.DataArray) -> str:
-    """What signs at the edges mean, where there are some."""
-    values = np.asarray(ratio.values, dtype=float)
-    signs = [sign for sign, there in (("∞", np.isinf(values)), ("0", values == 0.0)) if there.any()]
-    return f" {listed(signs)} at the edge: one of the two uncertainties has no bound." if signs else ""
-
-
 def _sweeps(tree: xr.DataTree) -> Iterator[Drawing]:
     names = ", ".join(swept(tree["depth"].to_dataset()))
     place = distance(sweeps.reference_distance(tree))
-    moved = sweeps.moved_cameras(tree)
-    titles = ", ".join(camera.title for camera in moved)
-    if moved:
+    if titles := ", ".join(camera.title for camera in sweeps.moved_cameras(tree)):
         yield Drawing(
             name="sweep_map",
             caption=f"Depth uncertainty at {place} over the swept values of {names}.",

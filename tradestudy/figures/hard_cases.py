@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import FAINT, SOFT, StudyFigure, legend, line_style, new_figure, styled
 from tradestudy.results.views.groups import FloatArray
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 # Errors live between these powers of ten; an exact value and a wrong infinity have places of their own beside them.
 _LOWEST, _HIGHEST = -18.0, 4.0
@@ -42,21 +38,23 @@ def hard_cases_drawing(tree: xr.DataTree) -> Drawing:
     )
 
 
+@styled()
 def draw_hard_cases(tree: xr.DataTree) -> StudyFigure:
     """Our error against that of the usual formula."""
-    with styled():
-        data = tree["hard_cases"].to_dataset()
-        data = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
-        figure = new_figure(3.6)
-        axes = figure.subplots()
-        _frame(axes)
-        families = list(dict.fromkeys(str(name) for name in data["family_title"].values))
-        for order, family in enumerate(families):
-            cases = data.isel(case=np.flatnonzero(data["family_title"].values == family))
-            x, y = (_placed(np.asarray(cases[name].values, dtype=float)) for name in ("naive_error", "our_error"))
-            style = line_style(order)
-            axes.plot(x, y, linestyle="", marker=style.marker, markersize=3.6, color=style.color, alpha=0.8)
-        legend(figure, [_mark(order) for order in range(len(families))], families, columns=4)
+    data = tree["hard_cases"].to_dataset()
+    data = data.isel(case=np.flatnonzero(~data["outcome"].values.astype(bool)))
+    figure = new_figure(3.6)
+    axes = figure.subplots()
+    _frame(axes)
+    families = list(dict.fromkeys(str(name) for name in data["family_title"].values))
+    handles = []
+    for order, family in enumerate(families):
+        cases = data.isel(case=np.flatnonzero(data["family_title"].values == family))
+        x, y = (_placed(np.asarray(cases[name].values, dtype=float)) for name in ("naive_error", "our_error"))
+        style = line_style(order)
+        axes.plot(x, y, linestyle="", marker=style.marker, markersize=3.6, color=style.color, alpha=0.8)
+        handles.append(style.handle(linestyle="", marker=style.marker, markersize=3.6))
+    legend(figure, handles, families, columns=4)
     return figure
 
 
@@ -65,26 +63,18 @@ def _frame(axes: Axes) -> None:
     ticks = [_EXACT, *_TICKS, _WRONG]
     labels = ["exact", *(f"10{str(t).translate(str.maketrans('-0123456789', '⁻⁰¹²³⁴⁵⁶⁷⁸⁹'))}" for t in _TICKS), "wrong"]
     labels[labels.index("10⁰")] = "1"
-    for set_ticks, set_limits in ((axes.set_xticks, axes.set_xlim), (axes.set_yticks, axes.set_ylim)):
-        set_ticks(ticks, labels)
-        set_limits(_EXACT - 1.0, _WRONG + 1.0)
+    ends = (_EXACT - 1.0, _WRONG + 1.0)
+    axes.set(xticks=ticks, xticklabels=labels, xlim=ends, yticks=ticks, yticklabels=labels, ylim=ends)
     axes.plot([_LOWEST, _HIGHEST], [_LOWEST, _HIGHEST], color=SOFT, linewidth=0.8, linestyle=(0, (5, 3)))
     axes.axhline(-12.0, color=SOFT, linewidth=0.8, linestyle=(0, (1, 2)))
     axes.axvline(-12.0, color=SOFT, linewidth=0.8, linestyle=(0, (1, 2)))
     for edge in (_LOWEST - 0.5, _HIGHEST + 0.5):
         axes.axhline(edge, color=FAINT, linewidth=0.8)
         axes.axvline(edge, color=FAINT, linewidth=0.8)
-    axes.set_xlabel("relative error of the usual formula")
-    axes.set_ylabel("relative error of this program")
+    axes.set(xlabel="relative error of the usual formula", ylabel="relative error of this program")
 
 
 def _placed(error: FloatArray) -> FloatArray:
     """Powers of ten; zero and infinity at their own places."""
-    power = np.log10(np.where((error > 0.0) & np.isfinite(error), error, 1.0))
-    power = np.clip(power, _LOWEST, _HIGHEST)
+    power = np.clip(np.log10(np.where((error > 0.0) & np.isfinite(error), error, 1.0)), _LOWEST, _HIGHEST)
     return np.where(error == 0.0, _EXACT, np.where(np.isfinite(error), power, _WRONG))
-
-
-def _mark(order: int) -> Line2D:
-    style = line_style(order)
-    return Line2D([], [], linestyle="", marker=style.marker, markersize=3.6, color=style.color)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.image import AxesImage
-from matplotlib.lines import Line2D
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.style import (
@@ -27,11 +26,8 @@ from tradestudy.figures.style import (
 )
 from tradestudy.light_methods import short_title
 from tradestudy.results.views.groups import FloatArray
-from tradestudy.results.views.wave_optics import reference_method
+from tradestudy.results.views.wave_optics import element_title, reference_method
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _DARKEST = 1e-4  # of the cut
 _SPREADS = {
@@ -87,34 +83,34 @@ def _image_words(data: xr.Dataset, reference: str) -> str:
     return "".join(sentences)
 
 
+@styled()
 def draw_light_spot(tree: xr.DataTree) -> StudyFigure:
     """Images above, signed differences from the reference below them, and a cut through all at the foot."""
-    with styled():
-        data = tree["images"].to_dataset()
-        reference = reference_method(data)
-        others = [str(name) for name in data["propagator"].values if name != reference]
-        methods = [*others, reference]
-        image = data["image"]
-        exact = np.asarray(image.sel(propagator=reference).values, dtype=float)
-        brightest = float(max(image.sel(propagator=method).max() for method in methods))
-        figure = new_figure(5.6 if others else 3.9)
-        grid = figure.add_gridspec(3 if others else 2, len(methods) + 1, width_ratios=[*[1.0] * len(methods), 0.07])
-        for column, method in enumerate(methods):
-            axes = figure.add_subplot(grid[0, column])
-            shown = _picture(axes, data, np.asarray(image.sel(propagator=method)) / brightest, "inferno", 0.0, 1.0)
-            axes.set_title(short_title(method).replace(" + ", " +\n"), fontsize=7.5)
-        _scale(figure, shown, grid[0, -1], "light on a pixel")
-        if others:
-            changes = {
-                one: 100 * (np.asarray(image.sel(propagator=one).values) - exact) / float(exact.max()) for one in others
-            }
-            span = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
-            for column, method in enumerate(others):
-                axes = figure.add_subplot(grid[1, column])
-                changed = _picture(axes, data, changes[method], "RdBu_r", -span, span)
-                axes.set_title(f"less {short_title(reference)}".replace(" + ", " +\n"), fontsize=7, fontweight="normal")
-            _scale(figure, changed, grid[1, len(others)].subgridspec(1, 12)[0], "% of the brightest pixel")
-        _cut(figure.add_subplot(grid[-1, :]), data, methods)
+    data = tree["images"].to_dataset()
+    reference = reference_method(data)
+    others = [str(name) for name in data["propagator"].values if name != reference]
+    methods = [*others, reference]
+    image = data["image"]
+    exact = np.asarray(image.sel(propagator=reference).values, dtype=float)
+    brightest = float(max(image.sel(propagator=method).max() for method in methods))
+    figure = new_figure(5.6 if others else 3.9)
+    grid = figure.add_gridspec(3 if others else 2, len(methods) + 1, width_ratios=[*[1.0] * len(methods), 0.07])
+    for column, method in enumerate(methods):
+        axes = figure.add_subplot(grid[0, column])
+        shown = _picture(axes, data, np.asarray(image.sel(propagator=method)) / brightest, "inferno", 0.0, 1.0)
+        axes.set_title(short_title(method).replace(" + ", " +\n"), fontsize=7.5)
+    _scale(figure, shown, grid[0, -1], "light on a pixel")
+    if others:
+        changes = {
+            one: 100 * (np.asarray(image.sel(propagator=one).values) - exact) / float(exact.max()) for one in others
+        }
+        span = max(float(np.abs(change).max()) for change in changes.values()) or 1.0
+        for column, method in enumerate(others):
+            axes = figure.add_subplot(grid[1, column])
+            changed = _picture(axes, data, changes[method], "RdBu_r", -span, span)
+            axes.set_title(f"less {short_title(reference)}".replace(" + ", " +\n"), fontsize=7, fontweight="normal")
+        _scale(figure, changed, grid[1, len(others)].subgridspec(1, 12)[0], "% of the brightest pixel")
+    _cut(figure.add_subplot(grid[-1, :]), data, methods)
     return figure
 
 
@@ -136,8 +132,7 @@ def _picture(axes: Axes, data: xr.Dataset, values: FloatArray, colors: str, low:
     axes.add_collection(LineCollection(_cells(data), colors=color, linewidths=0.35, alpha=0.6), autolim=False)
     axes.set_xticks([x[0] - step, 0, x[-1] + step], [f"{x[0] - step:.0f}", "0", f"{x[-1] + step:.0f} µm"])
     axes.set_yticks([])
-    for side in axes.spines.values():
-        side.set_visible(False)
+    axes.spines[:].set_visible(False)
     return shown
 
 
@@ -162,34 +157,34 @@ def _cut(axes: Axes, data: xr.Dataset, methods: list[str]) -> None:
         cut = np.asarray(data["image"].sel(propagator=method).isel(row=middle).values, dtype=float) / top
         axes.plot(x, np.maximum(cut, _DARKEST), color=style.color, linestyle=style.dash, linewidth=1.2)
     log_axis(axes, "y")
-    axes.set_ylim(_DARKEST, 2)
-    axes.set_xlim(x[0], x[-1])
-    axes.set_xlabel("place along the middle row of pixels (µm)")
-    axes.set_ylabel("light, brightest = 1")
-    handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
+    axes.set(
+        ylim=(_DARKEST, 2),
+        xlim=(x[0], x[-1]),
+        xlabel="place along the middle row of pixels (µm)",
+        ylabel="light, brightest = 1",
+    )
+    handles = [line_style(order).handle() for order in range(len(names))]
     axes.legend(handles, [short_title(name) for name in names], ncols=len(names), loc="upper center",
                 bbox_to_anchor=(0.5, 1.22))  # fmt: skip
 
 
+@styled()
 def draw_point_spread(tree: xr.DataTree) -> StudyFigure:
     """Widths against each varied quantity; a row per lens."""
-    with styled():
-        data = tree["point_spread"].to_dataset()
-        elements, varied = ([str(v) for v in data[name].values] for name in ("element", "varied"))
-        figure = new_figure(0.9 + 1.9 * len(elements))
-        panels = figure.subplots(len(elements), len(varied), squeeze=False, sharey="row")
-        for row, element in enumerate(elements):
-            for column, what in enumerate(varied):
-                _spread_panel(panels[row, column], data.sel(element=element, varied=what), _SHOWN_IN[what])
-                if row == len(elements) - 1:
-                    panels[row, column].set_xlabel(_VARIED[what])
-            panels[row, 0].set_ylabel(f"{shortened(str(data['title'].sel(element=element).item()), 24)} (µm)")
-            panels[row, 0].set_ylim(bottom=0)
-        handles = [
-            Line2D([], [], color=line_style(k).color, marker=line_style(k).marker, markersize=3.5)
-            for k in range(len(_SPREADS))
-        ]
-        legend(figure, handles, list(_SPREADS.values()), columns=4)
+    data = tree["point_spread"].to_dataset()
+    elements, varied = ([str(v) for v in data[name].values] for name in ("element", "varied"))
+    figure = new_figure(0.9 + 1.9 * len(elements))
+    panels = figure.subplots(len(elements), len(varied), squeeze=False, sharey="row")
+    for row, element in enumerate(elements):
+        for column, what in enumerate(varied):
+            _spread_panel(panels[row, column], data.sel(element=element, varied=what), _SHOWN_IN[what])
+        panels[row, 0].set_ylabel(f"{shortened(element_title(data, element), 24)} (µm)")
+        panels[row, 0].set_ylim(bottom=0)
+    for axes, what in zip(panels[-1], varied, strict=True):
+        axes.set_xlabel(_VARIED[what])
+    styles = [line_style(order) for order in range(len(_SPREADS))]
+    handles = [style.handle(linestyle="-", marker=style.marker, markersize=3.5) for style in styles]
+    legend(figure, handles, list(_SPREADS.values()), columns=4)
     return figure
 
 

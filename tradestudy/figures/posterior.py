@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from scipy.ndimage import gaussian_filter
 
 from tradestudy.figures.style import INK, SOFT, StudyFigure, line_style, new_figure, styled
 from tradestudy.results.views.groups import FloatArray
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MOST_PARAMETERS = 8
 _BINS = 30
@@ -29,36 +25,35 @@ def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
     return tuple(str(name) for name in data["parameter"].values[known[chosen]])
 
 
+@styled()
 def draw_corner(tree: xr.DataTree, posterior: str) -> StudyFigure:
     """Marginals of one and two parameters, in standard deviations from the mean, with the Laplace fit dashed."""
-    with styled():
-        names = shown_parameters(tree, posterior)
-        data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
-        draws = _present(np.asarray(data["posterior_draw"].values, dtype=np.float64))
-        deviation = np.asarray(data["posterior_deviation"].values, dtype=np.float64)
-        scores = (draws - np.asarray(data["posterior_mean"].values)) / deviation
-        laplace = np.asarray(data["laplace_deviation"].values, dtype=np.float64) / deviation
-        size = len(names)
-        figure = new_figure(0.6 * size + 0.8)
-        # Without shared axes, of which each would ask all others for its limits again and again.
-        grid = figure.add_gridspec(size, size)
-        for row in range(size):
-            for column in range(row + 1):
-                axes = figure.add_subplot(grid[row, column])
-                axes.grid(visible=False)
-                axes.set_xlim(-3.5, 3.5)
-                axes.set_xticks([-2, 0, 2])
-                axes.tick_params(labelsize=5, length=2, labelbottom=row == size - 1)
-                if column == row:
-                    _marginal(axes, scores[:, row], float(laplace[row]))
-                else:
-                    _plane(axes, scores[:, column], scores[:, row])
-                if column == 0:
-                    axes.set_ylabel(_lines(names[row]), fontsize=5, rotation=0, ha="right", va="center")
-                if column > 0 or row == 0:
-                    axes.tick_params(labelleft=False)
-                if row == size - 1:
-                    axes.set_xlabel(_lines(names[column]), fontsize=5)
+    names = shown_parameters(tree, posterior)
+    data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
+    draws = _present(np.asarray(data["posterior_draw"].values, dtype=np.float64))
+    deviation = np.asarray(data["posterior_deviation"].values, dtype=np.float64)
+    scores = (draws - np.asarray(data["posterior_mean"].values)) / deviation
+    laplace = np.asarray(data["laplace_deviation"].values, dtype=np.float64) / deviation
+    size = len(names)
+    figure = new_figure(0.6 * size + 0.8)
+    # Without shared axes, of which each would ask all others for its limits again and again.
+    grid = figure.add_gridspec(size, size)
+    for row in range(size):
+        for column in range(row + 1):
+            axes = figure.add_subplot(grid[row, column])
+            axes.grid(visible=False)
+            axes.set(xlim=(-3.5, 3.5), xticks=[-2, 0, 2])
+            axes.tick_params(labelsize=5, length=2, labelbottom=row == size - 1)
+            if column == row:
+                _marginal(axes, scores[:, row], float(laplace[row]))
+            else:
+                _plane(axes, scores[:, column], scores[:, row])
+            if column == 0:
+                axes.set_ylabel(_lines(names[row]), fontsize=5, rotation=0, ha="right", va="center")
+            if column > 0 or row == 0:
+                axes.tick_params(labelleft=False)
+            if row == size - 1:
+                axes.set_xlabel(_lines(names[column]), fontsize=5)
     return figure
 
 
@@ -96,27 +91,24 @@ def _plane(axes: Axes, x: FloatArray, y: FloatArray) -> None:
     middle = 0.5 * (edges[1:] + edges[:-1])
     if levels[0] < levels[1]:
         axes.contour(middle, middle, smooth.T, levels=levels, colors=[SOFT, INK], linewidths=0.8)
-    axes.set_ylim(-3.5, 3.5)
-    axes.set_yticks([-2, 0, 2])
+    axes.set(ylim=(-3.5, 3.5), yticks=[-2, 0, 2])
 
 
+@styled()
 def draw_trace(tree: xr.DataTree, posterior: str) -> StudyFigure:
     """First walker of every ensemble, in standard deviations from the mean, over the kept steps."""
-    with styled():
-        names = shown_parameters(tree, posterior)
-        data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
-        walks = np.asarray(data["posterior_trace"].values, dtype=np.float64)
-        scores = (walks - np.asarray(data["posterior_mean"].values)) / np.asarray(data["posterior_deviation"].values)
-        figure = new_figure(0.4 + 0.45 * len(names))
-        panels = np.atleast_1d(figure.subplots(len(names), 1, sharex=True, sharey=True))
-        share = np.linspace(0.0, 1.0, scores.shape[1])
-        for number, axes in enumerate(panels):
-            for ensemble in range(scores.shape[0]):
-                axes.plot(share, scores[ensemble, :, number], color=line_style(ensemble).color, linewidth=0.4)
-            axes.set_ylim(-4.0, 4.0)
-            axes.set_yticks([-3, 0, 3])
-            axes.tick_params(labelsize=5)
-            axes.set_ylabel(_lines(names[number]), fontsize=5, rotation=0, ha="right", va="center")
-        panels[-1].set_xlim(0.0, 1.0)
-        panels[-1].set_xlabel("share of the kept chain")
+    names = shown_parameters(tree, posterior)
+    data = tree["calibration"].to_dataset().sel(posterior=posterior, parameter=list(names))
+    walks = np.asarray(data["posterior_trace"].values, dtype=np.float64)
+    scores = (walks - np.asarray(data["posterior_mean"].values)) / np.asarray(data["posterior_deviation"].values)
+    figure = new_figure(0.4 + 0.45 * len(names))
+    panels = figure.subplots(len(names), 1, sharex=True, sharey=True, squeeze=False).ravel()
+    share = np.linspace(0.0, 1.0, scores.shape[1])
+    for number, axes in enumerate(panels):
+        for ensemble in range(scores.shape[0]):
+            axes.plot(share, scores[ensemble, :, number], color=line_style(ensemble).color, linewidth=0.4)
+        axes.set(ylim=(-4.0, 4.0), yticks=[-3, 0, 3])
+        axes.tick_params(labelsize=5)
+        axes.set_ylabel(_lines(names[number]), fontsize=5, rotation=0, ha="right", va="center")
+    panels[-1].set(xlim=(0.0, 1.0), xlabel="share of the kept chain")
     return figure

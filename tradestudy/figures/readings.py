@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import xarray as xr
 from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -22,48 +23,47 @@ from tradestudy.figures.style import (
     shortened,
     styled,
 )
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.groups import FloatArray, camera_titles
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 WAY_TITLES = {"both": "noise and calibration", "noise": "noise only", "calibration": "calibration only"}
 _ROW = 0.21  # inches
 
 
+@styled()
 def draw_readings(tree: xr.DataTree) -> StudyFigure:
     """One row per reading, one mark per declared distance: the ratio of the uncertainties, three ways, 1 marked."""
-    with styled():
-        decision = tree["decision"].to_dataset()
-        ratio = decision["uncertainty_ratio"]
-        titles = {key: shortened(title, 28) for key, title in camera_titles(tree).items()}
-        names = [str(name) for name in ratio["reading"].values]
-        places = np.asarray(ratio["place"].values, dtype=np.float64)
-        figure = new_figure(1.15 + _ROW * len(names))
-        panels = figure.subplots(1, len(WAY_TITLES), sharey=True, width_ratios=(2.2, 1.0, 1.0))
-        for axes, (way, title) in zip(panels, WAY_TITLES.items(), strict=True):
-            _panel(
-                axes,
-                np.asarray(ratio.sel(way=way).values, dtype=np.float64),
-                decision["certainty_flips"].sel(way=way).values,
-            )
-            axes.set_title(title, fontsize=7.5)
-        panels[0].set_yticks(range(len(names)), [shortened(name, 30) for name in names])
-        panels[0].get_yticklabels()[0].set_fontweight("bold")
-        panels[0].set_ylim(len(names) - 0.4, -0.6)
-        first, second = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
-        panels[0].set_xlabel(f"uncertainty of {first}\nover that of {second}")
-        for axes in panels[1:]:
-            axes.set_xlabel("the same ratio")
-        handles = [_mark(order, len(places), filled=True) for order in range(len(places))]
-        handles.append(_mark(0, 1, filled=False))
-        labels = [
-            *(f"at {distance(place)}" for place in places),
-            "open: not who is more certain as declared",
-        ]
-        legend(figure, handles, labels, columns=min(len(labels), 4))
+    decision = tree["decision"].to_dataset()
+    ratio = decision["uncertainty_ratio"]
+    titles = {key: shortened(title, 28) for key, title in camera_titles(tree).items()}
+    names = [str(name) for name in ratio["reading"].values]
+    places = np.asarray(ratio["place"].values, dtype=np.float64)
+    figure = new_figure(1.15 + _ROW * len(names))
+    panels = figure.subplots(1, len(WAY_TITLES), sharey=True, width_ratios=(2.2, 1.0, 1.0))
+    for axes, (way, title) in zip(panels, WAY_TITLES.items(), strict=True):
+        _panel(
+            axes,
+            np.asarray(ratio.sel(way=way).values, dtype=np.float64),
+            decision["certainty_flips"].sel(way=way).values,
+        )
+        axes.set_title(title, fontsize=7.5)
+    first, second = titles[decision.attrs["first"]], titles[decision.attrs["second"]]
+    panels[0].set(
+        yticks=range(len(names)),
+        yticklabels=[shortened(name, 30) for name in names],
+        ylim=(len(names) - 0.4, -0.6),
+        xlabel=f"uncertainty of {first}\nover that of {second}",
+    )
+    panels[0].get_yticklabels()[0].set_fontweight("bold")
+    for axes in panels[1:]:
+        axes.set_xlabel("the same ratio")
+    handles = [_mark(order, len(places), filled=True) for order in range(len(places))]
+    handles.append(_mark(0, 1, filled=False))
+    labels = [
+        *(f"at {distance(place)}" for place in places),
+        "open: not who is more certain as declared",
+    ]
+    legend(figure, handles, labels, columns=min(len(labels), 4))
     return figure
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from tradestudy.figures.calibration import panels_of
-from tradestudy.figures.cameras import CameraTrace, traces_in
-from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
+    PANELS_IN_A_ROW,
     SOFT,
+    CameraTrace,
     StudyFigure,
+    camera_panels,
     distance_axis,
     legend,
     length_tick,
@@ -23,13 +22,10 @@ from tradestudy.figures.style import (
     new_figure,
     shortened,
     styled,
+    traces_in,
 )
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 MM = 1e3
-_COLUMNS = 3
 _MOST_BARS = 8
 _MOST_LINES = 7
 _LEAST_INDEX = 0.02
@@ -43,25 +39,25 @@ def tornado_distance(tree: xr.DataTree) -> float:
     return float(distance[np.argmin(np.abs(np.log(distance / middle)))])
 
 
+@styled()
 def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     """Half the central 68.27 % interval of depth from each independent source alone, largest first, per camera."""
-    with styled():
-        shown = traces_in(tree, "sensitivity")
-        place = tornado_distance(tree)
-        data = tree["sensitivity"].to_dataset().sel(distance=place)
-        rows = -(-len(shown) // 2)
-        figure = new_figure(0.6 + 1.75 * rows)
-        grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-        largest = float(np.nanmax(data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])))) * MM
-        for axes, camera in zip(grid.flat, shown, strict=False):
-            _bars(axes, data.sel(camera=camera.key), camera)
-            axes.set_xlim(largest * 1e-5, largest * 2.0)
-        for axes in list(grid.flat)[len(shown) :]:
-            axes.set_visible(False)
-        for axes in grid[-1]:
-            axes.set_xlabel("depth uncertainty from one source alone")
-        handles = [Patch(color=SOFT, linewidth=0), Patch(color=SOFT, alpha=0.4, linewidth=0)]
-        legend(figure, handles, ["on the axis", "at the edge of the field"], columns=2)
+    shown = traces_in(tree, "sensitivity")
+    place = tornado_distance(tree)
+    data = tree["sensitivity"].to_dataset().sel(distance=place)
+    rows = -(-len(shown) // 2)
+    figure = new_figure(0.6 + 1.75 * rows)
+    grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
+    largest = float(np.nanmax(data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])))) * MM
+    for axes, camera in zip(grid.flat, shown, strict=False):
+        _bars(axes, data.sel(camera=camera.key), camera)
+        axes.set_xlim(largest * 1e-5, largest * 2.0)
+    for axes in list(grid.flat)[len(shown) :]:
+        axes.set_visible(False)
+    for axes in grid[-1]:
+        axes.set_xlabel("depth uncertainty from one source alone")
+    handles = [Patch(color=SOFT, linewidth=0), Patch(color=SOFT, alpha=0.4, linewidth=0)]
+    legend(figure, handles, ["on the axis", "at the edge of the field"], columns=2)
     return figure
 
 
@@ -69,45 +65,45 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
-    names = [str(data["source"].values[k]).replace("_", " ") for k in order]
+    names = [shortened(str(data["source"].values[k]).replace("_", " "), 26) for k in order]
     rows = np.arange(len(order))
     for offset, field, alpha in ((-0.2, 0, 1.0), (0.2, 1, 0.4)):
         widths = np.where(np.isfinite(values[field, order]), values[field, order], 0.0)
         axes.barh(rows + offset, widths, height=0.38, color=camera.style.color, alpha=alpha, linewidth=0)
-    axes.set_yticks(rows, [shortened(name, 26) for name in names], fontsize=6)
+    axes.set_yticks(rows, names, fontsize=6)
     axes.set_ylim(_MOST_BARS - 0.4, -0.6)
     log_axis(axes, "x", tick=length_tick)
     axes.tick_params(axis="x", labelsize=5.5)
     axes.grid(visible=False, axis="y")
-    axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
+    axes.set_title(shortened(camera.title, 34), fontsize=7.5)
 
 
+@styled()
 def draw_indices(tree: xr.DataTree) -> StudyFigure:
     """Total Sobol indices of inverse depth against distance, with the first-order ones dotted, per camera."""
-    with styled():
-        shown = traces_in(tree, "sensitivity")
-        data = tree["sensitivity"].to_dataset().sel(field="axis")
-        names = _main_sources(data)
-        figure = new_figure(0.8 + 1.7 * -(-len(shown) // _COLUMNS))
-        distance = np.asarray(data["distance"].values, dtype=np.float64)
-        panels = panels_of(figure, len(shown), float(distance[-1]))
-        for order, (axes, camera) in enumerate(zip(panels, shown, strict=True)):
-            there = data.sel(camera=camera.key)
-            for number, name in enumerate(names):
-                style = line_style(number)
-                total = there["total_index"].sel(source=name).values
-                first = there["first_index"].sel(source=name).values
-                axes.plot(distance, total, color=style.color, linestyle=style.dash, linewidth=1.3)
-                axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
-            distance_axis(axes, (float(distance[0]), float(distance[-1])))
-            axes.set_ylim(0.0, 1.05)
-            axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
-            if order % _COLUMNS == 0:
-                axes.set_ylabel("share of variance")
-        handles = [Line2D([], [], color=line_style(k).color, linestyle=line_style(k).dash) for k in range(len(names))]
-        handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
-        labels = [*(name.replace("_", " ") for name in names), "first order"]
-        legend(figure, handles, labels, columns=4)
+    shown = traces_in(tree, "sensitivity")
+    data = tree["sensitivity"].to_dataset().sel(field="axis")
+    names = _main_sources(data)
+    figure = new_figure(0.8 + 1.7 * -(-len(shown) // PANELS_IN_A_ROW))
+    distance = np.asarray(data["distance"].values, dtype=np.float64)
+    panels = camera_panels(figure, len(shown), float(distance[-1]))
+    for axes, camera in zip(panels, shown, strict=True):
+        there = data.sel(camera=camera.key)
+        for number, name in enumerate(names):
+            style = line_style(number)
+            total = there["total_index"].sel(source=name).values
+            first = there["first_index"].sel(source=name).values
+            axes.plot(distance, total, color=style.color, linestyle=style.dash, linewidth=1.3)
+            axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
+        distance_axis(axes, (float(distance[0]), float(distance[-1])))
+        axes.set_ylim(0.0, 1.05)
+        axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    for axes in panels[::PANELS_IN_A_ROW]:
+        axes.set_ylabel("share of variance")
+    handles = [line_style(order).handle() for order in range(len(names))]
+    handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
+    labels = [*(name.replace("_", " ") for name in names), "first order"]
+    legend(figure, handles, labels, columns=4)
     return figure
 
 

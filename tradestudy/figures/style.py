@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import matplotlib
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
@@ -19,6 +20,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from tradestudy.figures.fonts import printable
+from tradestudy.results.views.groups import camera_titles, titles_in
 
 PAGE_WIDTH = 6.8  # inches: the text width of an A4 page
 INK, SOFT, FAINT = "#1c1f24", "#5b626c", "#d9dde2"
@@ -80,6 +82,10 @@ class LineStyle:
     dash: Any
     marker: str
 
+    def handle(self, **more: Any) -> Line2D:
+        """What stands for it in a legend: its line, with `more` of a line's properties or others in their place."""
+        return Line2D([], [], **{"color": self.color, "linestyle": self.dash, **more})
+
 
 def line_style(order: int) -> LineStyle:
     """The style of the camera at a place in the order of ``/cameras``."""
@@ -91,6 +97,7 @@ def line_style(order: int) -> LineStyle:
 
 
 LONGEST_LABEL: Final = 44  # characters
+PANELS_IN_A_ROW: Final = 3  # of cameras
 
 
 @contextlib.contextmanager
@@ -151,11 +158,6 @@ def length_tick(millimetres: float, _position: int | None = None) -> str:
     return f"{plain_number(millimetres / size)} {unit}"
 
 
-def millimetre_tick(metres: float, _position: int | None = None) -> str:
-    """A tick label in millimetres of a length given in metres."""
-    return plain_number(metres * 1e3)
-
-
 def distance_label(farthest: float) -> str:
     """Name an axis of distances that ends at `farthest` [m]: in millimetres below 0.1 m, as sentences write them."""
     return "distance [mm]" if farthest < 0.1 else "distance [m]"
@@ -169,7 +171,7 @@ def distance_axis(axes: Axes, ends: tuple[float, float], *, dense: bool = False)
 
 def distance_tick(farthest: float) -> Callable[[float, int | None], str]:
     """How ticks of an axis of distances [m] that ends at `farthest` are written."""
-    return millimetre_tick if farthest < 0.1 else plain_number
+    return (lambda metres, _position: plain_number(metres * 1e3)) if farthest < 0.1 else plain_number
 
 
 def log_axis(
@@ -215,3 +217,51 @@ def legend(
     for text, label in zip(drawn.get_texts(), labels, strict=True):
         text.set_text(shortened(label, longest))
     return drawn
+
+
+def camera_panels(figure: StudyFigure, count: int, farthest: float) -> list[Axes]:
+    """Panels for so many cameras over distances up to `farthest` [m], three in a row; those left over are hidden."""
+    columns = min(PANELS_IN_A_ROW, count)
+    grid = figure.subplots(-(-count // columns), columns, sharex=True, sharey=True, squeeze=False)
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    for column in range(columns):
+        last = grid[(count - 1 - column) // columns, column]
+        last.set_xlabel(distance_label(farthest))
+        last.tick_params(labelbottom=True)
+    return list(grid.flat[:count])
+
+
+def named_rows(axes: Axes, names: Sequence[str]) -> None:
+    """Rows of bars with these names, the first at the top."""
+    axes.set(yticks=range(len(names)), yticklabels=names, ylim=(len(names) - 0.4, -0.6))
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraTrace:
+    """What stands for a camera on every figure."""
+
+    key: str
+    title: str
+    style: LineStyle
+
+
+def traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
+    """Of the cameras that measure depth; of all where results hold no depth."""
+    return traces_in(tree, "depth") if "depth" in tree.children else all_traces(tree)
+
+
+def traces_in(tree: xr.DataTree, name: str) -> tuple[CameraTrace, ...]:
+    """Of the cameras that a group is about."""
+    keys = titles_in(tree, name)
+    return tuple(trace for trace in all_traces(tree) if trace.key in keys)
+
+
+def all_traces(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
+    """Of all cameras of a study; their order gives the colours."""
+    titles = camera_titles(tree).items()
+    return tuple(
+        CameraTrace(key=key, title=title, style=line_style(order)) for order, (key, title) in enumerate(titles)
+    )

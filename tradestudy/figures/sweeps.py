@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter
 
-from tradestudy.figures.cameras import CameraTrace, traces
 from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     INK,
     SOFT,
+    CameraTrace,
     StudyFigure,
     distance_label,
     distance_tick,
@@ -26,13 +27,11 @@ from tradestudy.figures.style import (
     plain_number,
     shortened,
     styled,
+    traces,
 )
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 MM = 1e3
 _COLUMNS = 3
@@ -79,20 +78,19 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
     return f"{plain_number(value * factor)} {unit}".rstrip()
 
 
+@styled()
 def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty [mm] at the reference distance: a curve over one swept parameter, a map over two.
 
     Of more than two, all but the two with the most values stand at their first value.
     """
-    with styled():
-        place, moved = reference_distance(tree), moved_cameras(tree)
-        depth = tree["depth"].to_dataset().sel(distance=place, method="nearest")
-        dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
-        at_first = dict.fromkeys(dims[2:], 0)
-        uncertainty = depth["depth_uncertainty"].isel(at_first)
-        if len(dims) == 1:
-            return _curves(uncertainty, moved, dims[0], place)
-        return _maps(uncertainty, moved, (dims[0], dims[1]), place)
+    place, moved = reference_distance(tree), moved_cameras(tree)
+    depth = tree["depth"].to_dataset().sel(distance=place, method="nearest")
+    dims = sorted(swept(tree["depth"].to_dataset()), key=lambda d: (-depth.sizes[d], d))
+    uncertainty = depth["depth_uncertainty"].isel(dict.fromkeys(dims[2:], 0))
+    if len(dims) == 1:
+        return _curves(uncertainty, moved, dims[0], place)
+    return _maps(uncertainty, moved, (dims[0], dims[1]), place)
 
 
 def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str, place: float) -> StudyFigure:
@@ -107,11 +105,8 @@ def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str,
     log_axis(axes, "y", dense=True, tick=length_tick)
     if uncertainty[dim].dtype.kind not in "fiu":
         axes.set_xticks(x, names)
-    axes.set_xlabel(label)
-    axes.set_ylabel(f"depth uncertainty at {distance(place)}")
-    handles = [
-        Line2D([], [], color=c.style.color, linestyle=c.style.dash, marker=c.style.marker, markersize=4) for c in moved
-    ]
+    axes.set(xlabel=label, ylabel=f"depth uncertainty at {distance(place)}")
+    handles = [camera.style.handle(marker=camera.style.marker, markersize=4) for camera in moved]
     legend(figure, handles, [camera.title for camera in moved], columns=2)
     return figure
 
@@ -128,10 +123,7 @@ def _maps(
     finite = everything[np.isfinite(everything) & (everything > 0)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (1.0, 10.0)
     norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
-    (x, x_names, x_label), (y, y_names, y_label) = (
-        _axis_values(uncertainty[dims[0]]),
-        _axis_values(uncertainty[dims[1]]),
-    )
+    (x, x_names, x_label), (y, y_names, y_label) = (_axis_values(uncertainty[dim]) for dim in dims)
     for axes, camera in zip(panels.flat, moved, strict=False):
         _map(axes, arrays[camera.key], norm)
         axes.set_xticks(np.arange(len(x)) + 0.5, x_names)
@@ -167,50 +159,35 @@ def _map(axes: Axes, values: FloatArray, norm: LogNorm) -> None:
         )
 
 
+@styled()
 def draw_pareto(tree: xr.DataTree) -> StudyFigure:
     """Nearest usable distance against uncertainty at the reference distance, for designs usable there; the frontier."""
-    with styled():
-        depth, place = tree["depth"].to_dataset(), reference_distance(tree)
-        figure = new_figure(3.4)
-        axes = figure.subplots()
-        shown = traces(tree)
-        clouds: list[FloatArray] = []
-        for camera in shown:
-            near = depth["usable_near"].sel(camera=camera.key).min("interval")
-            there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
-            sigma = there["depth_uncertainty"].where(there["usable"])
-            points = np.stack([array.values.ravel() for array in _aligned(near, sigma)], axis=1)
-            points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
-            clouds.append(points)
-            style = camera.style
-            axes.plot(
-                points[:, 0],
-                points[:, 1] * MM,
-                linestyle="",
-                marker=style.marker,
-                color=style.color,
-                markersize=5,
-            )
-        designs = np.concatenate(clouds)
-        front = frontier(designs)
-        axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
-        farthest = float(np.max(designs[:, 0], initial=0.0))
-        log_axis(axes, "x", dense=True, tick=distance_tick(farthest))
-        log_axis(axes, "y", dense=True, tick=length_tick)
-        axes.set_xlabel(f"nearest usable {distance_label(farthest)}")
-        axes.set_ylabel(f"depth uncertainty at {distance(place)}")
-        handles = [
-            Line2D([], [], color=c.style.color, marker=c.style.marker, linestyle="", markersize=5) for c in shown
-        ]
-        handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
-        legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
+    depth, place = tree["depth"].to_dataset(), reference_distance(tree)
+    figure = new_figure(3.4)
+    axes = figure.subplots()
+    shown = traces(tree)
+    clouds: list[FloatArray] = []
+    handles = []
+    for camera in shown:
+        near = depth["usable_near"].sel(camera=camera.key).min("interval")
+        there = depth.sel(camera=camera.key).sel(distance=place, method="nearest")
+        sigma = there["depth_uncertainty"].where(there["usable"])
+        points = np.stack([array.values.ravel() for array in xr.broadcast(near, sigma)], axis=1)
+        points = np.unique(points[np.isfinite(points).all(axis=1)], axis=0)
+        clouds.append(points)
+        mark: dict[str, Any] = {"linestyle": "", "marker": camera.style.marker, "markersize": 5}
+        axes.plot(points[:, 0], points[:, 1] * MM, color=camera.style.color, **mark)
+        handles.append(camera.style.handle(**mark))
+    designs = np.concatenate(clouds)
+    front = frontier(designs)
+    axes.step(front[:, 0], front[:, 1] * MM, where="post", color=SOFT, linewidth=1.0, zorder=0.9)
+    farthest = float(np.max(designs[:, 0], initial=0.0))
+    log_axis(axes, "x", dense=True, tick=distance_tick(farthest))
+    log_axis(axes, "y", dense=True, tick=length_tick)
+    axes.set(xlabel=f"nearest usable {distance_label(farthest)}", ylabel=f"depth uncertainty at {distance(place)}")
+    handles.append(Line2D([], [], color=SOFT, linewidth=1.0))
+    legend(figure, handles, [*(camera.title for camera in shown), "no design is better in both"], columns=2)
     return figure
-
-
-def _aligned(*arrays: xr.DataArray) -> tuple[xr.DataArray, ...]:
-    import xarray
-
-    return tuple(xarray.broadcast(*arrays))
 
 
 def frontier(points: FloatArray) -> FloatArray:

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from tradestudy.figures.cameras import CameraTrace, traces
-from tradestudy.figures.fonts import printable
 from tradestudy.figures.style import (
     FAINT,
     INK,
+    PANELS_IN_A_ROW,
+    CameraTrace,
     StudyFigure,
+    camera_panels,
     distance_axis,
-    distance_label,
     legend,
     length_tick,
     line_style,
@@ -23,63 +22,41 @@ from tradestudy.figures.style import (
     new_figure,
     shortened,
     styled,
+    traces,
 )
 from tradestudy.results.views.depth import nominal, of_camera, where_usable
 
-if TYPE_CHECKING:
-    import xarray as xr
-
 MM = 1e3
-_COLUMNS = 3
 
 
-def part_names(depth: xr.Dataset) -> tuple[str, ...]:
-    """The sources of error that at least one camera has, and that move its depth."""
-    return tuple(name for name, largest in _largest(depth).items() if largest > 0.0)
+def largest_by_part(depth: xr.Dataset) -> dict[str, float]:
+    """The largest uncertainty [m] from each source of error over all cameras and distances; NaN where none has it.
 
-
-def silent_part_names(depth: xr.Dataset) -> tuple[str, ...]:
-    """The sources of error that cameras have but that move no depth, as roll on the axis."""
-    return tuple(name for name, largest in _largest(depth).items() if largest == 0.0)
-
-
-def _largest(depth: xr.Dataset) -> dict[str, float]:
-    """The largest uncertainty [m] from each part over all cameras and distances; NaN where no camera has it."""
+    It is nothing for a source that cameras have but that moves no depth, as roll on the axis.
+    """
     part = depth["depth_uncertainty_part"].transpose("part", ...)
     rows = part.values.reshape(part.sizes["part"], -1)
     known = np.where(np.isnan(rows), -np.inf, rows).max(axis=1)
     return {str(name): float(m) if m >= 0.0 else np.nan for name, m in zip(part["part"].values, known, strict=True)}
 
 
+@styled()
 def draw_uncertainty_parts(tree: xr.DataTree) -> StudyFigure:
     """Depth uncertainty of every camera and its parts against distance, both axes logarithmic."""
-    with styled():
-        depth, shown = nominal(tree), traces(tree)
-        names = part_names(depth)
-        columns = min(_COLUMNS, len(shown))
-        rows = -(-len(shown) // columns)
-        figure = new_figure(0.6 + 1.85 * rows)
-        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        for axes, camera in zip(panels.flat, shown, strict=False):
-            _panel(axes, depth, camera, names)
-        for axes in panels.flat[len(shown) :]:
-            axes.set_visible(False)
-        for column in range(columns):
-            last = panels[(len(shown) - 1 - column) // columns, column]
-            last.set_xlabel(distance_label(float(depth["distance"].values[-1])))
-            last.tick_params(labelbottom=True)
-        for axes in panels[:, 0]:
-            axes.set_ylabel("depth uncertainty")
-        panels[0, 0].set_ylim(*_limits(depth))
-        handles = [Line2D([], [], color=INK, linewidth=2.2)]
-        handles += [_part_handle(order) for order in range(len(names))]
-        legend(figure, handles, ["all together", *(name.replace("_", " ") for name in names)], columns=4)
+    depth, shown = nominal(tree), traces(tree)
+    names = [name for name, largest in largest_by_part(depth).items() if largest > 0.0]
+    figure = new_figure(0.6 + 1.85 * -(-len(shown) // PANELS_IN_A_ROW))
+    panels = camera_panels(figure, len(shown), float(depth["distance"].values[-1]))
+    for axes, camera in zip(panels, shown, strict=True):
+        _panel(axes, depth, camera, names)
+    for axes in panels[::PANELS_IN_A_ROW]:
+        axes.set_ylabel("depth uncertainty")
+    panels[0].set_ylim(*_limits(depth))
+    styles = [line_style(order + 1) for order in range(len(names))]
+    handles = [Line2D([], [], color=INK, linewidth=2.2)]
+    handles += [style.handle(marker=style.marker, markersize=3, linewidth=1.1) for style in styles]
+    legend(figure, handles, ["all together", *(name.replace("_", " ") for name in names)], columns=4)
     return figure
-
-
-def _part_handle(order: int) -> Line2D:
-    style = line_style(order + 1)
-    return Line2D([], [], color=style.color, linestyle=style.dash, marker=style.marker, markersize=3, linewidth=1.1)
 
 
 def _limits(depth: xr.Dataset) -> tuple[float, float]:
@@ -92,7 +69,7 @@ def _limits(depth: xr.Dataset) -> tuple[float, float]:
     return max(float(finite.min()) / 30.0, top * 1e-7), top
 
 
-def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: tuple[str, ...]) -> None:
+def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: list[str]) -> None:
     distance = np.asarray(depth["distance"].values, dtype=float)
     for near, far in where_usable(depth, camera.key):
         axes.axvspan(near, min(far, float(distance[-1])), color=FAINT, alpha=0.45, linewidth=0, zorder=0)
@@ -116,4 +93,4 @@ def _panel(axes: Axes, depth: xr.Dataset, camera: CameraTrace, names: tuple[str,
         )
     distance_axis(axes, (float(distance[0]), float(distance[-1])))
     log_axis(axes, "y", tick=length_tick)
-    axes.set_title(shortened(printable(camera.title), 34), fontsize=7.5)
+    axes.set_title(shortened(camera.title, 34), fontsize=7.5)

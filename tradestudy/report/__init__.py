@@ -50,8 +50,9 @@ def write(
     """
     from tradestudy import figures
     from tradestudy.figures.drawn import drawn_here
-    from tradestudy.report import contents, csv_tables, files, html
+    from tradestudy.report import contents, csv_tables, html
     from tradestudy.report import pdf as pdf_format
+    from tradestudy.results.storage import replace_file
 
     drawings = figures.build(tree)
     document = contents.compose_report(tree, run, drawings, cost_not_shown=cost_not_shown)
@@ -62,7 +63,7 @@ def write(
     if pdf:
         made["report.pdf"] = pdf_format.render_pdf(document, pictures)
     with ThreadPoolExecutor() as pool:  # they wait for the disk
-        list(pool.map(files.replace_file, (directory / name for name in made), made.values()))
+        list(pool.map(replace_file, (directory / name for name in made), made.values()))
     for old in (*directory.glob("figures/*.svg"), *directory.glob("tables/*.csv")):
         if old.relative_to(directory).as_posix() not in made:
             old.unlink(missing_ok=True)  # another run on this folder may have been quicker

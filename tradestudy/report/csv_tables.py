@@ -5,13 +5,11 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 
@@ -47,7 +45,8 @@ def _table(data: xr.Dataset, dims: tuple[str, ...], names: list[str]) -> bytes:
             labels = [f",{cell}" if number else cell for cell in _cells(data[dim].values)]
             keys = [key + label for key in keys for label in labels]
         columns.insert(0, keys)
-    title = ",".join(_quoted(_titled(data, name)) for name in (*dims, *names))
+    units = {name: data[name].attrs.get("units", "") for name in (*dims, *names)}
+    title = ",".join(_quoted(_cell(f"{name} [{unit}]" if unit else name)) for name, unit in units.items())
     return "\n".join((title, *map(",".join, zip(*columns, strict=True)), "")).encode()
 
 
@@ -62,11 +61,6 @@ def _cells(values: NDArray[Any]) -> list[str]:
     _, first, places = np.unique(bits, return_index=True, return_inverse=True)
     texts: list[str] = np.array([str(number) for number in flat[first].tolist()], dtype=object)[places].tolist()
     return texts
-
-
-def _titled(data: xr.Dataset, name: str) -> str:
-    unit = data[name].attrs.get("units", "")
-    return _cell(f"{name} [{unit}]" if unit else name)
 
 
 def _cell(value: object) -> str:

@@ -11,6 +11,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, LiteralString
 
+from tradestudy.figures.drawing import Drawing
+
 SpanStyle = Literal["plain", "strong", "emphasis", "code", "sub", "sup", "link"]
 Tone = Literal["answer", "note", "warning"]
 Align = Literal["left", "right", "center"]
@@ -245,3 +247,10 @@ def _numbered(blocks: tuple[Block, ...]) -> dict[str, str]:
             raise ValueError(f"two parts of the report are called {name!r}")
         numbers[name] = number
     return numbers
+
+
+def pictures_of(drawings: Mapping[str, Drawing], *names: str) -> Iterator[Picture]:
+    """Show the figures of these names, in this order; those that the run does not have are left out."""
+    for name in names:
+        if name in drawings:
+            yield Picture(name=name, caption=drawings[name].caption, alt=drawings[name].alt)

@@ -14,7 +14,6 @@ from tradestudy.report.document import (
     KeyFigures,
     Picture,
     Report,
-    Span,
     Table,
     Text,
     spans,
@@ -50,12 +49,14 @@ def render_pdf(document: Report, pictures: Mapping[str, bytes]) -> bytes:
 
 
 def _text(text: Text, numbers: Mapping[str, str]) -> list[Json]:
-    return [_span(span, numbers) for span in spans(text)]
-
-
-def _span(span: Span, numbers: Mapping[str, str]) -> Json:
-    text = span.text or numbers.get(span.target, "")
-    return {"text": printable(text), "style": span.style, "target": span.target}
+    return [
+        {
+            "text": printable(span.text or numbers.get(span.target, "")),
+            "style": span.style,
+            "target": span.target,
+        }
+        for span in spans(text)
+    ]
 
 
 def _block(block: Block, numbers: Mapping[str, str]) -> Json:
@@ -75,15 +76,19 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
                 "name": block.name,
                 "number": numbers[block.name],
                 "caption": _text(block.caption, numbers),
+                "columns": [
+                    vars(one) | {"title": _text(one.title, numbers), "unit": printable(one.unit)}
+                    for one in block.columns
+                ],
+                "rows": [[_text(cell, numbers) for cell in row] for row in block.rows],
+                "notes": [_text(note, numbers) for note in block.notes],
             }
-            content["columns"] = [
-                vars(one) | {"title": _text(one.title, numbers), "unit": printable(one.unit)} for one in block.columns
-            ]
-            content["rows"] = [[_text(cell, numbers) for cell in row] for row in block.rows]
-            content["notes"] = [_text(note, numbers) for note in block.notes]
         case Picture():
-            content |= vars(block) | {"number": numbers[block.name], "caption": _text(block.caption, numbers)}
-            content["alt"] = printable(block.alt)
+            content |= vars(block) | {
+                "number": numbers[block.name],
+                "caption": _text(block.caption, numbers),
+                "alt": printable(block.alt),
+            }
         case Heading():
             content |= vars(block) | {"number": numbers[block.anchor], "text": _text(block.text, numbers)}
         case _:

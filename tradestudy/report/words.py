@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from tradestudy.units import FRACTION, LENGTH, pretty
+from tradestudy.units import FRACTION, LENGTH, pretty, significant
 from tradestudy.wording import distance
 
 
 def in_words(name: str) -> str:
     """Write a name of the results as words."""
     return name.replace("_", " ")
+
+
+def or_dash(value: float, write: Callable[[float], str] = significant) -> str:
+    """Write a number, or a dash where there is none."""
+    return "—" if np.isnan(value) else write(value)
 
 
 def length(value: float) -> str:

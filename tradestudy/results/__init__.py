@@ -86,13 +86,10 @@ def dataset(
         swept = leading if array.ndim == len(leading) + len(spec.dims) else ()
         variables[name] = (swept + spec.dims, array.astype(object) if array.dtype.kind == "U" else array, attrs)
     coords = {
-        name: (np.asarray(labels, dtype=object) if _text(labels) else labels) for name, labels in coordinates.items()
+        name: np.asarray(labels, dtype=object) if len(labels) > 0 and isinstance(labels[0], str) else labels
+        for name, labels in coordinates.items()
     }
     result = xr.Dataset(variables, coords=coords, attrs=dict(attributes or {}))
     if "distance" in result.coords:
         result["distance"].attrs = {"units": "m", "long_name": "object distance", "symbol": "a"}
     return result
-
-
-def _text(labels: Sequence[Any] | np.ndarray[Any, Any]) -> bool:
-    return len(labels) > 0 and isinstance(labels[0], str)

@@ -41,6 +41,18 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file so that a reader sees the old content or the new, never a part of it; missing folders are made.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; the old file is untouched and nothing else is left behind.
+    """
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
 def remove_abandoned(directory: Path) -> None:
     """Remove what killed processes of this machine have left half-written in a folder and the folders in it."""
     for part in (*directory.glob(".*.part"), *directory.glob("*/.*.part")):

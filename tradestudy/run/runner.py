@@ -5,17 +5,14 @@ from __future__ import annotations
 import xarray as xr
 
 from tradestudy.execution import Steps
-from tradestudy.execution.steps import Progress, Seconds
+from tradestudy.execution.steps import Seconds
 from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
-from tradestudy.run.groups.claims import claims_group, requirements_group
-from tradestudy.run.groups.decision import decision_group
+from tradestudy.run.groups.decision import claims_group, decision_group, requirements_group
 from tradestudy.run.groups.depth import depth_at_places_group, depth_group
-from tradestudy.run.groups.disparity_causes import disparity_causes_group
+from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
 from tradestudy.run.groups.effects import effects_group
 from tradestudy.run.groups.registers import assumptions_group, cameras_group, contradictions_group
-from tradestudy.run.kirchhoff_pictures import compute_kirchhoff_pictures
-from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
 NOMINAL = "as declared"
 
@@ -75,11 +72,19 @@ def compute(
         progress("decision", 1.0)
     # What few studies ask for is imported where they do.
     if file.calibration is not None:
-        from tradestudy.run.groups.uncertain import uncertain_groups
+        from tradestudy.run.groups.calibration import uncertain_groups
 
         groups |= uncertain_groups(definition, file.calibration, groups["/decision"], steps)
     if file.depth_of_field is not None:
-        groups |= _depth_of_field(plan, file.depth_of_field, progress)
+        from tradestudy.plan.situations.every import DEPTH_OF_FIELD
+        from tradestudy.run.groups.depth_of_field import criteria_group, depth_of_field_group
+
+        selection = plan.selections[DEPTH_OF_FIELD]
+        progress("depth of field", 0.0)
+        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, selection)
+        if file.criteria is not None:
+            groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field, selection)
+        progress("depth of field", 1.0)
     if file.fresnel_validity is not None:
         from tradestudy.run.groups.fresnel_validity import fresnel_validity_group
 
@@ -106,17 +111,3 @@ def compute(
         groups["/requirements"] = requirements_group(definition)
     progress("claims", 1.0)
     return xr.DataTree.from_dict(groups)
-
-
-def _depth_of_field(plan: Plan, part: DepthOfFieldPart, progress: Progress) -> dict[str, xr.Dataset]:
-    from tradestudy.plan.situations.every import DEPTH_OF_FIELD
-    from tradestudy.run.groups.criteria import criteria_group
-    from tradestudy.run.groups.depth_of_field import depth_of_field_group
-
-    definition, selection = plan.definition, plan.selections[DEPTH_OF_FIELD]
-    progress("depth of field", 0.0)
-    groups = {"/depth_of_field": depth_of_field_group(definition, part, selection)}
-    if definition.file.criteria is not None:
-        groups["/criteria"] = criteria_group(definition, definition.file.criteria, part, selection)
-    progress("depth of field", 1.0)
-    return groups

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -16,32 +17,26 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import in_words, length, share
-from tradestudy.results.views.cameras import camera_titles, titles_in
 from tradestudy.results.views.decision import Flips, candidates, flips, handovers, solved_questions, told_winners
-from tradestudy.results.views.depth import nominal, nominal_is_declared
-from tradestudy.results.views.groups import group, has
-from tradestudy.results.views.largest import largest_part
+from tradestudy.results.views.depth import largest_part, nominal, nominal_is_declared
+from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, span
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera for which distance, how sure, what decides it, and what would turn it over."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return
+    solved = (say("{says} **{answer}**.", says=says, answer=answer) for says, answer in solved_questions(tree))
     yield Heading(text="The answer", anchor="answer")
     yield Callout(
         title="Which camera for which distance",
-        blocks=(Bullets((*_stretches(tree), *_changes(tree), *_ways(tree), *_solved(tree))),),
+        blocks=(Bullets((*_stretches(tree), *_changes(tree), *_ways(tree), *solved)),),
         tone="answer",
     )
     yield from pictures_of(drawings, "whole_range")
@@ -159,12 +154,6 @@ def _favoured(decision: xr.Dataset, pair: list[str], titles: Mapping[str, str], 
     parts += [f"decides nothing at {undecided}"] if undecided else []
     parts[0] += f" of {counted(len(names), 'declared distance')}"
     return f"{way} alone {', '.join(parts)}"
-
-
-def _solved(tree: xr.DataTree) -> Iterator[Spans]:
-    """The inverse questions with their answers."""
-    for one in solved_questions(tree):
-        yield say("{says} **{answer}**.", says=one.says, answer=one.answer)
 
 
 def _stability(tree: xr.DataTree) -> Iterator[Block]:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Column,
@@ -14,9 +15,9 @@ from tradestudy.report.document import (
     Paragraph,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.sections.posterior import describe_posteriors
 from tradestudy.report.sections.uncertain_decision import (
     computed_places,
@@ -25,16 +26,10 @@ from tradestudy.report.sections.uncertain_decision import (
     describe_stability,
     describe_verdict,
 )
-from tradestudy.report.words import in_words, interval, length, share
-from tradestudy.results.views.cameras import titles_in
-from tradestudy.results.views.groups import group, has
+from tradestudy.report.words import in_words, interval, length, or_dash, share
+from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _FIELDS = {"axis": "on the axis", "edge": "at the edge of the field"}
 _WAYS = {"noise": "per measurement", "calibration": "per rig and session", "both": "together"}
@@ -64,8 +59,7 @@ def describe_calibration(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> 
     yield _tiers(tree)
     if has(tree, "sensitivity", "source_uncertainty"):
         yield Heading(text="What drives depth", anchor="sensitivity", level=2)
-        yield from pictures_of(drawings, "tornado")
-        yield from pictures_of(drawings, "sobol-indices")
+        yield from pictures_of(drawings, "tornado", "sobol-indices")
         yield from _refusals(tree)
     if has(tree, "decision", "rank_first"):
         yield Heading(text="Who errs less, with what probability", anchor="ranks", level=2)
@@ -85,7 +79,7 @@ def _how(tree: xr.DataTree) -> Paragraph:
             "from sequence to sequence), or after {budget} draws. The edge of the field lies {edge} of the way to the "
             "corner of the sensor. Where mean and standard deviation of depth do not exist none is given.",
             accuracy=share(float(data.attrs["accuracy"])),
-            budget=f"{int(data.attrs['budget']):,}".replace(",", "\N{NO-BREAK SPACE}"),
+            budget=_count(float(data.attrs["budget"])),
             edge=share(float(data.attrs["edge"])),
         )
     )
@@ -136,14 +130,10 @@ def _interval_cells(there: xr.Dataset) -> tuple[Text, ...]:
         interval(float(quantile[0]), float(quantile[4])) + ("" if str(there["status"].item()) == "converged" else " *"),
         "none bounded" if np.isinf(high) else interval(low, high),
         length(float(there["depth_uncertainty"])),
-        _moment(float(there["bias"])),
-        _moment(float(there["standard_deviation"])),
+        or_dash(float(there["bias"]), length),
+        or_dash(float(there["standard_deviation"]), length),
         linear if valid else f"({linear})",
     )
-
-
-def _moment(value: float) -> str:
-    return "—" if np.isnan(value) else length(value)
 
 
 def _classes(tree: xr.DataTree) -> Table:
@@ -164,7 +154,7 @@ def _classes(tree: xr.DataTree) -> Table:
                 title,
                 words,
                 *(
-                    _moment(float(data["depth_uncertainty"].sel(camera=key, way=way, distance=place)))
+                    or_dash(float(data["depth_uncertainty"].sel(camera=key, way=way, distance=place)), length)
                     for place in places
                 ),
             )
@@ -240,10 +230,9 @@ def _tiers(tree: xr.DataTree) -> Table:
             (
                 title,
                 *(
-                    f"{_relative(float(one['tier_error'].sel({'method': method})))}, "
-                    f"{_count(float(one['tier_evaluations'].sel({'method': method})))}, "
-                    f"{_milliseconds(float(one['tier_seconds'].sel({'method': method})))}"
-                    for method in data["method"].values
+                    f"{or_dash(float(there['tier_error']), share)}, {_count(float(there['tier_evaluations']))}, "
+                    f"{significant(1e3 * float(there['tier_seconds']), 2)}\N{NO-BREAK SPACE}ms"
+                    for there in (one.sel({"method": method}) for method in data["method"].values)
                 ),
                 ", ".join(f"{chosen.count(name)} × {name}" for name in dict.fromkeys(chosen)),
             )
@@ -265,16 +254,8 @@ def _tiers(tree: xr.DataTree) -> Table:
     )
 
 
-def _relative(value: float) -> str:
-    return "—" if np.isnan(value) else share(value)
-
-
 def _count(value: float) -> str:
     return f"{int(value):,}".replace(",", "\N{NO-BREAK SPACE}")
-
-
-def _milliseconds(seconds: float) -> str:
-    return f"{significant(1e3 * seconds, 2)}\N{NO-BREAK SPACE}ms"
 
 
 def _refusals(tree: xr.DataTree) -> Iterator[Block]:

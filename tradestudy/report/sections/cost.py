@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -21,17 +24,12 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.results.cost import NO_ANSWER
 from tradestudy.results.views.groups import group, has
 from tradestudy.units import DURATION, pretty, significant
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _HAS_PRICES: Final = ("depth", "depth_of_field", "calibration", "images", "point_spread")
 _WITHIN_DOUBLE_QUOTES: Final = frozenset('$`\\"!')  # what a shell reads there
@@ -217,20 +215,15 @@ def _answer(one: xr.Dataset, own: _Found, whole: float) -> Spans:
             words=own.words,
             seconds=own.took,
         )
+    beside = [] if math.isnan(whole) else [f"all that the run computed took {_duration(whole)}, its report apart"]
     return say(
         "**{title}:** a run ({words}) errs by {error} in {seconds}; {then}.",
         title=title,
         words=own.words,
         error=own.least,
         seconds=own.took,
-        then="; ".join((*_digit(one, own), *_beside(whole))),
+        then="; ".join((*_digit(one, own), *beside)),
     )
-
-
-def _beside(whole: float) -> Iterator[str]:
-    """What the last run took in all, to compare with; nothing where it is not known."""
-    if not math.isnan(whole):
-        yield f"all that the run computed took {_duration(whole)}, its report apart"
 
 
 def _digit(one: xr.Dataset, own: _Found) -> Iterator[str]:
@@ -325,19 +318,14 @@ def _digits(data: xr.Dataset) -> Table:
 def _levels(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:
     """A heading, and a row for neighbouring errors that one entry is the cheapest within."""
     yield (str(one["title"].item()),)
-    levels = [float(level) for level in one["digit"].values]
-    rows = [_level(one.sel(digit=level), level) for level in levels]
-    first = 0
-    for last, row in enumerate(rows):
-        if last + 1 == len(rows) or rows[last + 1] != row:
-            ends = dict.fromkeys((levels[first], levels[last]))
-            yield (" to ".join(_error(level) for level in ends), *row)
-            first = last + 1
+    for row, alike in itertools.groupby(one["digit"].values.tolist(), key=lambda level: _level(one, level)):
+        levels = list(alike)
+        yield (" to ".join(map(_error, dict.fromkeys((levels[0], levels[-1])))), *row)
 
 
 def _level(one: xr.Dataset, level: float) -> tuple[str, str, str]:
     """The cheapest entry within an error, its time and its error."""
-    found, floor = _found(one, "digit"), float(one["reference_error"])
+    found, floor = _found(one.sel(digit=level), "digit"), float(one["reference_error"])
     if found is None:
         return "?" if level < floor else "—", "", ""
     return found.words, found.took, _told(found.error, floor)
@@ -359,21 +347,18 @@ def _quantity(data: xr.Dataset, name: str) -> Iterator[Block]:
             within=f", itself within {_error(floor)}" if floor > 0.0 else "",
         )
     )
-    notes = [line for line in str(one["notes"].item()).split("\n") if line]
-    if notes:
-        yield Bullets(tuple(notes))
+    if notes := tuple(filter(None, str(one["notes"].item()).split("\n"))):
+        yield Bullets(notes)
     if entries.sizes["entry"]:
         yield _table(entries, one, floor)
         yield from _asked_for(entries, one)
-    left_out = [line for line in str(one["left_out"].item()).split("\n") if line]
-    if left_out:
-        yield Paragraph(say("Left out: {what}.", what="; ".join(left_out)))
+    if left_out := "; ".join(filter(None, str(one["left_out"].item()).split("\n"))):
+        yield Paragraph(say("Left out: {what}.", what=left_out))
 
 
 def _asked_for(entries: xr.Dataset, one: xr.Dataset) -> Iterator[Paragraph]:
     """By what a study asks for the models of a table, those of one way together."""
-    ways = _ways(one)
-    if not ways:
+    if not (ways := _ways(one)):
         return
     models: dict[str, list[str]] = {}
     for model in dict.fromkeys(map(str, entries["model"].values)):
@@ -433,11 +418,9 @@ def _told(error: float, floor: float) -> str:
 
 def _error(value: float) -> str:
     """In per cent, with the digits that tell an entry from a tenth of another."""
-    if math.isnan(value):
-        return "—"
     if value > NO_ANSWER:
         return "no answer"
-    return f"{significant(100.0 * value, 3)}\N{NO-BREAK SPACE}%"
+    return "—" if math.isnan(value) else f"{significant(100.0 * value, 3)}\N{NO-BREAK SPACE}%"
 
 
 def _duration(seconds: float) -> str:

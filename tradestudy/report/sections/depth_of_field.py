@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -18,20 +19,14 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import length, share
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.depth_of_field import by_first_criterion, sharp_stretches
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.depth import by_first_criterion, sharp_stretches
+from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import PIXELS, pretty, significant
 from tradestudy.wording import counted
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _SPOT = {"none": "defocus alone", "fwhm": "with diffraction at half maximum", "airy-diameter": "with the Airy diameter"}
 

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import share
-from tradestudy.results.views.cameras import titles_in
-from tradestudy.results.views.groups import group, has
+from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _COLUMNS: Final = {
     "no blur": "without blur",
@@ -76,7 +73,11 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
     }
     order = sorted(changed, key=lambda name: changed[name])
     if np.isinf(error):
-        left = ", ".join(f"{words[name]} {_left(changed[name])}" for name in order)
+        without = {
+            name: "none either" if np.isinf(value) else f"the disparity error would be {significant(value)} px"
+            for name, value in changed.items()
+        }
+        left = ", ".join(f"{words[name]} {without[name]}" for name in order)
         return f"{light}, and no texture is left to be matched: {left}."
     first, *others = order
     told = f"{words[first]} it would be {_change(error, changed[first])}; " + ", ".join(
@@ -99,10 +100,6 @@ def _largest(there: xr.Dataset) -> tuple[str, float] | None:
     factors = {name: _factor(error, value) for name, value in _changed(there).items()}
     name = max(factors, key=lambda name: factors[name], default="")
     return (name, factors[name]) if name and factors[name] > 1.0 else None
-
-
-def _left(error: float) -> str:
-    return "none either" if np.isinf(error) else f"the disparity error would be {significant(error)} px"
 
 
 def _change(error: float, changed: float) -> str:

@@ -5,20 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import in_words
 from tradestudy.results.effects import OF_NOISE_ALONE, TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.groups import group, has, records
+from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.units import DURATION, FRACTION, pretty, significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _QUANTITIES = {
     "depth_uncertainty": "depth uncertainty, at every distance",
@@ -129,7 +126,8 @@ def _taken(data: xr.Dataset) -> str:
     pieces: dict[str, list[str]] = {}
     for title, seconds in zip(data["piece_title"].values, data["piece_seconds"].values, strict=True):
         pieces.setdefault(_duration(float(seconds)), []).append(str(title))
-    return f"The models that act take {', '.join(f'{time} ({_listed(names)})' for time, names in pieces.items())}."
+    taken = ", ".join(f"{time} ({'; '.join(names)})" for time, names in pieces.items())
+    return f"The models that act take {taken}."
 
 
 def _formulas(rows: list[dict[str, Any]]) -> Iterator[Table]:
@@ -155,6 +153,11 @@ class _Row:
     takes: str
     why: str
     rule: str
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """What is said of its effects."""
+        return self.model, self.takes, self.why, self.rule
 
     @property
     def heading(self) -> str:
@@ -199,7 +202,8 @@ def _of_a_piece(rows: list[dict[str, Any]]) -> list[_Row]:
     """Models of one piece; all effects that one reason keeps from mattering are one row."""
     found: list[_Row] = []
     for row in map(_row, rows):
-        twin = next((k for k, other in enumerate(found) if _is_harmless(row) and _are_alike(row, other)), None)
+        harmless = row.why in ("changes nothing", _NOTHING)
+        twin = next((k for k, other in enumerate(found) if harmless and other.told == row.told), None)
         if twin is None:
             found.append(row)
         else:
@@ -221,14 +225,6 @@ def _row(row: dict[str, Any]) -> _Row:
     )
 
 
-def _is_harmless(row: _Row) -> bool:
-    return row.why in ("changes nothing", _NOTHING)
-
-
-def _are_alike(one: _Row, other: _Row) -> bool:
-    return all(getattr(one, name) == getattr(other, name) for name in ("model", "takes", "why", "rule"))
-
-
 def _why(row: dict[str, Any]) -> str:
     """The verdict in the words of the plan, which tells no number of what acts and changes nothing."""
     if row["chosen"] and not row["forced"] and row["change"] == 0.0:
@@ -241,12 +237,7 @@ def _of(members: list[str], titles: dict[str, str]) -> str:
     others = [str(title) for name, title in titles.items() if name not in members]
     if len(others) < min(len(members), 2):
         return f"all but {others[0]}" if others else "all"
-    return _listed([str(titles[name]) for name in members])
-
-
-def _listed(titles: list[str]) -> str:
-    """Titles, which may hold commas."""
-    return "; ".join(titles)
+    return "; ".join(str(titles[name]) for name in members)  # titles may hold commas
 
 
 def _number(row: dict[str, Any]) -> tuple[str, str] | None:

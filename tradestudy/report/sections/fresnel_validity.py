@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import (
     Block,
     Bullets,
@@ -18,18 +19,13 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import FloatArray, group, has
 from tradestudy.results.views.wave_optics import element_title, middle_window, published_place
 from tradestudy.units import significant
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _METRICS = {"peak": "peak", "l1": "L1", "largest": "largest"}
 
@@ -156,14 +152,9 @@ def _measures(data: xr.Dataset) -> Iterator[Block]:
             "*W* = *r*^4^/8 (1/*a*³ + 1/*b*³), a *stigmatic* element cancels them on the axis for its own object "
             "distance, and a *perfect* lens does so for every point. On the axis the last two are one. At most "
             "{error} of the numbers below are numerical error.",
-            error=share(_worst(data)),
+            error=share(float((data["published_point_error_numerical"] / data["published_point_error"]).max())),
         )
     )
-
-
-def _worst(data: xr.Dataset) -> float:
-    """Largest numerical error relative to its value, of those that the tables show."""
-    return float((data["published_point_error_numerical"] / data["published_point_error"]).max())
 
 
 def _error_table(data: xr.Dataset, element: str) -> Table:
@@ -176,10 +167,8 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
         rows.append((f"{phase}",))
         for wave in waves:
             point = one["published_point_error"].sel(lens_phase=phase, wavelength=wave)
-            cells = [share(float(point.sel(metric=m, window=w))) for m, w in columns]
-            rows.append((length(float(wave)), *cells))
+            rows.append((length(float(wave)), *(share(float(point.sel(metric=m, window=w))) for m, w in columns)))
     stated = float(one["published_error"])
-    note = f"Published for f/{significant(place)}: {share(stated)}." if np.isfinite(stated) else ""
     return Table(
         name=f"fresnel-error-{element}",
         caption=f"{element_title(data, element)} at f/{significant(place)}: error of Fresnel's point-spread function "
@@ -192,7 +181,7 @@ def _error_table(data: xr.Dataset, element: str) -> Table:
             ),
         ),
         rows=tuple(rows),
-        notes=(note,) if note else (),
+        notes=(f"Published for f/{significant(place)}: {share(stated)}.",) if np.isfinite(stated) else (),
     )
 
 
@@ -220,10 +209,9 @@ def _limit_table(data: xr.Dataset) -> Table:
 
 
 def _least(value: float, data: xr.Dataset) -> str:
-    first, last = (float(data["f_number"].values[end]) for end in (0, -1))
     if value == 0.0:
-        return f"< {significant(first)}"
-    return significant(value) if np.isfinite(value) else f"> {significant(last)}"
+        return f"< {significant(float(data['f_number'][0]))}"
+    return significant(value) if np.isfinite(value) else f"> {significant(float(data['f_number'][-1]))}"
 
 
 def _criteria_table(data: xr.Dataset) -> Table:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Spans, Table, Text, say
-from tradestudy.report.pictures import pictures_of
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Spans, Table, Text, pictures_of, say
 from tradestudy.results.views.groups import records
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 
 def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -23,7 +19,11 @@ def describe_hard_cases(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     if not rows:
         return
     yield Heading(text="Hard cases", anchor="hard-cases")
-    yield Callout(title="Where formulas break", blocks=(Paragraph(_verdict(rows)),), tone=_tone(rows))
+    yield Callout(
+        title="Where formulas break",
+        blocks=(Paragraph(_verdict(rows)),),
+        tone="answer" if all(row["met"] for row in rows) else "warning",
+    )
     yield Paragraph(
         say(
             "Every case is computed at each run by the formula as it is usually written and by the functions of this "
@@ -52,10 +52,6 @@ def _verdict(rows: list[dict[str, Any]]) -> Spans:
         beyond=str(beyond),
         wrong=f" Not met: {'; '.join(wrong)}." if wrong else "",
     )
-
-
-def _tone(rows: list[dict[str, Any]]) -> Any:
-    return "answer" if all(row["met"] for row in rows) else "warning"
 
 
 def _family(rows: list[dict[str, Any]], family: str) -> Iterator[Block]:

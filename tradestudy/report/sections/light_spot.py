@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
+from tradestudy.figures.drawing import Drawing
 from tradestudy.light_methods import long_title
 from tradestudy.report.document import (
     Block,
@@ -18,18 +20,13 @@ from tradestudy.report.document import (
     Spans,
     Table,
     Text,
+    pictures_of,
     say,
 )
-from tradestudy.report.pictures import pictures_of
 from tradestudy.report.words import length, share
 from tradestudy.results.views.groups import group, has
 from tradestudy.results.views.wave_optics import reference_method
 from tradestudy.units import significant
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _NOT_STATED = (
     "The discretisation and the machine behind the published times are not known, so that published and own times "
@@ -128,18 +125,15 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
             f"{share(float(abs(picture - compared).sum() / compared.sum()))} summed difference from "
             f"{_within_a_sentence(reference)}; {took}"
         )
+    error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
         "**The picture by the models that the accuracy wanted calls for** ({method}, sampled to {tolerance}, "
         "{reached}): {found}.",
         method=_within_a_sentence(str(data.attrs["chosen_method"])),
-        tolerance=share(float(data.attrs["chosen_tolerance"])),
-        reached=_reached(float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])),
+        tolerance=share(asked),
+        reached=f"its stated error {share(error)}" + (", above that" if error > asked else ""),
         found=found,
     )
-
-
-def _reached(error: float, asked: float) -> str:
-    return f"its stated error {share(error)}" + (", above that" if error > asked else "")
 
 
 def _within_a_sentence(method: str) -> str:
@@ -152,7 +146,6 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
     rows: list[tuple[Text, ...]] = []
     for method in (str(name) for name in data["propagator"].values):
         one = data.sel(propagator=method)
-        dark = share(float(one["outside_geometric"])) if "outside_geometric" in data else "—"
         rows.append(
             (
                 long_title(method),
@@ -164,7 +157,7 @@ def _comparison(data: xr.Dataset, run: Mapping[str, Any]) -> Table:
                     for name in ("difference", "difference_l2")
                 ),
                 str(int(one["lit_pixels"])),
-                dark,
+                share(float(one["outside_geometric"])) if "outside_geometric" in data else "—",
                 share(float(one["power"])),
             )
         )
@@ -227,13 +220,14 @@ def _light(data: xr.Dataset) -> str:
     wavelengths = [length(float(value)) for value in data["wavelength"].values]
     if len(wavelengths) == 1:
         return wavelengths[0]
-    shares = [share(float(value)) for value in data["spectral_share"].values]
+    shares = map(share, data["spectral_share"].values.tolist())
     lines = ", ".join(f"{amount} at {where}" for amount, where in zip(shares, wavelengths, strict=True))
     mean = length(float(data.attrs["mean_wavelength"]))
-    chosen = "the picture by the chosen models adds them too"
-    if not data.attrs["chosen_spectrum"]:
-        chosen = "the picture by the chosen models has the mean alone"
-    return f"{lines}, added as intensities (mean {mean}; {chosen}; rays are the same at all)"
+    chosen = "adds them too" if data.attrs["chosen_spectrum"] else "has the mean alone"
+    return (
+        f"{lines}, added as intensities (mean {mean}; the picture by the chosen models {chosen}; rays are the same "
+        "at all)"
+    )
 
 
 def _array(data: xr.Dataset) -> str:

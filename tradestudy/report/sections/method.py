@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Equation, Heading, Paragraph, say
-from tradestudy.results.views.cameras import depth_methods
-from tradestudy.results.views.groups import group, has
-
-if TYPE_CHECKING:
-    import xarray as xr
+from tradestudy.results.views.groups import depth_methods, group, has
 
 
 def describe_method(tree: xr.DataTree) -> Iterator[Block]:
@@ -18,21 +16,14 @@ def describe_method(tree: xr.DataTree) -> Iterator[Block]:
     if not has(tree, "depth"):
         return
     yield Heading(text="Method", anchor="method")
-    methods = {method["name"]: method for method in depth_methods(tree).values()}
-    for method in methods.values():
+    for method in {method["name"]: method for method in depth_methods(tree).values()}.values():
         yield from _of_camera(method)
     yield from _uncertainty()
-    derived = "matching" in _limits_in_use(tree)
+    met = group(tree, "depth")["limit_met"]
+    derived = bool((met.where(met["limit"] == "matching") >= 0).any())
     if derived:
         yield from _derived_disparity(str(group(tree, "depth").attrs["matching_needs"]))
     yield from _ranges(derived=derived)
-
-
-def _limits_in_use(tree: xr.DataTree) -> set[str]:
-    """Names of the limits that some camera has."""
-    met = group(tree, "depth")["limit_met"]
-    used = (met >= 0).any([dim for dim in met.dims if dim != "limit"])
-    return {str(name) for name, there in zip(used["limit"].values, used.values, strict=True) if there}
 
 
 def _derived_disparity(needs: str) -> Iterator[Block]:

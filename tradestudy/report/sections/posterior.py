@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
-from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.pictures import pictures_of
-from tradestudy.report.words import in_words, share
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.groups import group, has
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Callout, Column, Heading, Paragraph, Table, Text, pictures_of, say
+from tradestudy.report.words import in_words, or_dash, share
+from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 
 def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -44,33 +38,29 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield _chains(data, titles)
     for name in map(str, data["posterior"].values):
         yield _parameters(data.sel(posterior=name), name, titles[name])
-        for kind in ("corner", "trace"):
-            yield from pictures_of(drawings, f"{kind}-{name}")
+        yield from pictures_of(drawings, f"corner-{name}", f"trace-{name}")
     if "rig_value" in data:
         yield _rig(data, titles)
 
 
 def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
-    def worst(there: xr.Dataset, name: str, largest: bool) -> float:
-        values = there[name].values
-        return float(np.nanmax(values) if largest else np.nanmin(values))
-
     rows: list[tuple[Text, ...]] = []
     for name in map(str, data["posterior"].values):
         there = data.sel(posterior=name)
         acceptance = there["posterior_acceptance"].values
+        laplace = or_dash(float(there["laplace_seconds"]), lambda seconds: significant(seconds, 2))
         rows.append(
             (
                 titles[name],
                 str(there["posterior_kind"].item()),
                 "yes" if bool(there["posterior_converged"]) else "no",
                 significant(float(there["posterior_lengths"])),
-                f"{worst(there, 'posterior_r_hat', True):.4f}",
-                f"{worst(there, 'posterior_bulk_size', False):.0f}",
-                f"{worst(there, 'posterior_tail_size', False):.0f}",
+                f"{np.nanmax(there['posterior_r_hat'].values):.4f}",
+                f"{np.nanmin(there['posterior_bulk_size'].values):.0f}",
+                f"{np.nanmin(there['posterior_tail_size'].values):.0f}",
                 f"{np.nanmin(acceptance):.2f} – {np.nanmax(acceptance):.2f}",
                 f"{float(there['posterior_marginal_efficiency']):.3f}",
-                f"{significant(float(there['posterior_seconds']), 2)} / {_seconds(float(there['laplace_seconds']))}",
+                f"{significant(float(there['posterior_seconds']), 2)} / {laplace}",
             )
         )
     return Table(
@@ -96,10 +86,6 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             f"{share(1.0 / np.sqrt(2.0 * np.nanmin(data['posterior_tail_size'].values)))} here.",
         ),
     )
-
-
-def _seconds(value: float) -> str:
-    return "—" if np.isnan(value) else significant(value, 2)
 
 
 def _parameters(there: xr.Dataset, name: str, title: str) -> Table:

@@ -1,25 +1,60 @@
-"""Lists kept with every study: assumptions, contradictions, claims, requirements, trade criteria."""
+"""Lists kept with every study: cameras, assumptions, contradictions, claims, requirements, criteria, provenance."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import in_words
-from tradestudy.results.views.cameras import camera_families, camera_titles
-from tradestudy.results.views.groups import group, has, records
+from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.units import significant
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 _MARKS = "abcdefgh"  # of the bases in the table of criteria
 _BASES = ("set for this run", "assumed", "derived", "datasheet", "measured", "paper")
+
+
+def describe_cameras(tree: xr.DataTree) -> Iterator[Block]:
+    """Write one line per camera and a table of their derived properties, one per family."""
+    rows = records(tree, "cameras", "camera")
+    if not rows:
+        return
+    yield Heading(text="Cameras", anchor="cameras")
+    yield Bullets(
+        tuple(
+            say("**{title}** ({kind}). {note}", title=str(r["title"]), kind=str(r["kind"]), note=str(r.get("note", "")))
+            for r in rows
+        )
+    )
+    families = camera_families(tree)
+    for family in dict.fromkeys(families.values()):
+        yield from _properties(tree, family, [key for key, other in families.items() if other == family])
+
+
+def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Block]:
+    """Write the derived properties of the cameras of one family side by side."""
+    if not has(tree, "cameras", "property_camera", "property_name", "property_value"):
+        return
+    data, titles = group(tree, "cameras"), camera_titles(tree)
+    values = {
+        (str(camera), str(name)): str(value)
+        for camera, name, value in zip(
+            data["property_camera"].values, data["property_name"].values, data["property_value"].values, strict=True
+        )
+    }
+    names = list(dict.fromkeys(name for camera, name in values if camera in keys))
+    if names:
+        yield Table(
+            name=f"properties-{family}",
+            caption=f"What follows from the inputs of the {family} cameras.",
+            columns=(Column(title="Property", weight=3), *(Column(title=titles[key], weight=2) for key in keys)),
+            rows=tuple((name, *(values.get((key, name), "—") for key in keys)) for name in names),
+        )
 
 
 def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
@@ -88,12 +123,11 @@ def describe_contradictions(tree: xr.DataTree) -> Iterator[Block]:
         "resolved silently: this is what was stated, what the other inputs imply, and what this study uses."
     )
     weights = {"Camera": 4, "What": 5, "Stated": 4, "Implied": 7, "Used": 9}
-    columns = tuple(Column(title=title, weight=weight) for title, weight in weights.items())
     titles = camera_titles(tree)
     yield Table(
         name="contradiction-table",
         caption="Contradictions between inputs.",
-        columns=columns,
+        columns=tuple(Column(title=title, weight=weight) for title, weight in weights.items()),
         rows=tuple(
             (
                 titles.get(str(r["camera"]), str(r["camera"])),
@@ -127,7 +161,7 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
         rows=tuple(
             (
                 str(r["claim"]),
-                _with_source(r),
+                say("{says} *({source})*", says=str(r["says"]), source=str(r["source"])),
                 str(r["expected"]),
                 say("**{v}**", v=str(r["verdict"])),
                 str(r["reason"]),
@@ -140,10 +174,6 @@ def describe_claims(tree: xr.DataTree) -> Iterator[Block]:
         ),
     )
     yield from _claim_values(tree, rows)
-
-
-def _with_source(row: dict[str, Any]) -> Text:
-    return say("{says} *({source})*", says=str(row["says"]), source=str(row["source"]))
 
 
 def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Block]:
@@ -237,3 +267,34 @@ def describe_criteria(tree: xr.DataTree) -> Iterator[Block]:
             ),
         ),
     )
+
+
+def describe_provenance(run: Mapping[str, Any]) -> Iterator[Block]:
+    """Write the content of ``run.json`` as a table; what the study declares stands in the sections before it."""
+    rows = tuple(_recorded({key: value for key, value in run.items() if key != "inputs"}))
+    if rows:
+        yield Heading(text="Provenance", anchor="provenance")
+        yield Table(
+            name="provenance-table",
+            caption="How this report was made; the rest of it depends on the study alone.",
+            columns=(Column(title="What", weight=1), Column(title="Value", weight=2)),
+            rows=rows,
+        )
+
+
+def _recorded(content: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
+    """Plain values first, then every group of values under its name."""
+    groups = {key: value for key, value in content.items() if isinstance(value, Mapping)}
+    yield from ((in_words(key), _shown(value)) for key, value in content.items() if key not in groups)
+    for key, values in groups.items():
+        if values:
+            yield (in_words(key).capitalize(),)
+            yield from _recorded(values)
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "—"
+    if isinstance(value, float):
+        return significant(value)
+    return ", ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)

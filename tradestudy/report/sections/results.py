@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.pictures import pictures_of
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
-from tradestudy.report.words import in_words, interval, length, share
-from tradestudy.results.views.cameras import camera_titles, depth_methods, titles_in
+from tradestudy.report.words import in_words, interval, length, or_dash, share
 from tradestudy.results.views.decision import solved_questions
 from tradestudy.results.views.depth import nominal, told_places
-from tradestudy.results.views.groups import group, has
-from tradestudy.units import significant
+from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
-
-    from tradestudy.figures.drawing import Drawing
 
 _NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
 WAYS = {"noise": "noise", "calibration": "calibration", "both": "both"}
@@ -32,11 +26,21 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
     if has(tree, "depth"):
         yield Heading(text="Results", anchor="results")
         yield from _usable_range(tree)
-        yield from _curves(tree, drawings)
-        yield from _parts(drawings)
+        yield Heading(text="Depth discrimination and uncertainty", anchor="depth", level=2)
+        yield from pictures_of(drawings, "close_range", "mid_range")
+        yield _values_at_places(tree)
+        yield from _over_places(tree)
+        yield from _pictured(drawings, "What the uncertainty is made of", "parts", "uncertainty_parts")
         yield from describe_disparity_causes(tree)
         yield from _decision(tree, drawings)
-        yield from _sweeps(drawings)
+        yield from _pictured(drawings, "Swept designs", "sweeps", "sweep_map", "pareto")
+
+
+def _pictured(drawings: Mapping[str, Drawing], title: str, anchor: str, *names: str) -> Iterator[Block]:
+    """Figures under a heading of their own; nothing where the run has none of them."""
+    if pictures := tuple(pictures_of(drawings, *names)):
+        yield Heading(text=title, anchor=anchor, level=2)
+        yield from pictures
 
 
 def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
@@ -77,13 +81,6 @@ def _what_is_missing(camera: xr.Dataset) -> str:
     best = int(np.argmin(broken.sum(axis=1)))
     names = ", ".join(in_words(str(name)) for name in camera["limit"].values[broken[best]])
     return f"{names} (even at {distance(float(camera['distance'].values[best]))})"
-
-
-def _curves(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    yield Heading(text="Depth discrimination and uncertainty", anchor="depth", level=2)
-    yield from pictures_of(drawings, "close_range", "mid_range")
-    yield _values_at_places(tree)
-    yield from _over_places(tree)
 
 
 def _at_places(tree: xr.DataTree) -> xr.Dataset:
@@ -207,34 +204,32 @@ def _step(nearer: float, farther: float) -> str:
     return f"{number} / {far}" if unit == other else f"{near} / {far}"
 
 
-def _parts(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    if "uncertainty_parts" in drawings:
-        yield Heading(text="What the uncertainty is made of", anchor="parts", level=2)
-        yield from pictures_of(drawings, "uncertainty_parts")
-
-
 def _decision(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """The verdict under every reading, the crossovers, and the inverse questions."""
     if has(tree, "decision", "uncertainty_ratio", "certainty_flips", "reading_says"):
         decision, titles = group(tree, "decision"), camera_titles(tree)
         pair = {end: titles[decision.attrs[end]] for end in ("first", "second")}
         yield Heading(text="The decision under every reading", anchor="decision", level=2)
-        if decision.sizes["reading"] > 1:
-            yield Paragraph(
-                say(
-                    "The sources leave questions open. Each reading answers one of them differently from the study as "
-                    "declared; everything else stays. The pair compared is {first} and {second}.",
-                    **pair,
-                )
+        yield Paragraph(
+            say(
+                "{open} The pair compared is {first} and {second}.",
+                open="The sources leave questions open. Each reading answers one of them differently from the study as "
+                "declared; everything else stays."
+                if decision.sizes["reading"] > 1
+                else "The study declares no other reading.",
+                **pair,
             )
-        else:
-            yield Paragraph(
-                say("The study declares no other reading. The pair compared is {first} and {second}.", **pair)
-            )
+        )
         yield _ratio_table(decision, pair)
         yield from pictures_of(drawings, "readings")
         yield from _crossovers(decision)
-    yield from _solved(tree)
+    if solved := solved_questions(tree):
+        yield Table(
+            name="solved-table",
+            caption="Questions turned round: which value would change the verdict.",
+            columns=(Column(title="Question", weight=2), Column(title="Answer", weight=1)),
+            rows=solved,
+        )
 
 
 def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
@@ -243,7 +238,7 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
 
     def cell(reading: Any, place: Any) -> Text:
         at = both.sel(reading=reading, place=place)
-        text = _ratio(float(at["uncertainty_ratio"]))
+        text = or_dash(float(at["uncertainty_ratio"]))
         return say("**{text}**", text=text) if bool(at["certainty_flips"]) else text
 
     places = decision["place"].values
@@ -264,10 +259,6 @@ def _ratio_table(decision: xr.Dataset, pair: Mapping[str, str]) -> Table:
             f"Below 1 {pair['first']} is more certain, above 1 {pair['second']}, whether or not they are usable there.",
         ),
     )
-
-
-def _ratio(value: float) -> str:
-    return "—" if np.isnan(value) else "∞" if np.isinf(value) else significant(value)
 
 
 def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
@@ -293,21 +284,3 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
             high=distance(float(others.max())),
         )
     )
-
-
-def _solved(tree: xr.DataTree) -> Iterator[Block]:
-    rows = solved_questions(tree)
-    if rows:
-        yield Table(
-            name="solved-table",
-            caption="Questions turned round: which value would change the verdict.",
-            columns=(Column(title="Question", weight=2), Column(title="Answer", weight=1)),
-            rows=tuple((one.says, one.answer) for one in rows),
-        )
-
-
-def _sweeps(drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    pictures = tuple(pictures_of(drawings, "sweep_map", "pareto"))
-    if pictures:
-        yield Heading(text="Swept designs", anchor="sweeps", level=2)
-        yield from pictures

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
+import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Table, Text, say
 from tradestudy.report.words import in_words, length, share
-from tradestudy.results.views.cameras import camera_titles
-from tradestudy.results.views.depth import told_places
-from tradestudy.results.views.groups import group, has, records
-from tradestudy.results.views.largest import largest_source
+from tradestudy.results.views.depth import largest_source, told_places
+from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.units import significant
 from tradestudy.wording import distance
-
-if TYPE_CHECKING:
-    import xarray as xr
 
 
 def computed_places(tree: xr.DataTree) -> list[float]:
@@ -43,8 +38,8 @@ def describe_verdict(tree: xr.DataTree) -> Iterator[Block]:
             second=titles[second],
             rig=share(float(pair["rank_first"].sel(rank_way="calibration", rank_distance=place))),
             reading=share(float(pair["rank_first"].sel(rank_way="both", rank_distance=place))),
-            of_first=_driver(tree, first, place),
-            of_second=_driver(tree, second, place),
+            of_first=in_words(largest_source(tree, first, place) or "nothing seen"),
+            of_second=in_words(largest_source(tree, second, place) or "nothing seen"),
         )
         for place in computed_places(tree)
     ]
@@ -54,11 +49,6 @@ def describe_verdict(tree: xr.DataTree) -> Iterator[Block]:
             for row in records(tree, "decision", "stability")
         ]
     yield Callout(title="The verdict under calibration errors", blocks=(Bullets(tuple(items)),), tone="answer")
-
-
-def _driver(tree: xr.DataTree, camera: str, place: float) -> str:
-    source = largest_source(tree, camera, place)
-    return "nothing seen" if source is None else in_words(source)
 
 
 def describe_ranks(tree: xr.DataTree) -> Table:

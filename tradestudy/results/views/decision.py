@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.cameras import titles_in
 from tradestudy.results.views.depth import nominal, nominal_is_declared
-from tradestudy.results.views.groups import FloatArray, group, has, records
+from tradestudy.results.views.groups import FloatArray, group, has, records, titles_in
 from tradestudy.wording import distance
 
 _WAY = "both"  # noise and calibration together
@@ -133,19 +132,8 @@ def handovers(decision: xr.Dataset) -> Iterator[float]:
             yield float(place)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SolvedQuestion:
-    """An inverse question with its answer, in words."""
-
-    says: str
-    answer: str
-
-
-def solved_questions(tree: xr.DataTree) -> tuple[SolvedQuestion, ...]:
-    """Read the inverse questions of a study."""
+def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
+    """Read the inverse questions of a study with their answers, in words."""
     if not has(tree, "decision", "solved_says", "solved_answer"):
         return ()
-    return tuple(
-        SolvedQuestion(says=str(row["solved_says"]), answer=str(row["solved_answer"]))
-        for row in records(tree, "decision", "question")
-    )
+    return tuple((str(row["solved_says"]), str(row["solved_answer"])) for row in records(tree, "decision", "question"))

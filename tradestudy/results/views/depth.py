@@ -1,4 +1,4 @@
-"""The group ``/depth`` of one design: what it is of a sweep, arrays by camera, where each camera is usable."""
+"""Depth of one design and depth of field: arrays by camera, where each is usable or sharp, what decides it most."""
 
 from __future__ import annotations
 
@@ -47,3 +47,30 @@ def told_places(tree: xr.DataTree) -> FloatArray:
     if has(tree, "decision") and "place" in tree["decision"].coords:
         return np.asarray(group(tree, "decision")["place"].values, dtype=np.float64)
     return distances_without_decision(np.asarray(group(tree, "depth")["distance"].values, dtype=np.float64))
+
+
+def by_first_criterion(tree: xr.DataTree) -> xr.Dataset:
+    """``/depth_of_field`` by the blur criterion of the answer: the first."""
+    return group(tree, "depth_of_field").isel(sharp=0)
+
+
+def sharp_stretches(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ...]:
+    """Stretches of distance [m] of one camera by one criterion, (near, far): ``sharp``, ``slice`` or ``gap``."""
+    return stretches(one[f"{name}_near"].values, one[f"{name}_far"].values)
+
+
+def largest_part(depth: xr.Dataset, camera: str, distance: float) -> str | None:
+    """The part that alone gives the largest uncertainty at the computed distance nearest to one [m], if any does."""
+    parts = depth["depth_uncertainty_part"].sel(camera=camera).sel(distance=distance, method="nearest")
+    return _largest(parts, "part")
+
+
+def largest_source(tree: xr.DataTree, camera: str, distance: float) -> str | None:
+    """The source that alone gives the largest uncertainty on the axis at a computed distance [m], if any does."""
+    sources = group(tree, "sensitivity")["source_uncertainty"].sel(camera=camera, field="axis", distance=distance)
+    return _largest(sources, "source")
+
+
+def _largest(values: xr.DataArray, dim: str) -> str | None:
+    array = np.asarray(values.values, dtype=np.float64)
+    return str(values[dim].values[int(np.nanargmax(array))]) if np.isfinite(array).any() else None

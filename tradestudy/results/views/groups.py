@@ -1,7 +1,8 @@
-"""Groups of a results tree: whether they are there, as datasets, and row by row."""
+"""What results tables hold: groups as datasets and row by row, and the cameras of a study in its order."""
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -33,12 +34,33 @@ def records(tree: xr.DataTree, name: str, dim: str) -> list[dict[str, Any]]:
     ]
 
 
-def attribute(tree: xr.DataTree, name: str) -> str:
-    """Get an attribute of the root as text."""
-    return str(tree.attrs.get(name, ""))
-
-
 def stretches(near: npt.ArrayLike, far: npt.ArrayLike) -> tuple[tuple[float, float], ...]:
     """Stretches of distance [m], (near, far), from arrays of their ends, without the padding; `far` may be infinite."""
     ends = zip(np.ravel(np.asarray(near)), np.ravel(np.asarray(far)), strict=True)
     return tuple((float(a), float(b)) for a, b in ends if np.isfinite(a) and not np.isnan(b))
+
+
+def camera_titles(tree: xr.DataTree) -> dict[str, str]:
+    """Get the titles of all cameras by their keys."""
+    return _by_key(tree, "title")
+
+
+def camera_families(tree: xr.DataTree) -> dict[str, str]:
+    """Get the families of all cameras by their keys."""
+    return _by_key(tree, "family")
+
+
+def titles_in(tree: xr.DataTree, name: str) -> dict[str, str]:
+    """Get the titles of the cameras that a group is about, such as ``depth`` of those that measure depth."""
+    keys = {str(key) for key in group(tree, name)["camera"].values}
+    return {key: title for key, title in camera_titles(tree).items() if key in keys}
+
+
+def depth_methods(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
+    """Get how each camera that measures depth finds it, by its key."""
+    return {key: json.loads(method) for key, method in _by_key(tree, "method").items() if method}
+
+
+def _by_key(tree: xr.DataTree, variable: str) -> dict[str, str]:
+    data = group(tree, "cameras")
+    return {str(key): str(value) for key, value in zip(data["camera"].values, data[variable].values, strict=True)}

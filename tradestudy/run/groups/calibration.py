@@ -1,4 +1,4 @@
-"""/calibration: errors propagated through the exact models, and the calibrations inferred."""
+"""/calibration: errors propagated through the exact models, the calibrations inferred, and the groups that follow."""
 
 from __future__ import annotations
 
@@ -24,10 +24,26 @@ from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.run.groups.real_rig import rig_rows
+from tradestudy.run.groups.sensitivity import sensitivity_group
+from tradestudy.run.groups.uncertain_decision import uncertain_decision
+from tradestudy.study.definition import StudyDefinition
 from tradestudy.uncertainty.evaluation import CAUSES
 from tradestudy.uncertainty.outputs import PROBABILITIES
 
 _SHOWN_DRAWS, _SHOWN_STEPS = 2000, 300
+
+
+def uncertain_groups(
+    definition: StudyDefinition, part: CalibrationStudyPart, decision: xr.Dataset, steps: Steps
+) -> dict[str, xr.Dataset]:
+    """/calibration, /sensitivity, and /decision with what calibration errors add to it."""
+    uncertain = definition.uncertain_cameras(part, steps)
+    added = uncertain_decision(uncertain, part, steps.progress)
+    return {
+        "/calibration": calibration_group(uncertain, part, steps),
+        "/sensitivity": sensitivity_group(list(uncertain.cameras.values()), part, steps),
+        "/decision": decision if added is None else decision.merge(added),
+    }
 
 
 def calibration_group(uncertain: UncertainCameras, part: CalibrationStudyPart, steps: Steps) -> xr.Dataset:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tradestudy.analysis.depth import QUANTILES, WAYS
 from tradestudy.analysis.depth_points import DepthPoint, DepthTable, depth_table
-from tradestudy.analysis.usable import LIMIT_NAMES, Interval
+from tradestudy.analysis.usable import LIMIT_NAMES
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
@@ -97,7 +97,8 @@ def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]]
         return np.moveaxis(np.array(rows), 1, 2)
 
     def over_intervals(attribute: str, absent: Any) -> Any:
-        return np.array([_padded(table.intervals, attribute, absent, most_intervals) for table in tables])
+        rows = [[getattr(one, attribute) for one in table.intervals] for table in tables]
+        return np.array([row + [absent] * (most_intervals - len(row)) for row in rows])
 
     uncertainty = np.stack([e.uncertainty for e in evaluations])
     arrays = {
@@ -125,10 +126,6 @@ def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]]
         "far_limit": over_intervals("far_limit", ""),
     }
     return arrays, part_names
-
-
-def _padded(rows: tuple[Interval, ...], attribute: str, absent: Any, length: int) -> list[Any]:
-    return [getattr(row, attribute) for row in rows] + [absent] * (length - len(rows))
 
 
 def depth_as_declared(definition: StudyDefinition) -> xr.Dataset:

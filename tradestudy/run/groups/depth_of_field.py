@@ -1,4 +1,4 @@
-"""/depth_of_field: what every camera keeps sharp by every criterion, and how finely it resolves."""
+"""/depth_of_field and /criteria: what every camera keeps sharp, how finely it resolves, and what is not a curve."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
+from tradestudy.analysis.trade_criteria import CRITERIA, Attribute, Relief, declared_others
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
 from tradestudy.effects.base import OFF
@@ -16,10 +17,11 @@ from tradestudy.effects.selection import Selection
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
+from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
 
 # Resolution within the scene has its extreme at an end or where blur takes over from the sample; 401 points find it.
 _SCENE_POINTS: Final = 401
+_MISSING: Final = Attribute(text="not said", basis="")
 
 
 def acting_criteria(asked: DepthOfFieldPart, wavelength: float, selection: Selection) -> dict[str, BlurCriterion]:
@@ -38,15 +40,21 @@ def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, s
     case, wavelength = definition.case, definition.case.wavelength
     cameras = case.all_cameras
     sharp = acting_criteria(asked, wavelength, selection)
-    ranges = [[camera.focus.sharp_range(criterion) for criterion in sharp.values()] for camera in cameras.values()]
+    ranges = [[one.focus.sharp_range(criterion) for criterion in sharp.values()] for one in cameras.values()]
     values = {
         "blur_px": [criterion.blur_px for criterion in sharp.values()],
         "diffraction": [criterion.measure for criterion in sharp.values()],
         **_slices(ranges),
         **_stretches(ranges),
-        **_of_scene(cameras, list(sharp.values()), ranges, asked.scene),
+        "extent": [[found.extent for found in row] for row in ranges],
+        "scene_share": [[found.share_of(*asked.scene) for found in row] for row in ranges],
+        "reason": [[found.reason for found in row] for row in ranges],
+        "images": [
+            [one.focus.images(criterion, *asked.scene) for criterion in sharp.values()] for one in cameras.values()
+        ],
         **_resolutions(cameras, case.distance, wavelength, asked.scene),
-        **_coverage(cameras, case.distance),
+        "microlenses_seeing": [camera.microlenses_seeing(case.distance) for camera in cameras.values()],
+        "total_covering_plane": [camera.total_covering_plane for camera in cameras.values()],
     }
     attributes: dict[str, Any] = {"scene_near": asked.scene[0], "scene_far": asked.scene[1]}
     if asked.equal_resolution is not None:
@@ -94,20 +102,6 @@ def _stretches(ranges: list[list[SharpRange]]) -> Mapping[str, Any]:
     }
 
 
-def _of_scene(
-    cameras: Mapping[str, Camera],
-    criteria: list[BlurCriterion],
-    ranges: list[list[SharpRange]],
-    scene: tuple[float, float],
-) -> Mapping[str, Any]:
-    return {
-        "extent": [[found.extent for found in row] for row in ranges],
-        "scene_share": [[found.share_of(*scene) for found in row] for row in ranges],
-        "reason": [[found.reason for found in row] for row in ranges],
-        "images": [[camera.focus.images(criterion, *scene) for criterion in criteria] for camera in cameras.values()],
-    }
-
-
 def _resolutions(
     cameras: Mapping[str, Camera], distance: FloatArray, wavelength: float, scene: tuple[float, float]
 ) -> Mapping[str, Any]:
@@ -124,8 +118,52 @@ def _resolutions(
     }
 
 
-def _coverage(cameras: Mapping[str, Camera], distance: FloatArray) -> Mapping[str, Any]:
-    return {
-        "microlenses_seeing": [camera.microlenses_seeing(distance) for camera in cameras.values()],
-        "total_covering_plane": [camera.total_covering_plane for camera in cameras.values()],
-    }
+def criteria_group(
+    definition: StudyDefinition, asked: CriteriaPart, focus: DepthOfFieldPart, selection: Selection
+) -> xr.Dataset:
+    """/criteria over (camera, criterion), each value with what it rests on; what is sharp as the selection has it."""
+    parts, cameras = definition.file.cameras, definition.case.all_cameras
+    relief = Relief(
+        near=focus.scene[0],
+        far=focus.scene[1],
+        sharp=next(iter(acting_criteria(focus, definition.case.wavelength, selection).values())),
+        step_height=asked.step_height,
+        surface_tilt=asked.surface_tilt,
+    )
+    others = list(dict.fromkeys(name for part in parts.values() for name in part.attributes.others))
+    rows = [
+        [criterion.of(camera, parts[name], relief) for criterion in CRITERIA]
+        + [declared_others(parts[name].attributes).get(other, _MISSING) for other in others]
+        for name, camera in cameras.items()
+    ]
+    paths = [*(criterion.path for criterion in CRITERIA), *(f"attributes.others.{other}" for other in others)]
+    basis = [
+        [attribute.basis or _basis(definition, name, path) for attribute, path in zip(row, paths, strict=True)]
+        for name, row in zip(cameras, rows, strict=True)
+    ]
+    return dataset(
+        "criteria",
+        {
+            "value": [[attribute.text for attribute in row] for row in rows],
+            "number": [[attribute.number for attribute in row] for row in rows],
+            "basis": basis,
+            "number_units": [*(criterion.units for criterion in CRITERIA), *[""] * len(others)],
+            "says": [*(criterion.says for criterion in CRITERIA), *["as declared"] * len(others)],
+        },
+        {"camera": list(cameras), "criterion": [*(criterion.name for criterion in CRITERIA), *others]},
+        attributes={
+            "scene_near": relief.near,
+            "scene_far": relief.far,
+            "step_height": relief.step_height,
+            "surface_tilt": relief.surface_tilt,
+        },
+    )
+
+
+def _basis(definition: StudyDefinition, camera: str, path: str) -> str:
+    """What a declared value rests on; plainly "declared" where the study does not say."""
+    place = ("cameras", camera, *path.split("."))
+    annotation = definition.document.annotations.get(place)
+    if annotation is not None and annotation.basis is not None:
+        return annotation.basis
+    return "declared" if definition.document.entry(place) is not None else ""

@@ -1,20 +1,26 @@
-"""/disparity_causes: why derived disparity errors are what they are, at the declared distances."""
+"""/disparity_causes: why derived disparity errors are what they are; and the pictures that they need, ahead of time."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 import xarray as xr
 
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.kirchhoff import kirchhoff_correction
+from tradestudy.imaging.optical_transfer import kirchhoff_points
 from tradestudy.imaging.passed_texture import picture_electrons
 from tradestudy.imaging.picture import CHANGES, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.results.depth import distances_without_decision
 from tradestudy.study.definition import StudyDefinition
+
+STEP: Final = "pictures"
 
 
 def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
@@ -34,10 +40,11 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
     seen = [_electrons(camera, law, distance) for camera, law in derived.values()]
     electrons = np.stack([n for n, _ in seen])
     brightest = _brightest(electrons, np.stack([share for _, share in seen]))
-    found = []
-    for k, (camera, law) in enumerate(derived.values()):
-        ratio = _light_lacked(electrons, k, brightest)
-        found.append(error_causes(camera.picture_geometry(distance), law.settings, law.models, ratio))
+    lacked = [_light_lacked(electrons, k, brightest) for k in range(len(names))]
+    found = [
+        error_causes(camera.picture_geometry(distance), law.settings, law.models, ratio)
+        for (camera, law), ratio in zip(derived.values(), lacked, strict=True)
+    ]
     return dataset(
         "disparity_causes",
         {
@@ -76,3 +83,21 @@ def _light_lacked(electrons: FloatArray, camera: int, brightest: list[int]) -> F
             for place, k in enumerate(brightest)
         ]
     )
+
+
+def compute_kirchhoff_pictures(definition: StudyDefinition, progress: Progress) -> None:
+    """Compute what Kirchhoff adds to Fresnel for every camera over the study's distances, telling how far it is.
+
+    It is kept where transfers look for it. Nothing is done, or told, where no camera's models need it.
+    """
+    points = dict.fromkeys(
+        point
+        for camera in definition.case.cameras.values()
+        if isinstance(law := camera.disparity_error_px, PictureDisparityError)
+        for point in kirchhoff_points(camera.picture_geometry(definition.case.distance), law.settings, law.models)
+    )
+    for number, point in enumerate(points):
+        progress(STEP, number / len(points))
+        kirchhoff_correction(*point)
+    if points:
+        progress(STEP, 1.0)

@@ -67,12 +67,8 @@ def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Secon
             "varied_units": [_UNITS[name] for name in varied],
             "standing": [[standing_values(part, element)[name] for name in varied] for element in elements],
             **values,
-            "chosen": _chosen(selection),
+            "chosen": [float(selection.name_of("main_lens_diffraction") == method) for method in METHODS],
         },
         {"element": list(part.elements), "propagator": list(METHODS), "varied": list(varied)},
         attributes={"window": part.window, "rms_radius": part.rms_radius, "pixel_pitch": part.pixel_pitch},
     )
-
-
-def _chosen(selection: Selection) -> list[float]:
-    return [float(selection.name_of("main_lens_diffraction") == method) for method in METHODS]

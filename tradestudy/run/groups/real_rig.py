@@ -24,20 +24,20 @@ def _rows(rig: RealRig) -> Iterator[tuple[str, str]]:
     fit = rig.fit
     yield "views and corners", f"{len(fit.corners.views)} views, {fit.corners.corner_count} corners"
     for side, camera in (("left", fit.left), ("right", fit.right)):
-        yield f"residual of the {side} camera alone", _px(camera.corner_rms_px)
+        yield f"residual of the {side} camera alone", pretty(camera.corner_rms_px, PIXELS)
         for k, name in enumerate(INTRINSIC_NAMES):
             deviation = float(np.sqrt(camera.covariance[k, k]))
             unit = " px" if name.endswith("_px") else ""
             words = name.removesuffix("_px").replace("_", " ")
             yield f"{side} {words}", f"{_digits(float(camera.intrinsics[k]), deviation)}{unit}"
-    yield "residual of the pair with one relative pose", _px(fit.pair.corner_rms_px)
+    yield "residual of the pair with one relative pose", pretty(fit.pair.corner_rms_px, PIXELS)
     yield "correlation of the view means, left with right", f"{fit.means.correlation:.4f}"
     yield "left–right motion of the board that explains it", pretty(fit.explained.motion_scale, LENGTH)
     yield (
         "residual left by it, left and right",
-        (f"{_px(fit.explained.left_rms_px)}, {_px(fit.explained.right_rms_px)}"),
+        f"{pretty(fit.explained.left_rms_px, PIXELS)}, {pretty(fit.explained.right_rms_px, PIXELS)}",
     )
-    yield "noise of one corner coordinate", _px(fit.explained.noise_px)
+    yield "noise of one corner coordinate", pretty(fit.explained.noise_px, PIXELS)
     yield "gain in log likelihood by it", significant(fit.explained.log_likelihood_gain)
     shared, covariance = fit.explained.shared, fit.explained.covariance
     baseline = float(np.linalg.norm(shared[15:18]))
@@ -63,10 +63,6 @@ def _depth_deviation(shared: FloatArray, covariance: FloatArray) -> float:
     above, below = (depth_of_draws(shared, shared + sign * steps, place)[:, 0] for sign in (1.0, -1.0))
     gradient = (above - below) / (2.0 * np.diag(steps))
     return float(np.sqrt(gradient @ covariance @ gradient))
-
-
-def _px(value: float) -> str:
-    return pretty(value, PIXELS)
 
 
 def _digits(value: float, deviation: float) -> str:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 import xarray as xr
 
-from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.contradictions import Contradiction
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.results import dataset
@@ -28,7 +27,11 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
             "title": [part.title for part in parts.values()],
             "kind": [part.kind for part in parts.values()],
             "family": [camera.family for camera in cameras.values()],
-            "method": [_method(camera) for camera in cameras.values()],
+            # How a camera finds depth, for the report; empty for one that measures none.
+            "method": [
+                json.dumps(asdict(camera.method), ensure_ascii=False) if isinstance(camera, DepthCamera) else ""
+                for camera in cameras.values()
+            ],
             "note": [part.note or "" for part in parts.values()],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
@@ -38,22 +41,6 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
     )
 
 
-def _method(camera: Camera) -> str:
-    """How a camera finds depth, for the report; empty for one that measures none."""
-    return json.dumps(asdict(camera.method), ensure_ascii=False) if isinstance(camera, DepthCamera) else ""
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Assumption:
-    """A row of the register; `tail` is the path below its cameras."""
-
-    tail: tuple[str | int, ...]
-    cameras: tuple[str, ...]
-    value: str
-    basis: str | None
-    note: str
-
-
 def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
     """/assumptions: every value with its basis, once for all cameras that inherit it from one place.
 
@@ -61,31 +48,23 @@ def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
     """
     document = definition.under_tolerance
     rows = [*_set_for_this_run(document), *_declared(document)]
-    return dataset(
-        "assumptions",
-        {
-            "value": [row.value for row in rows],
-            "basis": [row.basis for row in rows],
-            "note": [row.note for row in rows],
-            "cameras": [", ".join(row.cameras) for row in rows],
-        },
-        {"path": [".".join(str(key) for key in row.tail) for row in rows]},
-    )
+    values = {name: [row[name] for row in rows] for name in ("value", "basis", "note", "cameras")}
+    return dataset("assumptions", values, {"path": [row["path"] for row in rows]})
 
 
-def _set_for_this_run(document: Document) -> Iterator[_Assumption]:
+def _set_for_this_run(document: Document) -> Iterator[dict[str, str | None]]:
     for override in document.overrides:
         camera, tail = _camera_and_tail(override.path)
-        yield _Assumption(
-            tail=tail,
-            cameras=(camera,) if camera else (),
-            value=override.text or "none",
-            basis=SET_FOR_THIS_RUN,
-            note=f"in place of {override.before}" if override.before else "the study declares none",
-        )
+        yield {
+            "path": ".".join(map(str, tail)),
+            "cameras": camera,
+            "value": override.text or "none",
+            "basis": SET_FOR_THIS_RUN,
+            "note": f"in place of {override.before}" if override.before else "the study declares none",
+        }
 
 
-def _declared(document: Document) -> Iterator[_Assumption]:
+def _declared(document: Document) -> Iterator[dict[str, str | None]]:
     given = {override.path for override in document.overrides}
     written: dict[tuple[Place, tuple[str | int, ...]], list[tuple[str | int, ...]]] = {}
     for path in document.annotations:
@@ -93,13 +72,13 @@ def _declared(document: Document) -> Iterator[_Assumption]:
             written.setdefault((document.locate(path), _camera_and_tail(path)[1]), []).append(path)
     for (_, tail), paths in written.items():
         annotation = document.annotations[paths[0]]
-        yield _Assumption(
-            tail=tail,
-            cameras=tuple(camera for path in paths if (camera := _camera_and_tail(path)[0])),
-            value=document.text_of(paths[0]),
-            basis=annotation.basis,
-            note=annotation.note,
-        )
+        yield {
+            "path": ".".join(map(str, tail)),
+            "cameras": ", ".join(filter(None, (_camera_and_tail(path)[0] for path in paths))),
+            "value": document.text_of(paths[0]),
+            "basis": annotation.basis,
+            "note": annotation.note,
+        }
 
 
 def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int, ...]]:

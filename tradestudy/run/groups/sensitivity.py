@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -41,21 +42,19 @@ def sensitivity_group(cameras: list[UncertainCamera], part: CalibrationStudyPart
     refused = np.full(shape, "", dtype=object)
     for i, camera_found in enumerate(found):
         for j, one in enumerate(camera_found):
-            _lay(by_source["source_uncertainty"][i, j], sources, one.groups.names, one.groups.half_width)
-            errors = np.stack([bar.half_width_error for bar in one.groups.bars])
-            _lay(by_source["source_uncertainty_error"][i, j], sources, one.groups.names, errors)
-            if one.parameters is not None:
-                widths = one.parameters.half_width
-                _lay(by_parameter["parameter_uncertainty"][i, j], parameters, one.parameters.names, widths)
-                errors = np.stack([bar.half_width_error for bar in one.parameters.bars])
-                _lay(by_parameter["parameter_uncertainty_error"][i, j], parameters, one.parameters.names, errors)
-            if one.indices is None:
-                refused[i, j] = one.no_indices
-                continue
-            refused[i, j] = one.indices.refused
-            for name in ("first", "first_error", "total", "total_error"):
-                variable = f"{name.removesuffix('_error')}_index{'_error' if name.endswith('_error') else ''}"
-                _lay(by_source[variable][i, j], sources, one.indices.names, getattr(one.indices, name))
+            for kind, into, columns, alone in (
+                ("source", by_source, sources, one.groups),
+                ("parameter", by_parameter, parameters, one.parameters),
+            ):
+                if alone is not None:
+                    errors = np.stack([bar.half_width_error for bar in alone.bars])
+                    _lay(into[f"{kind}_uncertainty"][i, j], columns, alone.names, alone.half_width)
+                    _lay(into[f"{kind}_uncertainty_error"][i, j], columns, alone.names, errors)
+            refused[i, j] = one.no_indices if one.indices is None else one.indices.refused
+            if one.indices is not None:
+                for name, suffix in itertools.product(("first", "total"), ("", "_error")):
+                    share = getattr(one.indices, name + suffix)
+                    _lay(by_source[f"{name}_index{suffix}"][i, j], sources, one.indices.names, share)
     values: dict[str, Any] = {
         **by_source,
         "source_class": [[c[s].error_class.value if s in c else "" for s in sources] for c in groups],
