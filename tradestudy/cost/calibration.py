@@ -11,8 +11,7 @@ import numpy as np
 
 from tradestudy.analysis.propagation import sampling_of
 from tradestudy.calibration.declaration import CalibrationStudyPart
-from tradestudy.calibration.uncertain_camera import UncertainCamera
-from tradestudy.calibration.uncertain_cameras import UncertainCameras
+from tradestudy.calibration.uncertain_cameras import UncertainCamera, UncertainCameras
 from tradestudy.cost.depth import propagation_cost
 from tradestudy.cost.depth_case import DepthCase
 from tradestudy.cost.draws_saved import SOBOL

@@ -15,13 +15,11 @@ from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, tapered_d
 from tradestudy.optics.chain.scene import LightPath, WaveMethod
 from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum, unit_phasor
 from tradestudy.optics.propagation.fast_sum import fast_sum
-from tradestudy.optics.propagation.fresnel import FresnelKernel
 from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.kernels import FresnelKernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave, PointSource
 from tradestudy.optics.propagation.paths import Array, SphericalPath
-from tradestudy.optics.propagation.sampling import Limits, net_phase, outline
-from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.sampling import Limits, TargetGrid, TargetPoints, net_phase, outline
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 _SPLINE_ORDER: Literal[5] = 5

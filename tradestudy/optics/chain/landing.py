@@ -19,9 +19,8 @@ from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave, direct_field
-from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light
+from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light, refuse_focus_on_array
 from tradestudy.optics.chain.pixels import refuse_pixel_centres
-from tradestudy.optics.chain.ray_wave import refuse_focus_on_array
 from tradestudy.optics.chain.regions import (
     IntArray,
     Region,

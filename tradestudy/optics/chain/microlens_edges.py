@@ -16,21 +16,18 @@ import numpy as np
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import PupilWave, looser_for_edges
-from tradestudy.optics.chain.microlens_nodes import CellNodes
+from tradestudy.optics.chain.arriving_light import RayReach, RayWave, blur_radius
+from tradestudy.optics.chain.microlens_nodes import CellNodes, lit_share
 from tradestudy.optics.chain.pixels import MARGIN
-from tradestudy.optics.chain.ray_wave import RayWave
-from tradestudy.optics.chain.rays import RayReach, blur_radius
 from tradestudy.optics.chain.regions import Disc, IntArray
 from tradestudy.optics.chain.scene import LightPath, Microlenses
-from tradestudy.optics.chain.shadow_nodes import lit_share
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES, unchecked_hybrid_field
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, SphericalPath
 from tradestudy.optics.propagation.rays import one_ray_per_target
-from tradestudy.optics.propagation.sampling import Limits
-from tradestudy.optics.propagation.targets import TargetGrid
+from tradestudy.optics.propagation.sampling import Limits, TargetGrid
 
 
 class _EvenWave(LensWave):

@@ -18,29 +18,25 @@ import numpy as np
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave
-from tradestudy.optics.chain.arriving_light import point_wave
+from tradestudy.optics.chain.arriving_light import RayReach, RayWave, point_wave, ray_reach
 from tradestudy.optics.chain.detector_patch import (
     POINTS_AT_ONCE,
     SINGLE_PRECISION_FROM,
     detector_patch,
     disc_ends,
+    field_on_detector,
     lit_radius,
     outermost,
 )
 from tradestudy.optics.chain.detector_transfer import Response, patch_fields, response
-from tradestudy.optics.chain.far_light import far_light
 from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
-from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
+from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_share, padded
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, shadowed
-from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
-from tradestudy.optics.chain.ray_wave import RayWave
-from tradestudy.optics.chain.rays import RayReach, ray_reach
+from tradestudy.optics.chain.pixels import MARGIN, far_light, light_on_pixels
 from tradestudy.optics.chain.regions import IntArray
 from tradestudy.optics.chain.scene import Legs, LightPath
-from tradestudy.optics.chain.shadow_nodes import lit_share, padded
 from tradestudy.optics.chain.source_tables import Place, SourceTables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
-from tradestudy.optics.chain.whole_detector import field_on_detector
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.quadrature import QuadratureNodes
 
