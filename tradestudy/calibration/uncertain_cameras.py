@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -22,7 +21,6 @@ from tradestudy.calibration.posteriors import (
     TargetToInfer,
     infer,
 )
-from tradestudy.calibration.renamed import Renamed
 from tradestudy.calibration.sources import SEPARATOR, declared_groups, group_of_file, replaced, session_groups
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.environment import Environment
@@ -33,13 +31,8 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import Model, Outcome
 from tradestudy.uncertainty.sources import Group, Sources
 
-
-class Reading(Protocol):
-    """Inverse depths that a camera reads at true distances [m], at a place in the field, under given errors."""
-
-    def __call__(self, distance: FloatArray, field: float, errors: Errors) -> InverseDepthReading:
-        """Read."""
-        ...
+Reading = Callable[[FloatArray, float, Errors], InverseDepthReading]
+"""Inverse depths that a camera reads at true distances [m], at a place in the field, under given errors."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +83,7 @@ class UncertainCamera:
 def sources_of(*cameras: UncertainCamera) -> Sources:
     """The errors of several cameras together; what they share stands once."""
     shared = {group.name: group for camera in cameras for group in camera.surroundings}
-    own = tuple(Renamed(group=group, prefix=camera.name + SEPARATOR) for camera in cameras for group in camera.groups)
+    own = tuple(group.under(camera.name + SEPARATOR) for camera in cameras for group in camera.groups)
     return Sources(groups=(*own, *shared.values()))
 
 

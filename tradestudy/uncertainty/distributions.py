@@ -102,7 +102,20 @@ class Normal:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Uniform:
+class _Limited:
+    """A distribution that is symmetric between two limits."""
+
+    low: float
+    high: float
+
+    @property
+    def mean(self) -> float:
+        """Middle of the limits."""
+        return 0.5 * (self.low + self.high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform(_Limited):
     """Rectangular distribution on [low, high]: x_p = low + (high − low) p.
 
     Parameters
@@ -116,16 +129,8 @@ class Uniform:
         A limit is not finite or the limits are not in rising order.
     """
 
-    low: float
-    high: float
-
     def __post_init__(self) -> None:
         _require_ordered("a uniform distribution", self.low, self.high)
-
-    @property
-    def mean(self) -> float:
-        """Middle of the limits."""
-        return 0.5 * (self.low + self.high)
 
     @property
     def standard_deviation(self) -> float:
@@ -231,7 +236,7 @@ class StudentT:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arcsine:
+class Arcsine(_Limited):
     """Arcsine (U-shaped) distribution on [low, high]: a sinusoidal influence of unknown phase.
 
     Parameters
@@ -245,16 +250,8 @@ class Arcsine:
         A limit is not finite or the limits are not in rising order.
     """
 
-    low: float
-    high: float
-
     def __post_init__(self) -> None:
         _require_ordered("an arcsine distribution", self.low, self.high)
-
-    @property
-    def mean(self) -> float:
-        """Middle of the limits."""
-        return 0.5 * (self.low + self.high)
 
     @property
     def standard_deviation(self) -> float:
@@ -268,7 +265,7 @@ class Arcsine:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CurvilinearTrapezoid:
+class CurvilinearTrapezoid(_Limited):
     """Rectangle whose limits are known only to ± ``inexactness`` while its middle is fixed (JCGM 101, 6.4.3).
 
     Parameters
@@ -285,8 +282,6 @@ class CurvilinearTrapezoid:
         A value is not finite, the limits are not in rising order, or the inexactness exceeds the half-width.
     """
 
-    low: float
-    high: float
     inexactness: float
 
     def __post_init__(self) -> None:
@@ -300,11 +295,6 @@ class CurvilinearTrapezoid:
                 limit=f"0 to the half-width {half_width:g}",
                 remedy="widen the limits or state them more exactly",
             )
-
-    @property
-    def mean(self) -> float:
-        """Middle of the limits."""
-        return 0.5 * (self.low + self.high)
 
     @property
     def standard_deviation(self) -> float:

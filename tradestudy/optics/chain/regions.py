@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,23 +15,6 @@ from tradestudy.optics.quadrature import gauss_legendre
 
 IntArray = npt.NDArray[np.int_]
 _THINNEST = 1e-13  # of the largest segment: thinner ones hold nothing
-
-
-class Region(Protocol):
-    """A convex area."""
-
-    @property
-    def breaks(self) -> FloatArray:
-        """Where along x its outline begins, ends, or has a corner."""
-
-    def span(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest y over x; equal beside the area."""
-
-    def on_line(self, y: FloatArray) -> FloatArray:
-        """Where along x the outline meets horizontal lines."""
-
-    def meeting(self, disc: Disc) -> FloatArray:
-        """Where along x the outline meets that of a disc."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,6 +97,10 @@ class Cell:
         """Upper sides from corner to corner."""
         points = list(zip(self.corners, self.heights, strict=True))
         return list(pairwise(points))
+
+
+Region = Disc | Cell
+"""A convex area."""
 
 
 def aperture_region(lenses: Microlenses, x: float, y: float) -> Region:

@@ -9,9 +9,8 @@ import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import Kernel
 from tradestudy.optics.propagation.hybrid import hybrid_field
-from tradestudy.optics.propagation.kernels import FresnelKernel, KirchhoffKernel
+from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import OBLIQUITIES, CircularLens, LensWave, Obliquity, PointSource
 from tradestudy.optics.propagation.rays import find_rays, land, one_ray_per_target, ray_fields
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError, squared_magnitude

@@ -141,3 +141,7 @@ class FresnelKernel:
         del cosine  # one signature for all kernels
         shape = np.broadcast_shapes(np.shape(u), np.shape(v), np.shape(x), np.shape(y), np.shape(z))
         return np.broadcast_to(-1j / (self.wavelength * z), shape)
+
+
+Kernel = KirchhoffKernel | FresnelKernel
+"""What tells of the path and the amplitude between a node (u, v) of an aperture and a target."""

@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import Kernel
-from tradestudy.optics.propagation.paths import PathTerm
+from tradestudy.optics.propagation.kernels import Kernel
+from tradestudy.optics.propagation.paths import PathSum
 
 _BYTES_PER_NODE = 16 * 40  # complex terms of the largest low-rank factor, and the nodes themselves
 _BYTES_PER_TARGET = 16 * 40
@@ -186,7 +186,7 @@ class NodeCounts:
 
 
 def needed_nodes(
-    paths: PathTerm,
+    paths: PathSum,
     kernel: Kernel,
     *,
     radius: float,
@@ -227,7 +227,7 @@ def needed_nodes(
 
 
 def net_phase(
-    paths: PathTerm, kernel: Kernel, *, radius: float, x: FloatArray, y: FloatArray, z: FloatArray
+    paths: PathSum, kernel: Kernel, *, radius: float, x: FloatArray, y: FloatArray, z: FloatArray
 ) -> tuple[float, float]:
     """Half the range of the net phase over the squared radius, and its largest angular frequency on the rim [rad].
 
@@ -249,7 +249,7 @@ def net_phase(
 
 
 def edge_node_count(
-    paths: PathTerm,
+    paths: PathSum,
     kernel: Kernel,
     *,
     radius: float,

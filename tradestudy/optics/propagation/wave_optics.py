@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum
 from tradestudy.optics.propagation.fast_sum import fast_sum
-from tradestudy.optics.propagation.kernels import FresnelKernel
+from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.result import (
     ApertureField,
