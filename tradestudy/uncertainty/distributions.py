@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,21 +16,6 @@ from scipy.special import ndtr, ndtri, stdtrit
 from tradestudy.errors import OutOfRangeError
 
 FloatArray = NDArray[np.float64]
-
-
-class Distribution(Protocol):
-    """The distribution of one error, known by its quantile function."""
-
-    @property
-    def mean(self) -> float | None:
-        """Expectation, in the unit of the error; None where it does not exist."""
-
-    @property
-    def standard_deviation(self) -> float | None:
-        """Standard deviation, in the unit of the error; None where it does not exist."""
-
-    def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value that is not exceeded with this probability."""
 
 
 def at_scores(distribution: Distribution, scores: FloatArray) -> FloatArray:
@@ -378,3 +362,7 @@ class Empirical:
         n = self._sorted.size
         rank = np.ceil(np.asarray(probability, float) * n).astype(np.int64) - 1
         return np.asarray(self._sorted[np.clip(rank, 0, n - 1)])
+
+
+Distribution = Normal | Uniform | Triangular | StudentT | Arcsine | CurvilinearTrapezoid | Empirical
+"""The distribution of one error; mean and standard deviation are None where they do not exist."""

@@ -264,7 +264,16 @@ def detector_patch(
         # Without nodes, of which there may be too many to hold.
         if least > limit:
             break
-        whole = _whole(path, plan, cycles)
+        whole = DetectorPatch(
+            whole_detector=True,
+            half_side=_detector_side(path),
+            side=_detector_side(path) / plan.transfer.spacing,
+            cycles=cycles,
+            per_pixel=plan.per_pixel,
+            tilt=0.0,
+            transfer=plan.transfer,
+            nodes=cell_node_count(path.microlenses, cycles=cycles),
+        )
         single = accuracy.tolerance >= SINGLE_PRECISION_FROM
         needed = POINTS_AT_ONCE * plan.memory(whole.nodes * path.microlenses.count, single=single)
         work = whole.work(path, lit=lit)
@@ -285,35 +294,20 @@ def _plans(
         plan = plan_detector(
             path, reaches, wavelength=wavelength, paraxial=paraxial, accuracy=accuracy, everywhere=everywhere
         )
-        cycles = _cycles(path, reaches[-1], plan.target_reach, wavelength, accuracy)
+        cycles = resolved_cycles(
+            path,
+            reaches[-1],
+            wavelength=wavelength,
+            target_reach=plan.target_reach,
+            density=accuracy.microlens_nodes,
+        )
         least = plan.transfer.count**2 + _NODE * _FEWEST_NODES * cycles**2 * path.microlenses.count
         found.append((plan, cycles, least))
     return sorted(found, key=lambda one: one[2])
 
 
-def _whole(path: LightPath, plan: DetectorPlan, cycles: float) -> DetectorPatch:
-    """The whole detector at once."""
-    return DetectorPatch(
-        whole_detector=True,
-        half_side=_detector_side(path),
-        side=_detector_side(path) / plan.transfer.spacing,
-        cycles=cycles,
-        per_pixel=plan.per_pixel,
-        tilt=0.0,
-        transfer=plan.transfer,
-        nodes=cell_node_count(path.microlenses, cycles=cycles),
-    )
-
-
 def _detector_side(path: LightPath) -> float:
     return max(path.pixels.shape) * path.pixels.pitch
-
-
-def _cycles(path: LightPath, reach: RayReach, target_reach: float, wavelength: float, accuracy: ChainAccuracy) -> float:
-    """Cycles over a half aperture that the nodes of a microlens resolve."""
-    return resolved_cycles(
-        path, reach, wavelength=wavelength, target_reach=target_reach, density=accuracy.microlens_nodes
-    )
 
 
 def _patch(
@@ -339,7 +333,13 @@ def _patch(
         tilt=tilt,
         tolerance=accuracy.tolerance,
     )
-    cycles = _cycles(path, reaches[-1], math.sqrt(2.0) * half, wavelength, accuracy)  # to its corners
+    cycles = resolved_cycles(
+        path,
+        reaches[-1],
+        wavelength=wavelength,
+        target_reach=math.sqrt(2.0) * half,  # to its corners
+        density=accuracy.microlens_nodes,
+    )
     return DetectorPatch(
         whole_detector=False,
         half_side=half,

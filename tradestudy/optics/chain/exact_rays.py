@@ -311,9 +311,8 @@ def _typical_microlens(path: LightPath, source: PointSource | DiscSource) -> Lig
     seen = np.all(np.abs(middles - pixels.centre) <= half, axis=1)
     place = source.centre if isinstance(source, DiscSource) else source
     aside = np.linalg.norm(lenses.centres - path.chief_point(place), axis=1)
-    index = [int(np.argmin(np.where(seen, aside, aside + (np.ptp(aside) + lenses.pitch))))]
-    one = replace(lenses, centres=lenses.centres[index], focal_lengths=lenses.focal_lengths[index])
-    return replace(path, microlenses=one)
+    index = int(np.argmin(np.where(seen, aside, aside + (np.ptp(aside) + lenses.pitch))))
+    return replace(path, microlenses=lenses.only(index))
 
 
 def _lenses_traced(path: LightPath, source: PointSource | DiscSource) -> int:

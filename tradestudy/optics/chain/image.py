@@ -241,8 +241,7 @@ def _window(mine: BoolArray) -> tuple[slice, slice]:
 
 def microlens_alone(path: LightPath, index: int, owner: IntArray) -> LightPath:
     """One microlens and the pixels that it owns, of those that `nearest_microlens` gives it."""
-    lenses, grid, window = path.microlenses, path.pixels, _window(owner == index)
-    one = slice(index, index + 1)
+    grid, window = path.pixels, _window(owner == index)
     middle = [
         (edges[part.start] + edges[part.stop]) / 2
         for edges, part in zip((grid.edges_x, grid.edges_y), reversed(window), strict=True)
@@ -250,7 +249,7 @@ def microlens_alone(path: LightPath, index: int, owner: IntArray) -> LightPath:
     shape = (window[0].stop - window[0].start, window[1].stop - window[1].start)
     return replace(
         path,
-        microlenses=replace(lenses, centres=lenses.centres[one], focal_lengths=lenses.focal_lengths[one]),
+        microlenses=path.microlenses.only(index),
         pixels=PixelGrid(
             pitch=grid.pitch, shape=shape, centre=(float(middle[0]), float(middle[1])), integrated=grid.integrated
         ),

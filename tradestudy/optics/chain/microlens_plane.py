@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -117,8 +117,7 @@ def resolved_cycles(
 
 def shadowed(lenses: Microlenses, whole: CellNodes, lit: Disc, index: int, cycles: float) -> CellNodes:
     """Nodes of one microlens in a shadow: all, those of the lit part, or none."""
-    one = replace(lenses, centres=lenses.centres[[index]], focal_lengths=lenses.focal_lengths[[index]])
-    if lit_share(one, lit)[0] == 1.0:
+    if lit_share(lenses.only(index), lit)[0] == 1.0:
         return whole
     x, y = lenses.centres[index]
     return lit_nodes(lenses, Disc(x=lit.x - x, y=lit.y - y, radius=lit.radius), cycles=cycles)

@@ -172,8 +172,9 @@ def forward_tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
         x = u.plus(arriving, path.array_distance)
         total = np.zeros(path.pixels.shape)
         centres, reach = path.microlenses.centres, path.microlenses.cell_reach
-        middle, half = _box(x)
-        for index in np.flatnonzero(np.all(np.abs(centres - middle) <= half + reach, axis=1)):
+        low, high = (np.array([end(x.x), end(x.y)]) for end in (np.min, np.max))
+        near = np.abs(centres - (low + high) / 2.0) <= (high - low) / 2.0 + reach
+        for index in np.flatnonzero(np.all(near, axis=1)):
             total += through_microlens(path, int(index), x.beside(*centres[index]), arriving, power)
         return total
 
@@ -189,12 +190,6 @@ def reached_microlenses(path: LightPath, source: PointSource | DiscSource) -> in
     half = blur_radius(path, centre) + aside + path.microlenses.cell_reach
     chief = np.asarray(path.chief_point(centre))
     return int(np.sum(np.all(np.abs(path.microlenses.centres - chief) <= half, axis=1)))
-
-
-def _box(points: Plane) -> tuple[FloatArray, FloatArray]:
-    """Middle and half the sides of the rectangle about points."""
-    low, high = (np.array([end(points.x), end(points.y)]) for end in (np.min, np.max))
-    return (low + high) / 2.0, (high - low) / 2.0
 
 
 def array_tracer(path: LightPath, source: DiscSource) -> Tracer:

@@ -179,7 +179,7 @@ def wave_spot_image(
     spot = prepare_spot(path, source, nodes, wavelength, legs, accuracy)
     group = symmetries(path, source)
     images = _ring_images(spot, nodes, group, done)
-    rings = np.mean([moved_image_stack(images.pixels, one) for one in group], axis=0)
+    rings = np.mean([moved_image(images.pixels, one) for one in group], axis=0)
     pixels = np.tensordot(nodes.radial_weights, rings.mean(axis=1), axes=1)
     size = float(np.linalg.norm(pixels))
     lacking = averaging_errors(spot, nodes, group, rings, images.brightness)
@@ -205,12 +205,6 @@ def wave_spot_image(
         },
         handed_over=images.handed_over,
     )
-
-
-def moved_image_stack(rings: FloatArray, symmetry: tuple[int, int, bool]) -> FloatArray:
-    """`moved_image` on the last two axes."""
-    flat = rings.reshape(-1, *rings.shape[-2:])
-    return np.stack([moved_image(one, symmetry) for one in flat]).reshape(rings.shape)
 
 
 def source_density(accuracy: ChainAccuracy) -> float:

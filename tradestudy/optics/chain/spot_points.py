@@ -250,12 +250,10 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
         share = lit_share(lenses, wave.lit)
         whole = np.flatnonzero(share == 1.0)
         for index in np.flatnonzero(share == 0.5):
-            one = slice(index, index + 1)
-            alone = replace(lenses, centres=lenses.centres[one], focal_lengths=lenses.focal_lengths[one])
             cell = shadowed(lenses, plane.cell, wave.lit, int(index), spot.cycles)
             if cell.x.size == 0:  # the edge passes between a corner of the aperture and the circle about it
                 continue
-            cut = replace(plane, path=replace(spot.path, microlenses=alone), cell=cell)
+            cut = replace(plane, path=replace(spot.path, microlenses=lenses.only(int(index))), cell=cell)
             yield _Lit(
                 which=np.array([index]),
                 cell=cell,

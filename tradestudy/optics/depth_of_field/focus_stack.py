@@ -41,10 +41,11 @@ def union(slices: DepthOfField) -> IntervalUnion:
     Neighbours whose limits agree to 1e-9 of their distance touch: they leave no gap and no overlap.
     """
     near, far = (limit[~slices.empty.ravel()] for limit in (slices.near.ravel(), slices.far.ravel()))
+    covered = _stretches(near, far, depth=1)
     return IntervalUnion(
-        covered=_stretches(near, far, depth=1),
+        covered=covered,
         overlaps=_stretches(near, far, depth=2),
-        gaps=_between(_stretches(near, far, depth=1)),
+        gaps=np.stack((covered[:-1, 1], covered[1:, 0]), axis=-1).reshape(-1, 2),
     )
 
 
@@ -63,11 +64,6 @@ def _stretches(near: FloatArray, far: FloatArray, *, depth: int) -> FloatArray:
     enters = (count == depth) & (step[order] > 0)
     leaves = (count == depth - 1) & (step[order] < 0)
     return np.stack((places[order][enters], places[order][leaves]), axis=-1).reshape(-1, 2)
-
-
-def _between(covered: FloatArray) -> FloatArray:
-    """Give what lies between neighbouring stretches."""
-    return np.stack((covered[:-1, 1], covered[1:, 0]), axis=-1).reshape(-1, 2)
 
 
 @dataclass(frozen=True, kw_only=True)

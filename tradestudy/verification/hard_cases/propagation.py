@@ -62,11 +62,6 @@ def _propagate(
     return found, f"{found.status[0]}; {failures}"
 
 
-def _linear(response: Response, names: tuple[str, ...], means: FloatArray, covariance: FloatArray) -> float:
-    found = linear(_model(response), _joint(names, means, covariance), inverse_depth=False)
-    return float(found.standard_uncertainty[0])
-
-
 def _normal(name: str, deviation: float) -> Source:
     distribution = Normal(mean=0.0, standard_deviation=deviation)
     return Source(name=name, distribution=distribution, error_class=ErrorClass.MEASUREMENT)
@@ -147,7 +142,8 @@ def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[...,
             return np.asarray(sum(w * values[name] for w, name in zip(weights, names, strict=True)))
 
         if not monte_carlo:
-            return Stated(value=_linear(model, names, means, covariance), error=math.nan)
+            exact = linear(_model(model), _joint(names, means, covariance), inverse_depth=False)
+            return Stated(value=float(exact.standard_uncertainty[0]), error=math.nan)
         found = _propagate(model, names, means, covariance, inverse_depth=False)[0]
         error = _CONFIDENCE * float(found.half_width_error[0])
         return Stated(value=float(found.half_width[0]), error=error)
@@ -262,18 +258,10 @@ def _failing() -> tuple[OutcomeCase, ...]:
             warnings.simplefilter("ignore")  # "mean of empty slice" is what the usual way says
             return f"mean {np.nanmean(np.full(100, np.nan))}"
 
-    def all_failing() -> str:
-        return _propagate(
-            lambda values: np.full_like(values["x"], np.nan), ("x",), np.zeros(1), np.ones((1, 1)), inverse_depth=False
-        )[1]
-
     def naive_one_draw() -> str:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # "degrees of freedom <= 0"
             return f"standard deviation {np.std([1.0], ddof=1)}"
-
-    def one_draw() -> str:
-        return _answer(lambda: str(Empirical(draws=np.array([1.0]))))
 
     def naive_sobol() -> str:
         from scipy.stats import norm, sobol_indices
@@ -298,14 +286,20 @@ def _failing() -> tuple[OutcomeCase, ...]:
             name="every draw fails",
             law="no quantile is invented, failures are counted by cause",
             naive=naive_mean,
-            ours=all_failing,
+            ours=lambda: _propagate(
+                lambda values: np.full_like(values["x"], np.nan),
+                ("x",),
+                np.zeros(1),
+                np.ones((1, 1)),
+                inverse_depth=False,
+            )[1],
             expected=("unranked", "nonfinite 100 %"),
         ),
         OutcomeCase(
             name="one draw",
             law="one value is no distribution",
             naive=naive_one_draw,
-            ours=one_draw,
+            ours=lambda: _answer(lambda: str(Empirical(draws=np.array([1.0])))),
             expected=("empirical draws", "at least two"),
         ),
         OutcomeCase(
@@ -335,9 +329,6 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
         drawn[1] += 10.0
         return drawn
 
-    def naive_stuck() -> str:
-        return f"mean {float(np.mean(chains())):.3g}, from {chains().size} draws"
-
     def stuck() -> str:
         from tradestudy.calibration.posterior.sampling import diagnose
 
@@ -355,7 +346,7 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
         OutcomeCase(
             name="an ensemble of walkers in a mode of its own",
             law="the draws are not believed, and the ensemble is named",
-            naive=naive_stuck,
+            naive=lambda: f"mean {float(np.mean(chains())):.3g}, from {chains().size} draws",
             ours=stuck,
             expected=("not converged", "ensembles disagree", "(1,)"),
         ),
