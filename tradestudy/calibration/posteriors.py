@@ -17,9 +17,9 @@ from tradestudy.calibration.posterior.laplace import LaplaceCheck
 from tradestudy.calibration.posterior.sampling import PosteriorSample
 from tradestudy.calibration.projection import rotation_matrix
 from tradestudy.calibration.sources import group_of_draws
-from tradestudy.calibration.target.priors import Priors
 from tradestudy.calibration.target.synthetic_target import (
     CameraModel,
+    Priors,
     SyntheticTarget,
     flat_grid,
     observe_target,

@@ -15,8 +15,7 @@ from tradestudy.calibration.posterior.laplace import (
 )
 from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
 from tradestudy.calibration.projection import move, move_jacobian
-from tradestudy.calibration.target.priors import Priors
-from tradestudy.calibration.target.synthetic_target import CameraModel, SyntheticTarget
+from tradestudy.calibration.target.synthetic_target import CameraModel, Priors, SyntheticTarget
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 

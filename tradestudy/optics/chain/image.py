@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave
 from tradestudy.optics.chain.arriving_light import point_wave
@@ -22,7 +22,6 @@ from tradestudy.optics.chain.landing import landing_point_image
 from tradestudy.optics.chain.landing_spot import landing_spot_image
 from tradestudy.optics.chain.microlens_edges import refuse_square_edges
 from tradestudy.optics.chain.point_image import wave_point_image
-from tradestudy.optics.chain.regions import IntArray
 from tradestudy.optics.chain.scene import EXACT_RAYS, GEOMETRIC, Legs, LightPath, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource
 from tradestudy.optics.chain.spot_image import wave_spot_image
@@ -223,7 +222,7 @@ def separate_image(
     )
 
 
-def nearest_microlens(path: LightPath) -> IntArray:
+def nearest_microlens(path: LightPath) -> IndexArray:
     """Index of the microlens before each pixel, shape (rows, columns): centres lie 1 + b_L/z times farther out."""
     edges = path.pixels.edges_x, path.pixels.edges_y
     x, y = ((edge[1:] + edge[:-1]) / 2 for edge in edges)
@@ -239,7 +238,7 @@ def _window(mine: BoolArray) -> tuple[slice, slice]:
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
-def microlens_alone(path: LightPath, index: int, owner: IntArray) -> LightPath:
+def microlens_alone(path: LightPath, index: int, owner: IndexArray) -> LightPath:
     """One microlens and the pixels that it owns, of those that `nearest_microlens` gives it."""
     grid, window = path.pixels, _window(owner == index)
     middle = [

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import PupilWave, looser_for_edges
 from tradestudy.optics.chain.arriving_light import RayReach, RayWave, blur_radius
 from tradestudy.optics.chain.microlens_nodes import CellNodes, lit_share
 from tradestudy.optics.chain.pixels import MARGIN
-from tradestudy.optics.chain.regions import Disc, IntArray
+from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import LightPath, Microlenses
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES, unchecked_hybrid_field
@@ -54,7 +55,7 @@ class Spheres:
         ∫ |U|² over the nodes.
     """
 
-    which: IntArray
+    which: IndexArray
     strength: ComplexArray
     rest: ComplexArray
     power: float
@@ -78,7 +79,7 @@ def refuse_square_edges(lenses: Microlenses) -> None:
 
 
 def split_spheres(
-    path: LightPath, wave: PupilWave | RayWave, *, which: IntArray, cell: CellNodes, field: ComplexArray
+    path: LightPath, wave: PupilWave | RayWave, *, which: IndexArray, cell: CellNodes, field: ComplexArray
 ) -> Spheres:
     """Take out of the field what is the sphere of the source's image, by least squares over each microlens.
 

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-import numpy.typing as npt
 
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.scene import Microlenses
 from tradestudy.optics.quadrature import gauss_legendre
 
-IntArray = npt.NDArray[np.int_]
 _THINNEST = 1e-13  # of the largest segment: thinner ones hold nothing
 
 
@@ -134,10 +132,10 @@ class Segments:
 
     points: FloatArray
     weights: FloatArray
-    owner: IntArray
+    owner: IndexArray
 
 
-def on_segments(low: FloatArray, high: FloatArray, count: IntArray, *, bend: BoolArray | None = None) -> Segments:
+def on_segments(low: FloatArray, high: FloatArray, count: IndexArray, *, bend: BoolArray | None = None) -> Segments:
     """Place nodes between `low` and `high`; segments that end before they begin get none.
 
     Where `bend` is set they are spaced as a sine is, so that outlines that end upright, as √x, cost no accuracy.
@@ -158,7 +156,7 @@ def on_segments(low: FloatArray, high: FloatArray, count: IntArray, *, bend: Boo
     return Segments(points=np.concatenate(points), weights=np.concatenate(weights), owner=np.concatenate(owners))
 
 
-def resolving(length: FloatArray, frequency: float, *, tolerance: float = 1e-6, spare: int = 2) -> IntArray:
+def resolving(length: FloatArray, frequency: float, *, tolerance: float = 1e-6, spare: int = 2) -> IndexArray:
     """Nodes that integrate a plane wave of this frequency [1/m] over lengths, and `spare` more.
 
     Its degree is the phase z over half a length and the orders z^⅓ (3/2 ln 1/tolerance)^⅔/2^⅓ beyond it. Large

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave
 from tradestudy.optics.chain.arriving_light import RayReach, RayWave, point_wave, ray_reach
@@ -33,7 +33,6 @@ from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_
 from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_share, padded
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, shadowed
 from tradestudy.optics.chain.pixels import MARGIN, far_light, light_on_pixels
-from tradestudy.optics.chain.regions import IntArray
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.source_tables import Place, SourceTables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
@@ -237,7 +236,7 @@ def _kind(spot: Spot) -> type[np.complexfloating]:
 class _Lit:
     """Microlenses that share their nodes, the field that arrives there, and what the lenses do to it."""
 
-    which: IntArray
+    which: IndexArray
     cell: CellNodes
     field: ComplexArray
     transmission: ComplexArray
@@ -314,7 +313,7 @@ def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
     return spot.transmission
 
 
-def _patch_starts(spot: Spot, reach: RayReach, lit: IntArray) -> tuple[IntArray, FloatArray]:
+def _patch_starts(spot: Spot, reach: RayReach, lit: IndexArray) -> tuple[IndexArray, FloatArray]:
     """Canvas index (x, y) of each patch's first sample, and its position relative to its microlens."""
     origin = np.asarray(spot.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
     half = math.ceil(spot.half_patch / spot.spacing)
@@ -326,7 +325,7 @@ def _add_patches(
     spot: Spot,
     canvas: ComplexArray,
     patches: ComplexArray,
-    first: IntArray,
+    first: IndexArray,
     carrier: FloatArray,
     centres: FloatArray,
 ) -> None:

@@ -253,26 +253,14 @@ def _scales() -> tuple[OutcomeCase, ...]:
 def _failing() -> tuple[OutcomeCase, ...]:
     """Draws without a rank, one draw, an output that is not a number among those of Sobol indices."""
 
-    def naive_mean() -> str:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "mean of empty slice" is what the usual way says
-            return f"mean {np.nanmean(np.full(100, np.nan))}"
-
-    def naive_one_draw() -> str:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "degrees of freedom <= 0"
-            return f"standard deviation {np.std([1.0], ddof=1)}"
-
     def naive_sobol() -> str:
         from scipy.stats import norm, sobol_indices
 
         def model(x: FloatArray) -> FloatArray:
             return np.where(x[0] > 2.5, np.nan, x[0] + 2.0 * x[1])
 
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            normal: Any = norm()  # the stubs of scipy know too few distributions
-            found = sobol_indices(func=model, n=1024, dists=[normal, normal], rng=np.random.default_rng(0))
+        normal: Any = norm()  # the stubs of scipy know too few distributions
+        found = sobol_indices(func=model, n=1024, dists=[normal, normal], rng=np.random.default_rng(0))
         return f"first-order indices {np.array2string(found.first_order, precision=3)}"
 
     def our_sobol() -> str:
@@ -285,7 +273,7 @@ def _failing() -> tuple[OutcomeCase, ...]:
         OutcomeCase(
             name="every draw fails",
             law="no quantile is invented, failures are counted by cause",
-            naive=naive_mean,
+            naive=lambda: _quietly(lambda: f"mean {np.nanmean(np.full(100, np.nan))}"),
             ours=lambda: _propagate(
                 lambda values: np.full_like(values["x"], np.nan),
                 ("x",),
@@ -298,14 +286,14 @@ def _failing() -> tuple[OutcomeCase, ...]:
         OutcomeCase(
             name="one draw",
             law="one value is no distribution",
-            naive=naive_one_draw,
+            naive=lambda: _quietly(lambda: f"standard deviation {np.std([1.0], ddof=1)}"),
             ours=lambda: _answer(lambda: str(Empirical(draws=np.array([1.0])))),
             expected=("empirical draws", "at least two"),
         ),
         OutcomeCase(
             name="Sobol indices with an output that is not a number",
             law="indices are refused with the share that is not finite",
-            naive=naive_sobol,
+            naive=lambda: _quietly(naive_sobol),
             ours=our_sobol,
             expected=("nan", "not finite"),
         ),
@@ -351,6 +339,13 @@ def _degenerate() -> tuple[OutcomeCase, ...]:
             expected=("not converged", "ensembles disagree", "(1,)"),
         ),
     )
+
+
+def _quietly(ask: Callable[[], str]) -> str:
+    """What is answered without the warnings, of which the usual way is full."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return ask()
 
 
 def _answer(ask: Callable[[], str]) -> str:
