@@ -36,7 +36,7 @@ HEAVY = {
     "matplotlib": ("figures",),
     "typst": ("report",),
     "jinja2": ("report",),
-    "ruamel": ("study", "verification.hard_case_engines"),
+    "ruamel": ("study", "verification.hard_cases.study_files"),
     "pint": ("units",),
     "typer": ("cli",),
     "rich": ("cli",),

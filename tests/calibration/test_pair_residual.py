@@ -13,8 +13,7 @@ from tradestudy.calibration.corners.marginal_views import (
     exact_log_likelihood,
     gyration_radius,
 )
-from tradestudy.calibration.corners.real_rig import fit_rig
-from tradestudy.calibration.corners.stereo_rig import depth_of_draws
+from tradestudy.calibration.corners.real_rig import depth_of_draws, fit_rig
 from tradestudy.calibration.corners.view_blocks import motion_columns, pair_blocks
 from tradestudy.calibration.projection import move, project, rotation_matrix
 from tradestudy.calibration.target.synthetic_target import flat_grid, tilted_poses

@@ -9,7 +9,7 @@ from tradestudy.calibration.posterior.laplace import (
     compare_log_posteriors,
     covariance_from_information,
 )
-from tradestudy.calibration.target.priors import Priors
+from tradestudy.calibration.target.synthetic_target import Priors
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 
 NAMES = ("free", "cut", "flat")

@@ -9,7 +9,7 @@ from tradestudy.calibration.calibration_file import (
     CalibrationCovariance,
     CalibrationDraws,
 )
-from tradestudy.calibration.uncertain_camera import sources_of
+from tradestudy.calibration.uncertain_cameras import sources_of
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.execution import Steps
 from tradestudy.study.loading import load_definition

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from tests.calibration.trials import normal_priors
-from tradestudy.calibration.corners.stereo_rig import depth_of_draws, observe_pair
+from tradestudy.calibration.corners.real_rig import depth_of_draws, observe_pair
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.projection import move
-from tradestudy.calibration.target.priors import Priors
 from tradestudy.calibration.target.synthetic_target import (
+    Priors,
     SyntheticTarget,
     flat_grid,
     observe_target,

@@ -22,9 +22,9 @@ from tradestudy.verification.hard_cases.case import (
     Reference,
     allowed_error,
     judge,
+    references,
     relative_error,
 )
-from tradestudy.verification.hard_cases.references import references
 
 FAMILIES = all_families()
 # A bound beyond this could hardly fail; what is worse conditioned has to be posed otherwise.

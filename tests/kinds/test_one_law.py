@@ -13,7 +13,7 @@ import tradestudy
 from tests.cameras.builders import stereo
 from tradestudy.analysis.decision import solve
 from tradestudy.analysis.depth import evaluate_depth
-from tradestudy.calibration.corners.stereo_rig import depth_of_draws
+from tradestudy.calibration.corners.real_rig import depth_of_draws
 from tradestudy.optics import triangulation
 
 STUDIES = Path(__file__).parents[2] / "studies"

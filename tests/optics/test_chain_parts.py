@@ -12,12 +12,11 @@ from scipy.special import j1
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.optics.chain import ChainAccuracy, LightPath, Microlenses, PixelGrid, hexagonal_centres, square_centres
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, fast_phase, field_table
-from tradestudy.optics.chain.arriving_light import table_reader
+from tradestudy.optics.chain.arriving_light import ray_reach, table_reader
 from tradestudy.optics.chain.detector_transfer import choose_transfer, patch_fields, response
 from tradestudy.optics.chain.microlens_nodes import cell_node_count, cell_nodes
 from tradestudy.optics.chain.pixels import integrate_pixels
 from tradestudy.optics.chain.point_image import count_point, plan_point
-from tradestudy.optics.chain.rays import ray_reach
 from tradestudy.optics.propagation.lens import CircularLens, PointSource
 
 WAVELENGTH = 550e-9

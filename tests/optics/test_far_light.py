@@ -11,7 +11,7 @@ from scipy import integrate, special
 
 from tests.optics.small_chain import WAVELENGTH, camera, relative
 from tradestudy.optics.chain import KIRCHHOFF, ChainAccuracy, DiscSource, PixelGrid
-from tradestudy.optics.chain.far_light import far_light
+from tradestudy.optics.chain.pixels import far_light
 from tradestudy.optics.chain.point_image import compute_point
 from tradestudy.optics.chain.sources import source_nodes
 from tradestudy.optics.chain.spot_image import source_density

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, MutableMapping
+from collections.abc import MutableMapping
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -31,7 +32,9 @@ _POINT_TOLERANCE: Final = 1e-4
 def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -> dict[str, float]:
     """Stated errors (relative L2) by the name of the case; the seconds go to ``seconds`` under the same names."""
     errors: dict[str, float] = {}
-    for name, phase, x in _apertures():
+    places = (("on axis", 0.0), (f"{_OFF_AXIS * 1e3:g} mm off axis", _OFF_AXIS))
+    for phase, (where, x) in product(LENS_PHASES, places):
+        name = f"main lens alone, {_TARGETS}² targets, Kirchhoff, {phase}, {where}"
         found = [_aperture(part, phase, x) for _ in range(_REPEATS)]
         errors[name] = found[0][1]
         seconds[name] = min(took for took, _ in found)
@@ -46,12 +49,6 @@ def light_benchmarks(part: LightSpotPart, seconds: MutableMapping[str, float]) -
             rng=np.random.default_rng(part.seed),
         ).numerical_error
     return errors
-
-
-def _apertures() -> Iterator[tuple[str, LensPhase, float]]:
-    for phase in LENS_PHASES:
-        for where, x in (("on axis", 0.0), (f"{_OFF_AXIS * 1e3:g} mm off axis", _OFF_AXIS)):
-            yield f"main lens alone, {_TARGETS}² targets, Kirchhoff, {phase}, {where}", phase, x
 
 
 def _aperture(part: LightSpotPart, phase: LensPhase, x: float) -> tuple[float, float]:

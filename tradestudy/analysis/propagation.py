@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.calibration.uncertain_camera import UncertainCamera
+from tradestudy.calibration.uncertain_cameras import UncertainCamera
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import Model

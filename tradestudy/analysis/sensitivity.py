@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from tradestudy.analysis.propagation import sampling_of
 from tradestudy.calibration.sources import SEPARATOR
-from tradestudy.calibration.uncertain_camera import UncertainCamera
+from tradestudy.calibration.uncertain_cameras import UncertainCamera
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.sensitivity import SobolIndices, Tornado, parameter_tornado, sobol_indices, tornado

@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from tradestudy.analysis.propagation import WAYS
 from tradestudy.calibration.declaration import StabilityQuestionPart
 from tradestudy.calibration.sources import SEPARATOR
-from tradestudy.calibration.uncertain_camera import UncertainCamera, short_name, sources_of
+from tradestudy.calibration.uncertain_cameras import UncertainCamera, short_name, sources_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.decision import (

@@ -53,7 +53,7 @@ def wave_claim_words(claim: WaveClaim) -> str:
         case PsfErrorClaim():
             return f"{_measure(claim)} of Fresnel for the {claim.element} at f/{significant(claim.f_number)}"
         case FresnelFNumberClaim():
-            limit = f"{_share(claim.error)} (0: at every f-number compared)"
+            limit = f"{pretty(claim.error, FRACTION)} (0: at every f-number compared)"
             return f"f-number from which the {_measure(claim)} for the {claim.element} stays below {limit}"
         case CriterionFNumberClaim():
             bound = f" of {significant(claim.path_error)} waves" if claim.path_error is not None else ""
@@ -62,7 +62,7 @@ def wave_claim_words(claim: WaveClaim) -> str:
             return f"summed difference of the {claim.method} image from the {claim.reference} image"
         case LitPixelsClaim():
             images = f"{claim.method} image over {claim.reference} image"
-            return f"pixels above {_share(claim.above)} of the brightest, {images}"
+            return f"pixels above {pretty(claim.above, FRACTION)} of the brightest, {images}"
 
 
 def _there(part: PartT | None) -> PartT:
@@ -99,7 +99,3 @@ def _criterion(claim: CriterionFNumberClaim, asked: FresnelValidityPart) -> floa
 def _measure(claim: PsfErrorClaim | FresnelFNumberClaim) -> str:
     window = "" if claim.metric == "peak" else f" over {significant(claim.window)} Airy radii"
     return f"{_METRIC_WORDS[claim.metric]}{window} ({claim.lens_phase}, {pretty(claim.wavelength, LENGTH)})"
-
-
-def _share(value: float) -> str:
-    return pretty(value, FRACTION)

@@ -9,18 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import read_corners
-from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
+from tradestudy.calibration.corners.real_rig import RigFit, fit_rig, inverse_depth, observe_pair
 from tradestudy.calibration.corners.relative_pose_posterior import sample_relative_pose
-from tradestudy.calibration.corners.stereo_rig import inverse_depth, observe_pair
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.declaration import CornersPart, TargetPart
 from tradestudy.calibration.posterior.laplace import LaplaceCheck
 from tradestudy.calibration.posterior.sampling import PosteriorSample
 from tradestudy.calibration.projection import rotation_matrix
 from tradestudy.calibration.sources import group_of_draws
-from tradestudy.calibration.target.priors import Priors
 from tradestudy.calibration.target.synthetic_target import (
     CameraModel,
+    Priors,
     SyntheticTarget,
     flat_grid,
     observe_target,

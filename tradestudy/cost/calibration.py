@@ -16,8 +16,7 @@ from tradestudy.calibration.declaration import CalibrationStudyPart, TargetPart
 from tradestudy.calibration.posteriors import group_of_sample, target_problem
 from tradestudy.calibration.sources import declared_groups
 from tradestudy.calibration.target.target_inference import TargetProblem, fit_target, sample_target
-from tradestudy.calibration.uncertain_camera import UncertainCamera
-from tradestudy.calibration.uncertain_cameras import UncertainCameras
+from tradestudy.calibration.uncertain_cameras import UncertainCamera, UncertainCameras
 from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cost.depth import fixed_sampling, propagation_cost
 from tradestudy.cost.depth_reference import DepthCase

@@ -31,7 +31,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 
 if TYPE_CHECKING:  # the package of methods imports this one
     from tradestudy.optics.propagation.direct import ComplexArray
-    from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+    from tradestudy.optics.propagation.kernels import KirchhoffKernel
     from tradestudy.optics.propagation.lens import LensWave
     from tradestudy.optics.propagation.paths import Array
     from tradestudy.optics.propagation.rays import Rays

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field.limits import DepthOfField, as_floats, require
+from tradestudy.optics.depth_of_field.single_lens import DepthOfField, as_floats, require
 from tradestudy.optics.thin_lens import focus_shift, image_distance
 
 

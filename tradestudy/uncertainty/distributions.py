@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,21 +16,6 @@ from scipy.special import ndtr, ndtri, stdtrit
 from tradestudy.errors import OutOfRangeError
 
 FloatArray = NDArray[np.float64]
-
-
-class Distribution(Protocol):
-    """The distribution of one error, known by its quantile function."""
-
-    @property
-    def mean(self) -> float | None:
-        """Expectation, in the unit of the error; None where it does not exist."""
-
-    @property
-    def standard_deviation(self) -> float | None:
-        """Standard deviation, in the unit of the error; None where it does not exist."""
-
-    def quantile(self, probability: ArrayLike) -> FloatArray:
-        """Return the value that is not exceeded with this probability."""
 
 
 def at_scores(distribution: Distribution, scores: FloatArray) -> FloatArray:
@@ -102,7 +86,20 @@ class Normal:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Uniform:
+class _Limited:
+    """A distribution that is symmetric between two limits."""
+
+    low: float
+    high: float
+
+    @property
+    def mean(self) -> float:
+        """Middle of the limits."""
+        return 0.5 * (self.low + self.high)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Uniform(_Limited):
     """Rectangular distribution on [low, high]: x_p = low + (high − low) p.
 
     Parameters
@@ -116,16 +113,8 @@ class Uniform:
         A limit is not finite or the limits are not in rising order.
     """
 
-    low: float
-    high: float
-
     def __post_init__(self) -> None:
         _require_ordered("a uniform distribution", self.low, self.high)
-
-    @property
-    def mean(self) -> float:
-        """Middle of the limits."""
-        return 0.5 * (self.low + self.high)
 
     @property
     def standard_deviation(self) -> float:
@@ -231,7 +220,7 @@ class StudentT:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arcsine:
+class Arcsine(_Limited):
     """Arcsine (U-shaped) distribution on [low, high]: a sinusoidal influence of unknown phase.
 
     Parameters
@@ -245,16 +234,8 @@ class Arcsine:
         A limit is not finite or the limits are not in rising order.
     """
 
-    low: float
-    high: float
-
     def __post_init__(self) -> None:
         _require_ordered("an arcsine distribution", self.low, self.high)
-
-    @property
-    def mean(self) -> float:
-        """Middle of the limits."""
-        return 0.5 * (self.low + self.high)
 
     @property
     def standard_deviation(self) -> float:
@@ -268,7 +249,7 @@ class Arcsine:
 
 
 @dataclass(frozen=True, kw_only=True)
-class CurvilinearTrapezoid:
+class CurvilinearTrapezoid(_Limited):
     """Rectangle whose limits are known only to ± ``inexactness`` while its middle is fixed (JCGM 101, 6.4.3).
 
     Parameters
@@ -285,8 +266,6 @@ class CurvilinearTrapezoid:
         A value is not finite, the limits are not in rising order, or the inexactness exceeds the half-width.
     """
 
-    low: float
-    high: float
     inexactness: float
 
     def __post_init__(self) -> None:
@@ -300,11 +279,6 @@ class CurvilinearTrapezoid:
                 limit=f"0 to the half-width {half_width:g}",
                 remedy="widen the limits or state them more exactly",
             )
-
-    @property
-    def mean(self) -> float:
-        """Middle of the limits."""
-        return 0.5 * (self.low + self.high)
 
     @property
     def standard_deviation(self) -> float:
@@ -388,3 +362,7 @@ class Empirical:
         n = self._sorted.size
         rank = np.ceil(np.asarray(probability, float) * n).astype(np.int64) - 1
         return np.asarray(self._sorted[np.clip(rank, 0, n - 1)])
+
+
+Distribution = Normal | Uniform | Triangular | StudentT | Arcsine | CurvilinearTrapezoid | Empirical
+"""The distribution of one error; mean and standard deviation are None where they do not exist."""

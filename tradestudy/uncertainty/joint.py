@@ -9,7 +9,8 @@ weak direction can be the one that moves depth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from scipy.special import ndtr
@@ -106,7 +107,20 @@ def _require_names(names: tuple[str, ...], size: int) -> None:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class JointNormal:
+class _Joint:
+    """What parameters that are drawn together have in common: names, and how often they are drawn anew."""
+
+    name: str
+    parameters: tuple[str, ...]
+    error_class: ErrorClass
+
+    def under(self, prefix: str) -> Self:
+        """Return the same group with a prefix to its own name and to those of its parameters."""
+        return replace(self, name=prefix + self.name, parameters=tuple(prefix + name for name in self.parameters))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointNormal(_Joint):
     """Joint normal distribution with a full covariance, singular ones included.
 
     Parameters
@@ -129,11 +143,8 @@ class JointNormal:
         not positive definite beyond rounding (the rule is at the head of this module).
     """
 
-    name: str
-    parameters: tuple[str, ...]
     mean: FloatArray
     covariance: FloatArray
-    error_class: ErrorClass
     _factor: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -223,7 +234,7 @@ def _correlation_matrix(correlation: FloatArray, size: int) -> FloatArray:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GaussianCopula:
+class GaussianCopula(_Joint):
     """Any marginal distributions, tied by a Gaussian copula: x_i = Q_i(Φ(z_i)), z jointly normal.
 
     Parameters
@@ -246,11 +257,8 @@ class GaussianCopula:
         As for :class:`JointNormal`.
     """
 
-    name: str
-    parameters: tuple[str, ...]
     marginals: tuple[Distribution, ...]
     correlation: FloatArray
-    error_class: ErrorClass
     _factor: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -303,7 +311,7 @@ class GaussianCopula:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class JointDraws:
+class JointDraws(_Joint):
     """Equally weighted joint draws, as a posterior sampler returns them; a draw is one whole row.
 
     Rows are ordered along their first principal component, so that even a short quasi-random sequence covers
@@ -326,10 +334,7 @@ class JointDraws:
         Shapes do not match, fewer than two rows, or a value is not finite.
     """
 
-    name: str
-    parameters: tuple[str, ...]
     draws: FloatArray
-    error_class: ErrorClass
     _ordered: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from tradestudy.uncertainty.evaluation import CAUSES, Model, Replicate, alignmen
 from tradestudy.uncertainty.outputs import (
     Propagated,
     ReplicateStatistics,
+    RunningMean,
     RunningStatistics,
     replicate_statistics,
     summarise,
@@ -165,7 +166,8 @@ Look = tuple[ReplicateStatistics, NDArray[np.int64]]
 def _add(progress: _Progress, looks: Iterable[Look], sampling: Sampling) -> None:
     """Add replicates in their order and judge again."""
     for statistics, failures in looks:
-        progress.running.add(statistics)
+        for name, running in progress.running.items():
+            running.add(getattr(statistics, name))
         progress.failed = progress.failed + failures
     progress.status = _status(progress.running, progress.failed, progress.draws, sampling)
 
@@ -179,7 +181,12 @@ def _run(begin: Begin, sampling: Sampling, *, outputs: int, depth: bool) -> _Pro
 
     def blank(length: int) -> _Progress:
         none = np.zeros((len(CAUSES), outputs), np.int64)
-        return _Progress(running=RunningStatistics(), failed=none, status=np.empty(0, np.str_), length=length)
+        return _Progress(
+            running={field.name: RunningMean() for field in fields(ReplicateStatistics)},
+            failed=none,
+            status=np.empty(0, np.str_),
+            length=length,
+        )
 
     first = sampling.replicates
     longest = min(_longest(sampling, outputs), sampling.budget_draws // first)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -256,19 +257,8 @@ class RunningMean:
         return np.where(self._infinite > 0, mixed, error)
 
 
-class RunningStatistics:
-    """:class:`RunningMean` of every replicate statistic."""
-
-    def __init__(self) -> None:
-        self._means = {field.name: RunningMean() for field in fields(ReplicateStatistics)}
-
-    def add(self, statistics: ReplicateStatistics) -> None:
-        """Add one more replicate."""
-        for name, running in self._means.items():
-            running.add(getattr(statistics, name))
-
-    def __getitem__(self, name: str) -> RunningMean:
-        return self._means[name]
+RunningStatistics = Mapping[str, RunningMean]
+"""Mean of every statistic of replicates, by its name."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Protocol
 
@@ -69,6 +69,9 @@ class Group(Protocol):
 
     def marginal(self, index: int) -> Distribution:
         """Return the distribution of one parameter alone."""
+
+    def under(self, prefix: str) -> Group:
+        """Return the same group with a prefix to its own name and to those of its parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,6 +144,10 @@ class Source:
     def marginal(self, index: int) -> Distribution:
         """Return the distribution itself."""
         return (self.distribution,)[index]
+
+    def under(self, prefix: str) -> Source:
+        """Return the same source with a prefix to its name."""
+        return replace(self, name=prefix + self.name)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -83,8 +83,8 @@ class SumOfErrors:
         reach = np.sum(self.half_widths, axis=0) + _TAIL * self.normal
         x = np.clip(np.asarray(value, dtype=np.float64), -reach, reach)
         outside = [np.asarray(value) < -reach, np.asarray(value) > reach]
-        widest, others = _split(self.half_widths, self.normal.shape)
-        points, weights = _mixture(others)
+        widest = self.half_widths[0] if len(self.half_widths) else np.zeros(self.normal.shape)
+        points, weights = _mixture(self.half_widths[1:])
         inside = np.sum(weights * _normal_and_uniform(x - points, self.normal, widest), axis=0)
         return np.asarray(np.where(np.isnan(value), np.nan, np.select(outside, [0.0, 1.0], inside)))
 
@@ -106,12 +106,6 @@ class SumOfErrors:
             if np.all(high - low <= 4e-16 * reach):
                 break
         return np.asarray(0.5 * (low + high))
-
-
-def _split(half_widths: FloatArray, shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
-    if len(half_widths) == 0:
-        return np.zeros(shape), half_widths
-    return half_widths[0], half_widths[1:]
 
 
 def _mixture(half_widths: FloatArray) -> tuple[FloatArray, FloatArray]:

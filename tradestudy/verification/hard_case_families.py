@@ -1,15 +1,14 @@
-"""Every family of hard cases, with what lives above the catalogue handed in."""
+"""Every family of hard cases."""
 
 from __future__ import annotations
 
-from tradestudy.verification.hard_case_engines import check_file, load_plainly, propagation_engine
 from tradestudy.verification.hard_cases.case import Family
 from tradestudy.verification.hard_cases.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.verification.hard_cases.equation_27 import EQUATION_27
 from tradestudy.verification.hard_cases.fields import FIELDS
 from tradestudy.verification.hard_cases.phases import PHASES
-from tradestudy.verification.hard_cases.propagation import propagation_family
-from tradestudy.verification.hard_cases.study_files import study_file_family
+from tradestudy.verification.hard_cases.propagation import PROPAGATION
+from tradestudy.verification.hard_cases.study_files import STUDY_FILES
 from tradestudy.verification.hard_cases.thin_lens import THIN_LENS
 from tradestudy.verification.hard_cases.triangulation import TRIANGULATION
 
@@ -23,6 +22,6 @@ def all_families() -> tuple[Family, ...]:
         FIELDS,
         EQUATION_27,
         DEPTH_OF_FIELD,
-        propagation_family(propagation_engine()),
-        study_file_family(check_file, load_plainly),
+        PROPAGATION,
+        STUDY_FILES,
     )

@@ -130,7 +130,9 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     states = ViewStates(poses=fit.poses, motions=np.zeros_like(fit.poses))
     compressed = compress_views(shared, states, corners, lever)
     without = _restricted(compressed, fit.noise_px, 0.0)
-    noise, scale = fit.noise_px, _first_scale(compressed)
+    # From the motion scale that would explain the rows in which motion shows.
+    scale = float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))
+    noise = fit.noise_px
     for _ in range(_MOST_LINEARISATIONS):
         noise, scale = _best_scales(compressed, noise, scale)
         information, gradient = compressed.information(noise, scale)
@@ -202,8 +204,3 @@ def _best_scales(compressed: CompressedViews, noise_px: float, motion_scale: flo
     )
     noise, scale = np.exp(found.x)
     return float(noise), float(scale)
-
-
-def _first_scale(compressed: CompressedViews) -> float:
-    """Motion scale that would explain the rows in which motion shows."""
-    return float(np.sqrt(np.mean(compressed.motion_rows[..., -1] ** 2 / compressed.motion_gains)))

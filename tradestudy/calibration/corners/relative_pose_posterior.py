@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import StereoCorners
@@ -20,32 +18,11 @@ from tradestudy.calibration.posterior.laplace import (
     LaplaceFit,
     compare_log_posteriors,
 )
-from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, PosteriorSample, sample_posterior
+from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
 from tradestudy.optics.arrays import FloatArray
 
 POSTERIOR_NAMES = (*SHARED_NAMES, "log_noise_px", "log_motion_scale")
 _WALKERS = 2 * len(POSTERIOR_NAMES) + 2
-
-
-@dataclass(frozen=True, kw_only=True)
-class RelativePosePosterior:
-    """Joint draws of a pair's parameters, with both verdicts.
-
-    Parameters
-    ----------
-    sample : PosteriorSample
-        Draws in the order of ``POSTERIOR_NAMES``.
-    check : LaplaceCheck
-        Whether the marginalisation by Laplace holds.
-    """
-
-    sample: PosteriorSample
-    check: LaplaceCheck
-
-    @property
-    def converged(self) -> bool:
-        """Whether the chains converged and the marginalisation holds."""
-        return self.sample.diagnostics.converged and self.check.passed
 
 
 def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, largest_motion: float) -> FloatArray:
@@ -79,7 +56,7 @@ def sample_relative_pose(
     *,
     rng: np.random.Generator,
     maximum_steps: int = 20_000,
-) -> RelativePosePosterior:
+) -> CheckedPosterior:
     """Sample the pair's posterior with emcee and check its marginalisation at exact points.
 
     Parameters
@@ -95,7 +72,7 @@ def sample_relative_pose(
 
     Returns
     -------
-    RelativePosePosterior
+    CheckedPosterior
         Ask ``converged`` before using it.
     """
     compressed = compress_views(fit.shared, fit.states, corners, fit.lever)
@@ -109,7 +86,7 @@ def sample_relative_pose(
         proposal=laplace,
         maximum_steps=maximum_steps,
     )
-    return RelativePosePosterior(
+    return CheckedPosterior(
         sample=sample, check=check_marginalisation(sample.thinned(CHECKED_POINTS), compressed, fit, corners)
     )
 

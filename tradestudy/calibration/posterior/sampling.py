@@ -13,7 +13,7 @@ from tradestudy.calibration.posterior.chain_diagnostics import (
     rank_normalised_split_r_hat,
     tail_effective_size,
 )
-from tradestudy.calibration.posterior.laplace import LaplaceFit
+from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
@@ -123,6 +123,27 @@ class PosteriorSample:
                 remedy="sample longer, or ask for fewer",
             )
         return draws[(np.arange(count) * len(draws)) // count]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckedPosterior:
+    """Posterior draws of a calibration's parameters, board poses marginalised, with both verdicts.
+
+    Parameters
+    ----------
+    sample : PosteriorSample
+        Draws.
+    check : LaplaceCheck
+        Whether the marginalisation by Laplace holds.
+    """
+
+    sample: PosteriorSample
+    check: LaplaceCheck
+
+    @property
+    def converged(self) -> bool:
+        """Whether the chains converged and the marginalisation holds."""
+        return self.sample.diagnostics.converged and self.check.passed
 
 
 def sample_posterior(

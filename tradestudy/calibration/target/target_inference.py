@@ -9,15 +9,13 @@ import numpy as np
 
 from tradestudy.calibration.posterior.laplace import (
     CHECKED_POINTS,
-    LaplaceCheck,
     LaplaceFit,
     compare_log_posteriors,
     covariance_from_information,
 )
-from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, PosteriorSample, sample_posterior
+from tradestudy.calibration.posterior.sampling import MINIMUM_ENSEMBLES, CheckedPosterior, sample_posterior
 from tradestudy.calibration.projection import move, move_jacobian
-from tradestudy.calibration.target.priors import Priors
-from tradestudy.calibration.target.synthetic_target import CameraModel, SyntheticTarget
+from tradestudy.calibration.target.synthetic_target import CameraModel, Priors, SyntheticTarget
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
@@ -48,27 +46,6 @@ class TargetFit:
     poses: FloatArray
     evaluations: int
     seconds: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class TargetPosterior:
-    """Posterior draws of a camera's parameters, with both verdicts.
-
-    Parameters
-    ----------
-    sample : PosteriorSample
-        Draws.
-    check : LaplaceCheck
-        Whether the marginalisation of the poses by Laplace holds.
-    """
-
-    sample: PosteriorSample
-    check: LaplaceCheck
-
-    @property
-    def converged(self) -> bool:
-        """Whether the chains converged and the marginalisation holds."""
-        return self.sample.diagnostics.converged and self.check.passed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,7 +144,7 @@ def sample_target(
     *,
     rng: np.random.Generator,
     maximum_steps: int = 20_000,
-) -> TargetPosterior:
+) -> CheckedPosterior:
     """Sample the posterior with the camera model itself, poses marginalised by Laplace about the fit.
 
     Parameters
@@ -183,7 +160,7 @@ def sample_target(
 
     Returns
     -------
-    TargetPosterior
+    CheckedPosterior
         Ask ``converged`` before using it.
     """
     names = problem.priors.names
@@ -205,7 +182,7 @@ def sample_target(
     )
     draws = sample.thinned(CHECKED_POINTS)
     exact = np.array([exact_log_posterior(problem, fit.poses, draw) for draw in draws])
-    return TargetPosterior(sample=sample, check=compare_log_posteriors(exact, log_probability(draws)))
+    return CheckedPosterior(sample=sample, check=compare_log_posteriors(exact, log_probability(draws)))
 
 
 def exact_log_posterior(problem: TargetProblem, poses: FloatArray, parameters: FloatArray) -> float:

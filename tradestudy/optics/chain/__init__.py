@@ -1,7 +1,7 @@
 """Light through main lens and microlens array onto the pixels, by rays and by waves, with an error bar."""
 
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
-from tradestudy.optics.chain.image import chain_image, spectral_image
+from tradestudy.optics.chain.image import chain_image, separate_image, spectral_image
 from tradestudy.optics.chain.scene import (
     EXACT_RAYS,
     FRESNEL,
@@ -15,7 +15,6 @@ from tradestudy.optics.chain.scene import (
     hexagonal_centres,
     square_centres,
 )
-from tradestudy.optics.chain.separate_lenses import separate_image
 from tradestudy.optics.chain.sources import DiscSource
 
 __all__ = [

@@ -13,15 +13,13 @@ from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.microlens_nodes import plane_wave_degree, tapered_disc_nodes
 from tradestudy.optics.chain.scene import LightPath, WaveMethod
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum, unit_phasor
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum, unit_phasor
 from tradestudy.optics.propagation.fast_sum import fast_sum
-from tradestudy.optics.propagation.fresnel import FresnelKernel
 from tradestudy.optics.propagation.hybrid import unchecked_hybrid_field
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave, PointSource
 from tradestudy.optics.propagation.paths import Array, SphericalPath
-from tradestudy.optics.propagation.sampling import Limits, net_phase, outline
-from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints
+from tradestudy.optics.propagation.sampling import Limits, TargetGrid, TargetPoints, net_phase, outline
 from tradestudy.optics.quadrature import QuadratureNodes, disc_nodes
 
 _SPLINE_ORDER: Literal[5] = 5
@@ -144,7 +142,7 @@ class PupilWave:
         return tapered_disc_nodes(radius=radius, radial_phase=2 * density * half_range, angular_phase=density * turns)
 
 
-def leg_kernel(wavelength: float, paraxial: bool) -> FresnelKernel | KirchhoffKernel:
+def leg_kernel(wavelength: float, paraxial: bool) -> Kernel:
     """Propagation law of a leg."""
     if paraxial:
         return FresnelKernel(wavelength=wavelength)

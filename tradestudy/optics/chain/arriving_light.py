@@ -1,4 +1,4 @@
-"""The field of one source point on the array, ready to be read anywhere: from a table of waves, or as rays have it."""
+"""Light of one source point on its way to the array: its rays, and its field there by a table of waves or by rays."""
 
 from __future__ import annotations
 
@@ -8,16 +8,164 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave, fast_phase, field_table
-from tradestudy.optics.chain.ray_wave import RayWave
-from tradestudy.optics.chain.rays import blur_radius
+from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
+from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
 
+_LEAST_ZONES = 0.5
 ArrayField = Callable[[FloatArray, FloatArray], ComplexArray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayReach:
+    """Rays of one source point through the rim of every microlens, paraxial.
+
+    Attributes
+    ----------
+    image
+        Where the ray through each microlens's centre lands, absolute (x, y) [m], shape (lenses, 2).
+    travel
+        Farthest landing of a ray from where it passed the array [m], shape (lenses,).
+    spread
+        Farthest landing from ``image`` [m], shape (lenses,).
+    slope
+        Direction (dx/dz, dy/dz) of the arriving ray at each centre, shape (lenses, 2).
+    """
+
+    image: FloatArray
+    travel: FloatArray
+    spread: FloatArray
+    slope: FloatArray
+
+
+def ray_reach(path: LightPath, source: PointSource, *, whole_pupil: bool = False) -> RayReach:
+    """Trace the rays through centre and rim of every cell, from the pupil points that can reach them.
+
+    `whole_pupil` admits rays from every pupil point to every array point, as a coherent extended source does.
+    """
+    lenses, b = path.microlenses, path.detector_distance
+    angle = 2 * np.pi * np.arange(16) / 16
+    rim = np.column_stack([np.cos(angle), np.sin(angle)])
+    rings = [np.zeros((1, 2)), lenses.reach * rim]
+    acting = [True] * (1 + angle.size)
+    if lenses.gaps == "clear":
+        rings.append(lenses.cell_reach * rim)
+        acting += [False] * angle.size
+    offset = np.concatenate(rings)
+    at = lenses.centres[:, None] + offset  # (lenses, points, 2)
+    slope = _arriving_slope(path, source, at, rim, whole_pupil)  # (lenses, points, candidates, 2)
+    power = np.asarray(acting)[:, None, None] / lenses.focal_lengths[:, None, None, None]
+    behind = slope - power * offset[:, None, :]
+    landing = at[:, :, None] + b * behind
+    image = landing[:, 0].mean(axis=1)
+    travel = np.linalg.norm(b * behind, axis=-1).max(axis=(1, 2))
+    spread = np.linalg.norm(landing - image[:, None, None], axis=-1).max(axis=(1, 2))
+    return RayReach(image=image, travel=travel, spread=spread, slope=slope[:, 0].mean(axis=1))
+
+
+def blur_radius(path: LightPath, source: PointSource) -> float:
+    """Radius of the source's geometric blur on the array [m]."""
+    depth = path.image_at_array(source)[2]
+    return path.main_lens.radius * abs(depth / (path.array_distance - depth))
+
+
+def _arriving_slope(
+    path: LightPath, source: PointSource, at: FloatArray, rim: FloatArray, whole_pupil: bool
+) -> FloatArray:
+    """Slopes of rays that can arrive at points of the array; the whole pupil where the image is in focus there."""
+    radius, z = path.main_lens.radius, path.array_distance
+    blur = blur_radius(path, source)
+    chief = np.asarray(path.chief_point(source))
+    if whole_pupil or blur < 0.02 * path.microlenses.pitch:
+        pupil = np.concatenate([np.zeros((1, 2)), radius * rim])
+        return np.asarray((at[:, :, None] - pupil) / z)
+    depth = path.image_at_array(source)[2]
+    pupil = (at - chief) * (radius / blur) * np.sign(depth) * -np.sign(path.array_distance - depth)
+    size = np.linalg.norm(pupil, axis=-1, keepdims=True)
+    pupil = pupil * np.minimum(1, radius / np.maximum(size, radius * 1e-300))
+    return np.asarray((at - pupil) / z)[:, :, None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RayWave:
+    """Wave that the paraxial rays of a point source are on the array.
+
+    U(x) = exp(i k s(x))/(√π R |κ|) within R |κ| of the chief ray, else 0; κ = 1 − z/b takes the pupil's radius R to
+    that of its shadow, and s is the path of the sphere about the main lens's image, to second order in `paraxial`.
+    The power through the pupil is 1 and arrives unchanged, as rays carry it: the edge diffracts nothing on this leg.
+
+    Parameters
+    ----------
+    path
+        The camera.
+    source
+        Point source before the main lens; its image may lie before the array or behind it.
+    wavelength
+        [m].
+    paraxial
+        Whether the leg behind the array is Fresnel's, which takes every path to second order; else the exact path.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the array lies in the focus of the main lens, where rays have no density.
+    """
+
+    path: LightPath
+    source: PointSource
+    wavelength: float
+    paraxial: bool
+
+    def __post_init__(self) -> None:
+        refuse_focus_on_array(self.path, self.source, self.wavelength)
+
+    @property
+    def whole_pupil(self) -> bool:
+        """Every array point sees one pupil point."""
+        return False
+
+    @property
+    def lit(self) -> Disc:
+        """What the pupil's light covers of the array."""
+        x, y = self.path.chief_point(self.source)
+        return Disc(x=x, y=y, radius=blur_radius(self.path, self.source))
+
+    def power(self) -> float:
+        """∫ |U|² over the pupil."""
+        return 1.0
+
+    def field(self, x: FloatArray, y: FloatArray) -> ComplexArray:
+        """Wave at points of the array that are lit; the shadow is the caller's to leave out."""
+        image_x, image_y, depth = self.path.image_at_array(self.source)
+        kind = ParabolicPath if self.paraxial else SphericalPath
+        sphere = kind(x=image_x, y=image_y, distance=depth)
+        phase = 2 * math.pi / self.wavelength * np.asarray(sphere.value(x, y))
+        return np.asarray(unit_phasor(phase) / (math.sqrt(math.pi) * self.lit.radius))
+
+
+def refuse_focus_on_array(path: LightPath, source: PointSource, wavelength: float) -> None:
+    """Refuse rays where the array is in focus.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the main lens's blur on the array has less than half a Fresnel zone.
+    """
+    depth = abs(path.image_at_array(source)[2])
+    zones = blur_radius(path, source) ** 2 / (wavelength * depth) if depth > 0 else 0.0
+    if zones < _LEAST_ZONES:
+        raise OutOfRangeError(
+            "rays on one leg, with the microlens array in the focus of the main lens",
+            value=f"a blur of {zones:.2g} Fresnel zones on the array",
+            limit=f"≥ {_LEAST_ZONES} zones",
+            remedy="use fresnel or kirchhoff on both legs, or geometric on both",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,14 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.errors import NotConvergedError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave, direct_field
-from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light
+from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light, refuse_focus_on_array
 from tradestudy.optics.chain.pixels import refuse_pixel_centres
-from tradestudy.optics.chain.ray_wave import refuse_focus_on_array
 from tradestudy.optics.chain.regions import (
-    IntArray,
     Region,
     aperture_region,
     cell_region,
@@ -56,7 +54,7 @@ class PixelNodes:
     x: FloatArray
     y: FloatArray
     weights: FloatArray
-    pixel: IntArray
+    pixel: IndexArray
 
 
 def landing_point_image(wave: PupilWave, *, accuracy: ChainAccuracy, rng: np.random.Generator) -> ChainImage:
@@ -182,7 +180,7 @@ def pixel_nodes(
     )
 
 
-def on_pixels(power: FloatArray, pixel: IntArray, grid: PixelGrid) -> FloatArray:
+def on_pixels(power: FloatArray, pixel: IndexArray, grid: PixelGrid) -> FloatArray:
     """Sum of what lands on each pixel, shape (rows, columns)."""
     held = pixel >= 0
     total = np.bincount(pixel[held], weights=power[held], minlength=math.prod(grid.shape))

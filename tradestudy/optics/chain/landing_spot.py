@@ -18,6 +18,7 @@ import numpy as np
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import direct_field
+from tradestudy.optics.chain.arriving_light import refuse_focus_on_array
 from tradestudy.optics.chain.detector_patch import lit_radius
 from tradestudy.optics.chain.landing import (
     irradiance_frequency,
@@ -27,7 +28,6 @@ from tradestudy.optics.chain.landing import (
 )
 from tradestudy.optics.chain.microlens_nodes import cell_nodes, tapered_disc_nodes
 from tradestudy.optics.chain.pixels import refuse_pixel_centres
-from tradestudy.optics.chain.ray_wave import refuse_focus_on_array
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import Legs, LightPath
 from tradestudy.optics.chain.source_tables import SourceTables, source_tables

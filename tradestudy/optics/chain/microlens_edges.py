@@ -14,23 +14,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import PupilWave, looser_for_edges
-from tradestudy.optics.chain.microlens_nodes import CellNodes
+from tradestudy.optics.chain.arriving_light import RayReach, RayWave, blur_radius
+from tradestudy.optics.chain.microlens_nodes import CellNodes, lit_share
 from tradestudy.optics.chain.pixels import MARGIN
-from tradestudy.optics.chain.ray_wave import RayWave
-from tradestudy.optics.chain.rays import RayReach, blur_radius
-from tradestudy.optics.chain.regions import Disc, IntArray
+from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import LightPath, Microlenses
-from tradestudy.optics.chain.shadow_nodes import lit_share
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES, unchecked_hybrid_field
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.kernels import KirchhoffKernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, SphericalPath
 from tradestudy.optics.propagation.rays import one_ray_per_target
-from tradestudy.optics.propagation.sampling import Limits
-from tradestudy.optics.propagation.targets import TargetGrid
+from tradestudy.optics.propagation.sampling import Limits, TargetGrid
 
 
 class _EvenWave(LensWave):
@@ -57,7 +55,7 @@ class Spheres:
         ∫ |U|² over the nodes.
     """
 
-    which: IntArray
+    which: IndexArray
     strength: ComplexArray
     rest: ComplexArray
     power: float
@@ -81,7 +79,7 @@ def refuse_square_edges(lenses: Microlenses) -> None:
 
 
 def split_spheres(
-    path: LightPath, wave: PupilWave | RayWave, *, which: IntArray, cell: CellNodes, field: ComplexArray
+    path: LightPath, wave: PupilWave | RayWave, *, which: IndexArray, cell: CellNodes, field: ComplexArray
 ) -> Spheres:
     """Take out of the field what is the sphere of the source's image, by least squares over each microlens.
 

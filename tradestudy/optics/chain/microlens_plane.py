@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
-from tradestudy.optics.chain.rays import RayReach
+from tradestudy.optics.chain.arriving_light import RayReach
+from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_nodes, lit_share, padded
 from tradestudy.optics.chain.regions import Disc
 from tradestudy.optics.chain.scene import LightPath, Microlenses
-from tradestudy.optics.chain.shadow_nodes import lit_nodes, lit_share, padded
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum, unit_phasor
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum, unit_phasor
+from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.lens import PointSource, lens_paths
 from tradestudy.optics.propagation.paths import ParabolicPath, SphericalPath
 from tradestudy.optics.quadrature import QuadratureNodes
@@ -117,8 +117,7 @@ def resolved_cycles(
 
 def shadowed(lenses: Microlenses, whole: CellNodes, lit: Disc, index: int, cycles: float) -> CellNodes:
     """Nodes of one microlens in a shadow: all, those of the lit part, or none."""
-    one = replace(lenses, centres=lenses.centres[[index]], focal_lengths=lenses.focal_lengths[[index]])
-    if lit_share(one, lit)[0] == 1.0:
+    if lit_share(lenses.only(index), lit)[0] == 1.0:
         return whole
     x, y = lenses.centres[index]
     return lit_nodes(lenses, Disc(x=lit.x - x, y=lit.y - y, radius=lit.radius), cycles=cycles)

@@ -12,7 +12,8 @@ from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy, ChainImage
 from tradestudy.optics.chain.array_field import PupilWave, direct_field, leg_kernel
-from tradestudy.optics.chain.arriving_light import ArrivingLight, arriving_light
+from tradestudy.optics.chain.arriving_light import ArrivingLight, RayReach, RayWave, arriving_light, ray_reach
+from tradestudy.optics.chain.detector_patch import DetectorPlan, field_on_detector, plan_detector
 from tradestudy.optics.chain.detector_transfer import response
 from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
 from tradestudy.optics.chain.microlens_nodes import cell_node_count
@@ -23,10 +24,7 @@ from tradestudy.optics.chain.microlens_plane import (
     resolved_cycles,
 )
 from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
-from tradestudy.optics.chain.ray_wave import RayWave
-from tradestudy.optics.chain.rays import RayReach, ray_reach
 from tradestudy.optics.chain.scene import LegMethod
-from tradestudy.optics.chain.whole_detector import DetectorPlan, field_on_detector, plan_detector
 from tradestudy.optics.propagation.direct import ComplexArray
 
 _SAFETY_OF_EDGES = 3.0  # the coarser Kirchhoff of a boundary wave may err to the same side as the wave

@@ -5,34 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.optics.chain.scene import Microlenses
 from tradestudy.optics.quadrature import gauss_legendre
 
-IntArray = npt.NDArray[np.int_]
 _THINNEST = 1e-13  # of the largest segment: thinner ones hold nothing
-
-
-class Region(Protocol):
-    """A convex area."""
-
-    @property
-    def breaks(self) -> FloatArray:
-        """Where along x its outline begins, ends, or has a corner."""
-
-    def span(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Lowest and highest y over x; equal beside the area."""
-
-    def on_line(self, y: FloatArray) -> FloatArray:
-        """Where along x the outline meets horizontal lines."""
-
-    def meeting(self, disc: Disc) -> FloatArray:
-        """Where along x the outline meets that of a disc."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,6 +97,10 @@ class Cell:
         return list(pairwise(points))
 
 
+Region = Disc | Cell
+"""A convex area."""
+
+
 def aperture_region(lenses: Microlenses, x: float, y: float) -> Region:
     """Aperture of a microlens about a centre."""
     half = lenses.aperture_width / 2
@@ -148,10 +132,10 @@ class Segments:
 
     points: FloatArray
     weights: FloatArray
-    owner: IntArray
+    owner: IndexArray
 
 
-def on_segments(low: FloatArray, high: FloatArray, count: IntArray, *, bend: BoolArray | None = None) -> Segments:
+def on_segments(low: FloatArray, high: FloatArray, count: IndexArray, *, bend: BoolArray | None = None) -> Segments:
     """Place nodes between `low` and `high`; segments that end before they begin get none.
 
     Where `bend` is set they are spaced as a sine is, so that outlines that end upright, as √x, cost no accuracy.
@@ -172,7 +156,7 @@ def on_segments(low: FloatArray, high: FloatArray, count: IntArray, *, bend: Boo
     return Segments(points=np.concatenate(points), weights=np.concatenate(weights), owner=np.concatenate(owners))
 
 
-def resolving(length: FloatArray, frequency: float, *, tolerance: float = 1e-6, spare: int = 2) -> IntArray:
+def resolving(length: FloatArray, frequency: float, *, tolerance: float = 1e-6, spare: int = 2) -> IndexArray:
     """Nodes that integrate a plane wave of this frequency [1/m] over lengths, and `spare` more.
 
     Its degree is the phase z over half a length and the orders z^⅓ (3/2 ln 1/tolerance)^⅔/2^⅓ beyond it. Large

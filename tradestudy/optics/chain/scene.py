@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -161,6 +161,10 @@ class Microlenses:
         """Share of the cell that a lens fills."""
         area = self.aperture_width**2 * (math.pi / 4 if self.aperture == "circular" else 1.0)
         return area / (self.pitch**2 * (1.0 if self.layout == "square" else math.sqrt(3) / 2))
+
+    def only(self, index: int) -> Microlenses:
+        """Return the array with one of its microlenses."""
+        return replace(self, centres=self.centres[[index]], focal_lengths=self.focal_lengths[[index]])
 
     def lens(self, index: int) -> CircularLens:
         """Return one microlens in its own coordinates; its radius reaches the farthest aperture point."""

@@ -137,10 +137,10 @@ def moved(points: FloatArray, symmetry: Symmetry) -> FloatArray:
 
 
 def moved_image(pixels: FloatArray, symmetry: Symmetry) -> FloatArray:
-    """Image of the moved scene: what lay at a point lies at its `moved` place."""
+    """Image of the moved scene on the last two axes: what lay at a point lies at its `moved` place."""
     sx, sy, swap = symmetry
-    flipped = pixels[:: 1 if sy > 0 else -1, :: 1 if sx > 0 else -1]
-    return np.asarray(flipped.T if swap else flipped)
+    flipped = pixels[..., :: 1 if sy > 0 else -1, :: 1 if sx > 0 else -1]
+    return np.asarray(flipped.swapaxes(-1, -2) if swap else flipped)
 
 
 def orbits(nodes: SourceNodes, ring: int, group: list[Symmetry]) -> Iterator[tuple[int, int]]:

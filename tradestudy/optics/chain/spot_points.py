@@ -15,32 +15,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, IndexArray
 from tradestudy.optics.chain.accuracy import ChainAccuracy
 from tradestudy.optics.chain.array_field import FieldTable, PupilWave
-from tradestudy.optics.chain.arriving_light import point_wave
+from tradestudy.optics.chain.arriving_light import RayReach, RayWave, point_wave, ray_reach
 from tradestudy.optics.chain.detector_patch import (
     POINTS_AT_ONCE,
     SINGLE_PRECISION_FROM,
     detector_patch,
     disc_ends,
+    field_on_detector,
     lit_radius,
     outermost,
 )
 from tradestudy.optics.chain.detector_transfer import Response, patch_fields, response
-from tradestudy.optics.chain.far_light import far_light
 from tradestudy.optics.chain.microlens_edges import Spheres, add_spheres, split_spheres
-from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes
+from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_share, padded
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, shadowed
-from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
-from tradestudy.optics.chain.ray_wave import RayWave
-from tradestudy.optics.chain.rays import RayReach, ray_reach
-from tradestudy.optics.chain.regions import IntArray
+from tradestudy.optics.chain.pixels import MARGIN, far_light, light_on_pixels
 from tradestudy.optics.chain.scene import Legs, LightPath
-from tradestudy.optics.chain.shadow_nodes import lit_share, padded
 from tradestudy.optics.chain.source_tables import Place, SourceTables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
-from tradestudy.optics.chain.whole_detector import field_on_detector
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
 
@@ -241,7 +236,7 @@ def _kind(spot: Spot) -> type[np.complexfloating]:
 class _Lit:
     """Microlenses that share their nodes, the field that arrives there, and what the lenses do to it."""
 
-    which: IntArray
+    which: IndexArray
     cell: CellNodes
     field: ComplexArray
     transmission: ComplexArray
@@ -254,12 +249,10 @@ def _lit_groups(spot: Spot, wave: PupilWave | RayWave, at: Place, table: FieldTa
         share = lit_share(lenses, wave.lit)
         whole = np.flatnonzero(share == 1.0)
         for index in np.flatnonzero(share == 0.5):
-            one = slice(index, index + 1)
-            alone = replace(lenses, centres=lenses.centres[one], focal_lengths=lenses.focal_lengths[one])
             cell = shadowed(lenses, plane.cell, wave.lit, int(index), spot.cycles)
             if cell.x.size == 0:  # the edge passes between a corner of the aperture and the circle about it
                 continue
-            cut = replace(plane, path=replace(spot.path, microlenses=alone), cell=cell)
+            cut = replace(plane, path=replace(spot.path, microlenses=lenses.only(int(index))), cell=cell)
             yield _Lit(
                 which=np.array([index]),
                 cell=cell,
@@ -320,7 +313,7 @@ def _transmission(spot: Spot, wave: PupilWave | RayWave) -> ComplexArray:
     return spot.transmission
 
 
-def _patch_starts(spot: Spot, reach: RayReach, lit: IntArray) -> tuple[IntArray, FloatArray]:
+def _patch_starts(spot: Spot, reach: RayReach, lit: IndexArray) -> tuple[IndexArray, FloatArray]:
     """Canvas index (x, y) of each patch's first sample, and its position relative to its microlens."""
     origin = np.asarray(spot.path.pixels.corner) + (0.5 - MARGIN) * spot.spacing
     half = math.ceil(spot.half_patch / spot.spacing)
@@ -332,7 +325,7 @@ def _add_patches(
     spot: Spot,
     canvas: ComplexArray,
     patches: ComplexArray,
-    first: IntArray,
+    first: IndexArray,
     carrier: FloatArray,
     centres: FloatArray,
 ) -> None:

@@ -1,14 +1,13 @@
 """What each kind of camera keeps in focus, near and far, in closed form."""
 
-from tradestudy.optics.depth_of_field.diffraction_allowance import (
-    BlurAllowance,
-    DiffractionMeasure,
-    blur_allowance,
-    diffraction_diameter,
+from tradestudy.optics.depth_of_field.focus_stack import (
+    FocusStack,
+    IntervalUnion,
+    focus_stack,
+    images_needed,
+    plan_focus_stack,
+    union,
 )
-from tradestudy.optics.depth_of_field.focus_stack import FocusStack, focus_stack, images_needed, plan_focus_stack
-from tradestudy.optics.depth_of_field.interval_union import IntervalUnion, union
-from tradestudy.optics.depth_of_field.limits import DepthOfField, intersection
 from tradestudy.optics.depth_of_field.microlens_relay import (
     inverse_focus_virtual_depth,
     microlens_focal_length,
@@ -18,19 +17,23 @@ from tradestudy.optics.depth_of_field.microlens_relay import (
     virtual_depth_limits,
 )
 from tradestudy.optics.depth_of_field.single_lens import (
+    BlurAllowance,
+    DepthOfField,
+    DiffractionMeasure,
+    blur_allowance,
     depth_of_field,
+    diffraction_diameter,
     diffraction_inclusive_depth_of_field,
     hyperfocal_distance,
+    intersection,
+    object_distance_of_magnification,
+    object_distance_of_working_distance,
 )
 from tradestudy.optics.depth_of_field.unfocused_plenoptic import (
     refocus_distance,
     refocused_depth_of_field,
     view_depth_of_field,
     view_pupil_diameter,
-)
-from tradestudy.optics.depth_of_field.working_distance import (
-    object_distance_of_magnification,
-    object_distance_of_working_distance,
 )
 
 __all__ = [

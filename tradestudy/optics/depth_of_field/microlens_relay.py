@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.depth_of_field.limits import DepthOfField, as_floats, require
+from tradestudy.optics.depth_of_field.single_lens import DepthOfField, as_floats, require
 
 
 def inverse_focus_virtual_depth(microlens_focal_length: ArrayLike, microlens_gap: ArrayLike) -> FloatArray:

@@ -6,13 +6,11 @@ from tradestudy.optics.microlens_coverage.equivalent_baseline import (
     widest_pair_baseline,
 )
 from tradestudy.optics.microlens_coverage.lattice import Counting, Layout
-from tradestudy.optics.microlens_coverage.pupil_projection import (
-    covering_microlens_object_distance,
-    projected_radius_over_pitch,
-)
 from tradestudy.optics.microlens_coverage.seen_count import (
+    covering_microlens_object_distance,
     covering_radius_over_pitch,
     mean_seen_count,
+    projected_radius_over_pitch,
     seen_count_probability,
 )
 

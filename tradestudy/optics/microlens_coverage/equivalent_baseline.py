@@ -34,8 +34,14 @@ from numpy.typing import ArrayLike
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.microlens_coverage.lattice import Layout, as_radii, counted_on_lattice, lattice_of
-from tradestudy.optics.microlens_coverage.order_of_lenses import distance_to_bisector, order_changes
+from tradestudy.optics.microlens_coverage.lattice import (
+    Layout,
+    as_radii,
+    counted_on_lattice,
+    distance_to_bisector,
+    lattice_of,
+    order_changes,
+)
 
 PairCounting = Literal["all_lenses", "given_type"]
 

@@ -1,9 +1,8 @@
 """Light behind one aperture: geometric, boundary wave, Fresnel, Kirchhoff, each with an error bar."""
 
 from tradestudy.optics.propagation.aperture import METHODS, aperture_field, lens_wave
-from tradestudy.optics.propagation.direct import ApertureSamples, Kernel, direct_sum
-from tradestudy.optics.propagation.fresnel import FresnelKernel
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.direct import ApertureSamples, direct_sum
+from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.lens import (
     LENS_PHASES,
     OBLIQUITIES,
@@ -14,11 +13,15 @@ from tradestudy.optics.propagation.lens import (
     PointSource,
     finite_image_distance,
 )
-from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
 from tradestudy.optics.propagation.result import ApertureField, Effort, Method, NumericalError
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, needed_nodes
-from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
-from tradestudy.optics.propagation.wave_optics import FieldAccuracy, propagate_samples, propagate_wave
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, TargetGrid, TargetPoints, Targets, needed_nodes
+from tradestudy.optics.propagation.wave_optics import (
+    FieldAccuracy,
+    nodes_for,
+    propagate_samples,
+    propagate_wave,
+    sample_wave,
+)
 
 __all__ = [
     "LENS_PHASES",

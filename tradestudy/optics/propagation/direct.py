@@ -3,45 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
+from tradestudy.optics.propagation.kernels import Kernel, KirchhoffKernel
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.quadrature import QuadratureNodes
 
 ComplexArray = npt.NDArray[np.complex128]
 
 _PAIRS_AT_ONCE = 16_000  # node–target pairs per block: a few blocks of this size stay in the cache
-
-
-class Kernel(Protocol):
-    """What a propagation law tells about the path and amplitude between a node (u, v) and a target."""
-
-    @property
-    def wavenumber(self) -> float:
-        """2π/λ [rad/m]."""
-
-    def path(self, x: Array, y: Array, z: Array) -> Array:
-        """Path from the centre of the aperture to a target [m]."""
-
-    def path_from_node(self, u: Array, v: Array, x: Array, y: Array, z: Array) -> Array:
-        """Path from a node less the path from the centre [m]."""
-
-    def slope_at_target(self, u: Array, v: Array, x: float, y: float, z: float) -> tuple[Array, Array, Array]:
-        """Gradient of the path with respect to the target."""
-
-    def path_beyond_linear(
-        self, u: Array, v: Array, base: tuple[float, float, float], dx: Array, dy: Array, dz: Array
-    ) -> Array:
-        """Change of the path away from a base target beyond its transverse linear part [m]."""
-
-    def amplitude(self, u: Array, v: Array, cosine: Array | None, x: Array, y: Array, z: Array) -> Array:
-        """Everything but the phase [1/m²]."""
 
 
 @dataclass(frozen=True, kw_only=True)

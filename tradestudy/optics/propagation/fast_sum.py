@@ -20,14 +20,14 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.propagation.direct import (
     ApertureSamples,
     ComplexArray,
-    Kernel,
     check_cosine,
     direct_sum,
     unit_phasor,
 )
+from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.low_rank import SlowFactor, SumProblem, TooWide, slow_factor
 from tradestudy.optics.propagation.paths import Array
-from tradestudy.optics.propagation.targets import TargetGrid, Targets
+from tradestudy.optics.propagation.sampling import TargetGrid, Targets
 from tradestudy.optics.propagation.upsampling import (
     Upsampling,
     apply_along_rows,

@@ -11,29 +11,38 @@ import numpy as np
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.boundary_wave import edge_field, pole_reach
-from tradestudy.optics.propagation.check import (
+from tradestudy.optics.propagation.direct import ComplexArray, direct_sum, unit_phasor
+from tradestudy.optics.propagation.kernels import KirchhoffKernel
+from tradestudy.optics.propagation.lens import LensWave
+from tradestudy.optics.propagation.rays import Rays, find_rays, land, one_ray_per_target, ray_fields, within_rim
+from tradestudy.optics.propagation.result import (
+    ApertureField,
     CheckErrors,
     CheckTargets,
+    Effort,
     choose_check_targets,
+    squared_magnitude,
     stated_error,
 )
-from tradestudy.optics.propagation.direct import ComplexArray, direct_sum, unit_phasor
-from tradestudy.optics.propagation.kirchhoff import KirchhoffKernel
-from tradestudy.optics.propagation.lens import LensWave
-from tradestudy.optics.propagation.lens_sampling import nodes_for, sample_wave
-from tradestudy.optics.propagation.polar_interpolation import polar_field
-from tradestudy.optics.propagation.rays import Rays, find_rays, land, one_ray_per_target, ray_fields, within_rim
-from tradestudy.optics.propagation.result import ApertureField, Effort, squared_magnitude
 from tradestudy.optics.propagation.sampling import (
     Limits,
     NodeCounts,
+    TargetGrid,
+    TargetPoints,
+    Targets,
     check_affordable,
     edge_node_count,
     outline,
 )
-from tradestudy.optics.propagation.targets import TargetGrid, TargetPoints, Targets
-from tradestudy.optics.propagation.upsampling import chebyshev_grid
-from tradestudy.optics.propagation.wave_optics import FieldAccuracy, largest_field, propagate_wave, rounding_error
+from tradestudy.optics.propagation.upsampling import chebyshev_grid, polar_field
+from tradestudy.optics.propagation.wave_optics import (
+    FieldAccuracy,
+    largest_field,
+    nodes_for,
+    propagate_wave,
+    rounding_error,
+    sample_wave,
+)
 
 LEAST_ZONES = 0.5  # Fresnel zones across the aperture below which rays and edge nearly cancel: the focus
 _MAX_ROUNDS = 4

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, PathTerm, SphericalPath
+from tradestudy.optics.propagation.paths import Array, ParabolicPath, PathSum, SphericalPath
 
 LensPhase = Literal["parabolic", "stigmatic", "perfect"]
 LENS_PHASES: tuple[LensPhase, ...] = ("parabolic", "stigmatic", "perfect")
@@ -140,11 +140,9 @@ def lens_paths(source: PointSource, lens: CircularLens, *, paraxial: bool) -> Pa
         return PathSum(terms=(spherical, ParabolicPath(x=0.0, y=0.0, distance=-lens.focal_length)))
     assert lens.focus_distance is not None  # guaranteed by CircularLens
     focus = lens.focus_distance
-    element: tuple[PathTerm, ...] = (
-        SphericalPath(x=0.0, y=0.0, distance=focus, weight=-1.0),
-        SphericalPath(x=0.0, y=0.0, distance=-finite_image_distance(focus, lens.focal_length)),
-    )
-    return PathSum(terms=(spherical, *element))
+    cancelled = SphericalPath(x=0.0, y=0.0, distance=focus, weight=-1.0)
+    added = SphericalPath(x=0.0, y=0.0, distance=-finite_image_distance(focus, lens.focal_length))
+    return PathSum(terms=(spherical, cancelled, added))
 
 
 @dataclass(frozen=True, kw_only=True)

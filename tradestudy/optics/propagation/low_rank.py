@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, unit_phasor
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, unit_phasor
+from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.paths import Array
 from tradestudy.optics.propagation.upsampling import apply_along_rows, chebyshev_points, lagrange
 

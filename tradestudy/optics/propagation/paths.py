@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -39,19 +39,6 @@ class Expansion:
             xy=self.xy + other.xy,
             yy=self.yy + other.yy,
         )
-
-
-class PathTerm(Protocol):
-    """A path over the lens plane with its derivatives."""
-
-    def value(self, x: Array, y: Array) -> Array:
-        """Path relative to the vertex [m]."""
-
-    def slope(self, x: Array, y: Array) -> tuple[Array, Array]:
-        """Gradient of the path: transverse direction cosines."""
-
-    def expansion(self, x: Array, y: Array) -> Expansion:
-        """Path, gradient and second derivatives [1/m], together for the price of one square root."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,7 +128,7 @@ class ParabolicPath:
 class PathSum:
     """The sum of path terms over one lens plane."""
 
-    terms: tuple[PathTerm, ...]
+    terms: tuple[SphericalPath | ParabolicPath, ...]
 
     def value(self, x: Array, y: Array) -> Array:
         """Path relative to the vertex [m]."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.propagation.direct import ComplexArray, Kernel, unit_phasor
+from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
+from tradestudy.optics.propagation.kernels import Kernel
 from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.paths import Array, PathSum, SphericalPath
 

@@ -1,16 +1,24 @@
-"""What a propagation returns: the field, its error bar, and what it took."""
+"""What a propagation returns: the field, what it took, and the error that a check at random targets states."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import numpy.typing as npt
 
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.propagation.direct import ComplexArray
+from tradestudy.optics.propagation.sampling import Targets
 
 Method = Literal["geometric", "boundary_wave", "fresnel", "kirchhoff"]
+# An estimate from sixteen targets scatters, by more where errors are uneven: with 2 one case in twelve exceeded it by
+# up to a third, see tests/benchmarks/aperture_audit.py.
+_SAFETY = 4.0
+_CORNER_SHARE = 0.02  # of the targets, for which the worst corner stands: aliasing grows towards the corners by powers
+_UNIFORM_SHARE = 0.3  # of the draws; the others prefer bright targets, whose errors count most in the intensity
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,3 +118,119 @@ class ApertureField:
 def squared_magnitude(field: ComplexArray) -> FloatArray:
     """Intensity of a complex field."""
     return np.asarray(field.real**2 + field.imag**2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckTargets:
+    """Targets drawn at random, and the weights that make means over them estimates of means over all targets.
+
+    Attributes
+    ----------
+    index
+        Their places among the flat targets.
+    weight
+        Inverse of the probability of the draw, relative to an even one; 0 for the corners.
+    corner
+        Which of them were not drawn but are corners of the set, where too few nodes show first.
+    x, y, z
+        Positions [m].
+    """
+
+    index: npt.NDArray[np.intp]
+    weight: FloatArray
+    corner: BoolArray
+    x: FloatArray
+    y: FloatArray
+    z: FloatArray
+
+    def norm(self, error: ComplexArray) -> float:
+        """Root mean squared magnitude over all targets, as estimated from these."""
+        return self._mean(squared_magnitude(error))
+
+    def intensity_norm(self, error: ComplexArray, field: ComplexArray) -> float:
+        """Root mean squared error of the intensity, at most 2 |U| e + e² for an error e of the field U."""
+        size = np.abs(error)
+        return self._mean((2 * np.abs(field) * size + size**2) ** 2)
+
+    def _mean(self, squared: FloatArray) -> float:
+        """Root of the weighted mean over the drawn targets, and of what the corners stand for."""
+        drawn = float(np.mean((self.weight * squared)[~self.corner]))
+        corners = float(np.max(squared[self.corner], initial=0.0))
+        return math.sqrt(drawn + _CORNER_SHARE * corners)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckErrors:
+    """Root mean square errors over the targets, as estimated at the check targets.
+
+    Attributes
+    ----------
+    nodes
+        Of the field, by doubling the nodes.
+    sums
+        Of the field, fast sum against direct sum on the same nodes.
+    total
+        Of the field, result against direct sum on doubled nodes.
+    intensity
+        Of the intensity, likewise.
+    seconds
+        Wall time of the check.
+    targets
+        Number of check targets.
+    """
+
+    nodes: float
+    sums: float
+    total: float
+    intensity: float
+    seconds: float
+    targets: int
+
+
+def choose_check_targets(targets: Targets, field: ComplexArray, *, count: int, seed: int) -> CheckTargets:
+    """Draw targets, mostly in proportion to their intensity; all of them where they are few."""
+    x, y, z = targets.coordinates()
+    if x.size <= count:
+        index, weight, corner = np.arange(x.size), np.ones(x.size), np.zeros(x.size, dtype=bool)
+    else:
+        intensity = squared_magnitude(field)
+        even = np.full(x.size, 1.0 / x.size)
+        total = float(intensity.sum())
+        chance = even if total == 0.0 else _UNIFORM_SHARE * even + (1 - _UNIFORM_SHARE) * intensity / total
+        index = np.random.default_rng(seed).choice(x.size, size=count, p=chance / chance.sum())
+        corners = [int(np.argmax(s * x + t * y)) for s in (-1, 1) for t in (-1, 1)]
+        corner = np.arange(count + len(corners)) >= count
+        index = np.concatenate([index, corners])
+        weight = np.where(corner, 0.0, even[index] / chance[index])
+    return CheckTargets(index=index, weight=weight, corner=corner, x=x[index], y=y[index], z=z[index])
+
+
+def stated_error(
+    field: ComplexArray,
+    check: CheckErrors,
+    *,
+    largest: float,
+    rounding: float,
+    low_rank: float = 0.0,
+    nufft: float = 0.0,
+) -> NumericalError:
+    """Relative errors over all targets: four times the ones estimated at the check targets, and rounding.
+
+    `rounding`, `low_rank` and `nufft` are relative to `largest`, the field that all nodes could give in phase.
+    """
+    rounding *= largest
+    intensity = squared_magnitude(field)
+    typical, bright = math.sqrt(float(np.mean(intensity))), math.sqrt(float(np.mean(intensity**2)))
+    if typical == 0.0:
+        nothing = math.inf if check.total > 0 else 0.0
+        return NumericalError(
+            field=nothing, intensity=nothing, nodes=nothing, low_rank=nothing, nufft=nothing, check=nothing
+        )
+    return NumericalError(
+        field=_SAFETY * check.total / typical + rounding / typical,
+        intensity=_SAFETY * check.intensity / bright + 2 * rounding * typical / bright,
+        nodes=check.nodes / typical,
+        low_rank=low_rank * largest / typical,
+        nufft=nufft * largest / typical,
+        check=check.total / typical,
+    )

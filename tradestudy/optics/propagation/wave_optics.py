@@ -10,21 +10,48 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.optics.propagation.check import CheckErrors, choose_check_targets, stated_error
-from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, Kernel, direct_sum
+from tradestudy.optics.propagation.direct import ApertureSamples, ComplexArray, direct_sum
 from tradestudy.optics.propagation.fast_sum import fast_sum
-from tradestudy.optics.propagation.fresnel import FresnelKernel
+from tradestudy.optics.propagation.kernels import FresnelKernel, Kernel
+from tradestudy.optics.propagation.lens import LensWave
 from tradestudy.optics.propagation.result import (
     ApertureField,
+    CheckErrors,
     Effort,
     Method,
+    choose_check_targets,
     squared_magnitude,
+    stated_error,
 )
-from tradestudy.optics.propagation.sampling import Limits, NodeCounts, check_affordable
-from tradestudy.optics.propagation.targets import Targets
+from tradestudy.optics.propagation.sampling import Limits, NodeCounts, Targets, check_affordable, needed_nodes, outline
+from tradestudy.optics.quadrature import disc_nodes
 
 _MAX_ROUNDS = 5
 _SMALLEST_CHECK = 4
+
+
+def sample_wave(wave: LensWave, counts: NodeCounts) -> ApertureSamples:
+    """Sample the wave behind a lens on the nodes of its disc."""
+    lens = wave.lens
+    nodes = disc_nodes(radius=lens.radius, radial_count=counts.radial, angular_count=counts.angular, centre=lens.centre)
+    x, y = nodes.x - lens.centre[0], nodes.y - lens.centre[1]
+    cosine = None if wave.paraxial or wave.obliquity != "textbook" else wave.axial_cosine(x, y)
+    return ApertureSamples(nodes=nodes, field=np.asarray(wave.field(x, y), dtype=np.complex128), axial_cosine=cosine)
+
+
+def nodes_for(wave: LensWave, kernel: Kernel, targets: Targets, accuracy: FieldAccuracy) -> NodeCounts:
+    """Node counts for the wave behind a lens and the outline of the targets."""
+    x, y, z = targets.coordinates()
+    x, y, z = outline(x - wave.lens.centre[0], y - wave.lens.centre[1], z)
+    return needed_nodes(
+        wave.paths,
+        kernel,
+        radius=wave.lens.radius,
+        x=x,
+        y=y,
+        z=z,
+        tolerance=1e-3 * accuracy.tolerance,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

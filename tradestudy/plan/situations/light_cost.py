@@ -22,13 +22,13 @@ from tradestudy.optics.chain.detector_patch import (
     lit_radius,
 )
 from tradestudy.optics.chain.exact_rays import SHIFTS, ray_count, start_of_rays
+from tradestudy.optics.chain.image import microlens_alone, nearest_microlens
 from tradestudy.optics.chain.point_image import count_point
+from tradestudy.optics.chain.sampled_rays import reached_microlenses
 from tradestudy.optics.chain.scene import Legs
-from tradestudy.optics.chain.separate_lenses import microlens_alone, nearest_microlens
 from tradestudy.optics.chain.source_tables import farthest_read, table_count
 from tradestudy.optics.chain.sources import SourceNodes, source_nodes
 from tradestudy.optics.chain.spot_image import source_density
-from tradestudy.optics.chain.traced_forwards import reached_microlenses
 from tradestudy.optics.propagation.hybrid import LEAST_ZONES
 
 # Processor seconds per unit of work on the reference machine; `python -m tests.campaigns.light_seconds` measures them.

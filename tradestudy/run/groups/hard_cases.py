@@ -8,8 +8,7 @@ from tradestudy.execution.steps import Progress
 from tradestudy.results import dataset
 from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.verification.hard_case_families import all_families
-from tradestudy.verification.hard_cases.case import OutcomeCase, judge
-from tradestudy.verification.hard_cases.references import references
+from tradestudy.verification.hard_cases.case import OutcomeCase, judge, references
 
 
 def hard_cases_group(asked: HardCasesPart, progress: Progress) -> xr.Dataset:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from tradestudy.calibration.corners.stereo_rig import depth_of_draws
+from tradestudy.calibration.corners.real_rig import depth_of_draws
 from tradestudy.calibration.posteriors import RealRig
 from tradestudy.calibration.projection import INTRINSIC_NAMES
 from tradestudy.optics.arrays import FloatArray

@@ -11,7 +11,7 @@ import xarray as xr
 from tradestudy.analysis.propagation import FIELDS
 from tradestudy.analysis.sensitivity import SensitivityPoint, sensitivity_over_field
 from tradestudy.calibration.declaration import CalibrationStudyPart
-from tradestudy.calibration.uncertain_camera import UncertainCamera, short_name
+from tradestudy.calibration.uncertain_cameras import UncertainCamera, short_name
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset

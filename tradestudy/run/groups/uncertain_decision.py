@@ -11,8 +11,7 @@ import xarray as xr
 from tradestudy.analysis.propagation import FIELDS
 from tradestudy.analysis.uncertain_decision import RANK_WAYS, Stability, crossovers, rank, stability
 from tradestudy.calibration.declaration import CalibrationStudyPart, StabilityQuestionPart
-from tradestudy.calibration.uncertain_camera import short_name
-from tradestudy.calibration.uncertain_cameras import UncertainCameras
+from tradestudy.calibration.uncertain_cameras import UncertainCameras, short_name
 from tradestudy.cameras.kinds import ERROR_UNITS
 from tradestudy.execution.steps import Progress
 from tradestudy.results import dataset

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
+from functools import cache
+from importlib.resources import files
 from typing import Any, Final
 
 import numpy as np
@@ -246,3 +249,20 @@ def _text(value: float | str) -> str:
 
 def _shortened(digits: str) -> str:
     return digits if digits in ("inf", "-inf") else f"{float(digits):.9g}"
+
+
+@cache
+def references() -> Mapping[str, Mapping[str, Reference]]:
+    """References by family and case."""
+    text = files("tradestudy.verification.hard_cases").joinpath("references.json").read_text(encoding="utf-8")
+    return {
+        family: {
+            name: Reference(
+                value=row["value"],
+                scale=row.get("scale", row["value"]),
+                condition_number=float(row["condition_number"]),
+            )
+            for name, row in table.items()
+        }
+        for family, table in json.loads(text).items()
+    }

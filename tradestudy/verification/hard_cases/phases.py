@@ -15,10 +15,6 @@ from tradestudy.verification.hard_cases.case import Family, Law, NumericCase
 _GREEN: Final = 550e-9
 
 
-def _naive_phase(z: float, rho: float, wavelength: float) -> FloatArray:
-    return np.asarray(2 * np.pi / wavelength * (np.sqrt(np.float64(z) ** 2 + np.float64(rho) ** 2) - z))
-
-
 def _phase(z: float, rho: float, wavelength: float) -> FloatArray:
     path = SphericalPath(x=0.0, y=0.0, distance=z)
     return 2 * np.pi / wavelength * path.value(np.asarray(rho), np.asarray(0.0))
@@ -35,7 +31,12 @@ def _single(z: float, rho: float, wavelength: float) -> FloatArray:
     return np.asarray(2 * np.pi / wavelength * value)
 
 
-PHASE: Final = Law(name="phase k (√(z² + ρ²) − z)", naive=_naive_phase, ours=_phase, magnified=False)
+PHASE: Final = Law(
+    name="phase k (√(z² + ρ²) − z)",
+    naive=lambda z, rho, wavelength: 2 * np.pi / wavelength * (np.sqrt(np.float64(z) ** 2 + np.float64(rho) ** 2) - z),
+    ours=_phase,
+    magnified=False,
+)
 SINGLE_PRECISION: Final = Law(
     name="phase k (√(z² + ρ²) − z) of single precision input",
     naive=_naive_single,

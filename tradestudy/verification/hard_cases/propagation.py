@@ -1,114 +1,88 @@
-"""Hard cases of the propagation of uncertainty: no moments, no ranked draw, singular covariances, extreme scales.
-
-The engine itself lives beside this package, not below it: whoever asks for the cases hands its functions in.
-"""
+"""Hard cases of the propagation of uncertainty: no moments, no ranked draw, singular covariances, extreme scales."""
 
 from __future__ import annotations
 
 import math
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
+from scipy.special import ndtri
 
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.distributions import Empirical, Normal
+from tradestudy.uncertainty.evaluation import CAUSES, Model, Outcome
+from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.uncertainty.linear import linear
+from tradestudy.uncertainty.monte_carlo import Sampling, propagate
+from tradestudy.uncertainty.outputs import Propagated
+from tradestudy.uncertainty.sensitivity import sobol_indices
+from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 from tradestudy.verification.hard_cases.case import Family, Law, NumericCase, OutcomeCase, Stated
 
-Parameters = Mapping[str, FloatArray]
-
-
-class Distributed(Protocol):
-    """What the cases read of a propagated output; the last axis is the output."""
-
-    @property
-    def quantiles(self) -> FloatArray:
-        """2.5, 15.9, 50, 84.1 and 97.5 %, shape (5, outputs)."""
-
-    @property
-    def quantiles_error(self) -> FloatArray:
-        """Standard errors of the quantiles."""
-
-    @property
-    def half_width(self) -> FloatArray:
-        """Half the central 68.27 % interval."""
-
-    @property
-    def half_width_error(self) -> FloatArray:
-        """Its standard error."""
-
-    @property
-    def standard_deviation(self) -> FloatArray:
-        """NaN where no moment exists."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PropagationEngine:
-    """The questions that the cases ask.
-
-    Parameters
-    ----------
-    propagate
-        Model of parameters (draws, 1) to outputs (draws, 1), names, means, covariance, whether outputs are inverse
-        depths → distribution, and its status in words with the failures by cause.
-    linear
-        The same arguments but the last → standard uncertainty.
-    linear_of_one
-        Standard deviation of one normal parameter → its standard uncertainty as an output.
-    sobol
-        Model, names, standard deviations → first-order indices, and why they are refused.
-    from_draws
-        Draws of one parameter as a distribution; refuses what is none.
-    judge_chains
-        Chains (ensembles, steps, walkers, parameters) → limits that are not met, and the ensembles to blame.
-    """
-
-    propagate: Callable[..., tuple[Distributed, str]]
-    linear: Callable[..., float]
-    linear_of_one: Callable[[float], float]
-    sobol: Callable[..., tuple[FloatArray, str]]
-    from_draws: Callable[[FloatArray], object]
-    judge_chains: Callable[[FloatArray], tuple[tuple[str, ...], tuple[int, ...]]]
+Response = Callable[[Mapping[str, FloatArray]], FloatArray]
+"""Parameters of shape (draws, 1) → outputs (draws, 1)."""
 
 
 _CONFIDENCE: Final = 6.0  # standard errors, of eight replicates
 _YAW = {"distance": 10.0, "baseline": 0.1, "yaw": math.radians(0.2)}
 _NAMES: Final = ("x", "y", "z")
+# A few thousand draws show what breaks; the cases bound themselves by the error that goes with that.
+_SAMPLING: Final = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**15, first_draws=2**12)
+_SOBOL_DRAWS: Final = 2**9
 
 
-def propagation_family(engine: PropagationEngine) -> Family:
-    """The cases, asked of an engine."""
-    return Family(
-        name="propagation",
-        title="Propagation of uncertainty",
-        cases=(
-            *_without_moments(engine),
-            *_singular(engine),
-            *_scales(engine),
-            *_failing(engine),
-            *_degenerate(engine),
-        ),
+def _model(response: Response) -> Model:
+    return lambda values: Outcome(values=np.asarray(response(values)))
+
+
+def _joint(names: tuple[str, ...], means: FloatArray, covariance: FloatArray) -> Sources:
+    group = JointNormal(
+        name="inputs", parameters=names, mean=means, covariance=covariance, error_class=ErrorClass.MEASUREMENT
     )
+    return Sources(groups=(group,))
 
 
-def _normal_quantile(probability: float) -> float:
-    from scipy.special import ndtri
+def _propagate(
+    response: Response, names: tuple[str, ...], means: FloatArray, covariance: FloatArray, *, inverse_depth: bool
+) -> tuple[Propagated, str]:
+    found = propagate(
+        _model(response),
+        _joint(names, means, covariance),
+        _SAMPLING,
+        seed=0,
+        point="hard case",
+        inverse_depth=inverse_depth,
+    )
+    failures = ", ".join(
+        f"{cause} {100.0 * share:g} %" for cause, share in zip(CAUSES, found.failed_fraction[:, 0], strict=True)
+    )
+    return found, f"{found.status[0]}; {failures}"
 
-    return float(ndtri(probability))
+
+def _normal(name: str, deviation: float) -> Source:
+    distribution = Normal(mean=0.0, standard_deviation=deviation)
+    return Source(name=name, distribution=distribution, error_class=ErrorClass.MEASUREMENT)
 
 
-def _without_moments(engine: PropagationEngine) -> tuple[NumericCase | OutcomeCase, ...]:
+def _sobol(response: Response, names: tuple[str, ...], deviations: FloatArray) -> tuple[FloatArray, str]:
+    groups = tuple(_normal(name, float(deviation)) for name, deviation in zip(names, deviations, strict=True))
+    found = sobol_indices(
+        _model(response), Sources(groups=groups), _SAMPLING, draws=_SOBOL_DRAWS, seed=0, point="hard case"
+    )
+    return found.first[:, 0], found.refused[0]
+
+
+def _without_moments() -> tuple[NumericCase | OutcomeCase, ...]:
     """Stereo depth under a yaw error: its quantiles exist, its moments do not."""
 
-    def model(distance: float, baseline: float) -> Callable[[Parameters], FloatArray]:
+    def model(distance: float, baseline: float) -> Response:
         return lambda values: 1.0 / distance + values["x"] / baseline
 
-    def propagated(distance: float, baseline: float, yaw: float) -> tuple[Distributed, str]:
-        return engine.propagate(
-            model(distance, baseline), ("x",), np.zeros(1), np.array([[yaw**2]]), inverse_depth=True
-        )
+    def propagated(distance: float, baseline: float, yaw: float) -> tuple[Propagated, str]:
+        return _propagate(model(distance, baseline), ("x",), np.zeros(1), np.array([[yaw**2]]), inverse_depth=True)
 
     def quantile(index: int) -> Callable[..., Stated]:
         def ours(distance: float, baseline: float, yaw: float) -> Stated:
@@ -119,7 +93,7 @@ def _without_moments(engine: PropagationEngine) -> tuple[NumericCase | OutcomeCa
         return ours
 
     def naive(probability: float) -> Callable[..., float]:
-        return lambda distance, baseline, yaw: distance + _normal_quantile(probability) * distance**2 / baseline * yaw
+        return lambda distance, baseline, yaw: distance + float(ndtri(probability)) * distance**2 / baseline * yaw
 
     def naive_spread() -> str:
         depths = [1.0 / (0.1 + np.random.default_rng(seed).normal(0.0, _YAW["yaw"], 10_000) / 0.1) for seed in range(6)]
@@ -155,8 +129,8 @@ def _without_moments(engine: PropagationEngine) -> tuple[NumericCase | OutcomeCa
     )
 
 
-def _weighted(engine: PropagationEngine, *, monte_carlo: bool) -> tuple[Callable[..., float], Callable[..., Stated]]:
-    """Half width of a weighted sum of normals: by Cholesky as usual, and by the engine."""
+def _weighted(*, monte_carlo: bool) -> tuple[Callable[..., float], Callable[..., Stated]]:
+    """Half width of a weighted sum of normals: by Cholesky as usual, and as this package propagates it."""
 
     def naive(weights: tuple[float, ...], covariance: FloatArray) -> float:
         return float(np.linalg.norm(np.linalg.cholesky(covariance).T @ np.array(weights)))
@@ -164,26 +138,27 @@ def _weighted(engine: PropagationEngine, *, monte_carlo: bool) -> tuple[Callable
     def ours(weights: tuple[float, ...], covariance: FloatArray) -> Stated:
         names, means = _NAMES[: len(weights)], np.zeros(len(weights))
 
-        def model(values: Parameters) -> FloatArray:
+        def model(values: Mapping[str, FloatArray]) -> FloatArray:
             return np.asarray(sum(w * values[name] for w, name in zip(weights, names, strict=True)))
 
         if not monte_carlo:
-            return Stated(value=engine.linear(model, names, means, covariance), error=math.nan)
-        found = engine.propagate(model, names, means, covariance, inverse_depth=False)[0]
+            exact = linear(_model(model), _joint(names, means, covariance), inverse_depth=False)
+            return Stated(value=float(exact.standard_uncertainty[0]), error=math.nan)
+        found = _propagate(model, names, means, covariance, inverse_depth=False)[0]
         error = _CONFIDENCE * float(found.half_width_error[0])
         return Stated(value=float(found.half_width[0]), error=error)
 
     return naive, ours
 
 
-def _singular(engine: PropagationEngine) -> tuple[NumericCase, ...]:
+def _singular() -> tuple[NumericCase, ...]:
     """Correlations of ±1, and a covariance that is singular but for rounding."""
     plus, minus = ({"xx": 0.01, "xy": sign * 0.01, "yy": 0.01} for sign in (1.0, -1.0))
     dependent = {"xx": 0.01, "xy": 0.003, "yy": 0.09}
     tiers = ((False, "linear"), (True, "Monte Carlo"))
 
     def law(name: str, weights: tuple[float, ...], *, monte_carlo: bool, rank: str) -> Law:
-        naive, ours = _weighted(engine, monte_carlo=monte_carlo)
+        naive, ours = _weighted(monte_carlo=monte_carlo)
         build = _pair if rank == "pair" else _sum_as_third
         return Law(
             name=name,
@@ -218,7 +193,7 @@ def _sum_as_third(xx: float, xy: float, yy: float) -> FloatArray:
     return np.array([[xx, xy, xx + xy], [xy, yy, xy + yy], [xx + xy, xy + yy, xx + 2.0 * xy + yy]])
 
 
-def _scales(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
+def _scales() -> tuple[OutcomeCase, ...]:
     """Outputs whose squares no longer fit into a double."""
 
     def naive(scale: float) -> Callable[[], str]:
@@ -227,7 +202,7 @@ def _scales(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
 
     def ours(scale: float) -> Callable[[], str]:
         def asked() -> str:
-            found = engine.propagate(
+            found = _propagate(
                 lambda values: scale * values["x"], ("x",), np.zeros(1), np.ones((1, 1)), inverse_depth=False
             )[0]
             return f"half width {float(found.half_width[0]):.3g} ± {float(found.half_width_error[0]):.3g}"
@@ -235,7 +210,12 @@ def _scales(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
         return lambda: _answer(asked)
 
     def of_input(scale: float) -> Callable[[], str]:
-        return lambda: _answer(lambda: f"standard uncertainty {engine.linear_of_one(scale):g}")
+        def asked() -> str:
+            sources = Sources(groups=(_normal("x", scale),))
+            found = linear(_model(lambda values: values["x"]), sources, inverse_depth=False)
+            return f"standard uncertainty {float(found.standard_uncertainty[0]):g}"
+
+        return lambda: _answer(asked)
 
     words, of_one = ("outputs", "allowed", "unit"), ("standard deviation of x", "allowed", "unit")
     return (
@@ -270,26 +250,8 @@ def _scales(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
     )
 
 
-def _failing(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
+def _failing() -> tuple[OutcomeCase, ...]:
     """Draws without a rank, one draw, an output that is not a number among those of Sobol indices."""
-
-    def naive_mean() -> str:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "mean of empty slice" is what the usual way says
-            return f"mean {np.nanmean(np.full(100, np.nan))}"
-
-    def all_failing() -> str:
-        return engine.propagate(
-            lambda values: np.full_like(values["x"], np.nan), ("x",), np.zeros(1), np.ones((1, 1)), inverse_depth=False
-        )[1]
-
-    def naive_one_draw() -> str:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # "degrees of freedom <= 0"
-            return f"standard deviation {np.std([1.0], ddof=1)}"
-
-    def one_draw() -> str:
-        return _answer(lambda: str(engine.from_draws(np.array([1.0]))))
 
     def naive_sobol() -> str:
         from scipy.stats import norm, sobol_indices
@@ -297,14 +259,12 @@ def _failing(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
         def model(x: FloatArray) -> FloatArray:
             return np.where(x[0] > 2.5, np.nan, x[0] + 2.0 * x[1])
 
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            normal: Any = norm()  # the stubs of scipy know too few distributions
-            found = sobol_indices(func=model, n=1024, dists=[normal, normal], rng=np.random.default_rng(0))
+        normal: Any = norm()  # the stubs of scipy know too few distributions
+        found = sobol_indices(func=model, n=1024, dists=[normal, normal], rng=np.random.default_rng(0))
         return f"first-order indices {np.array2string(found.first_order, precision=3)}"
 
     def our_sobol() -> str:
-        first, refused = engine.sobol(
+        first, refused = _sobol(
             lambda values: np.where(values["x"] > 2.5, np.nan, values["x"] + 2.0 * values["y"]), ("x", "y"), np.ones(2)
         )
         return f"indices {first.ravel()}, {refused}"
@@ -313,28 +273,34 @@ def _failing(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
         OutcomeCase(
             name="every draw fails",
             law="no quantile is invented, failures are counted by cause",
-            naive=naive_mean,
-            ours=all_failing,
+            naive=lambda: _quietly(lambda: f"mean {np.nanmean(np.full(100, np.nan))}"),
+            ours=lambda: _propagate(
+                lambda values: np.full_like(values["x"], np.nan),
+                ("x",),
+                np.zeros(1),
+                np.ones((1, 1)),
+                inverse_depth=False,
+            )[1],
             expected=("unranked", "nonfinite 100 %"),
         ),
         OutcomeCase(
             name="one draw",
             law="one value is no distribution",
-            naive=naive_one_draw,
-            ours=one_draw,
+            naive=lambda: _quietly(lambda: f"standard deviation {np.std([1.0], ddof=1)}"),
+            ours=lambda: _answer(lambda: str(Empirical(draws=np.array([1.0])))),
             expected=("empirical draws", "at least two"),
         ),
         OutcomeCase(
             name="Sobol indices with an output that is not a number",
             law="indices are refused with the share that is not finite",
-            naive=naive_sobol,
+            naive=lambda: _quietly(naive_sobol),
             ours=our_sobol,
             expected=("nan", "not finite"),
         ),
     )
 
 
-def _degenerate(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
+def _degenerate() -> tuple[OutcomeCase, ...]:
     """No variance at all, and an ensemble of walkers that stays apart."""
 
     def naive_constant() -> str:
@@ -342,7 +308,7 @@ def _degenerate(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
         return f"index {np.float64(np.var(outputs)) / np.var(outputs)}"
 
     def constant() -> str:
-        first, refused = engine.sobol(lambda values: 3.0 + 0.0 * values["x"], ("x",), np.ones(1))
+        first, refused = _sobol(lambda values: 3.0 + 0.0 * values["x"], ("x",), np.ones(1))
         return f"indices {first.ravel()}, {refused}"
 
     def chains() -> FloatArray:
@@ -351,12 +317,11 @@ def _degenerate(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
         drawn[1] += 10.0
         return drawn
 
-    def naive_stuck() -> str:
-        return f"mean {float(np.mean(chains())):.3g}, from {chains().size} draws"
-
     def stuck() -> str:
-        failures, ensembles = engine.judge_chains(chains())
-        return f"not converged: {'; '.join(failures)}; ensembles to blame: {ensembles}"
+        from tradestudy.calibration.posterior.sampling import diagnose
+
+        found = diagnose(chains(), np.full(4, 0.3), ("p0",))
+        return f"not converged: {'; '.join(found.failures)}; ensembles to blame: {found.stuck_ensembles}"
 
     return (
         OutcomeCase(
@@ -369,11 +334,18 @@ def _degenerate(engine: PropagationEngine) -> tuple[OutcomeCase, ...]:
         OutcomeCase(
             name="an ensemble of walkers in a mode of its own",
             law="the draws are not believed, and the ensemble is named",
-            naive=naive_stuck,
+            naive=lambda: f"mean {float(np.mean(chains())):.3g}, from {chains().size} draws",
             ours=stuck,
             expected=("not converged", "ensembles disagree", "(1,)"),
         ),
     )
+
+
+def _quietly(ask: Callable[[], str]) -> str:
+    """What is answered without the warnings, of which the usual way is full."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return ask()
 
 
 def _answer(ask: Callable[[], str]) -> str:
@@ -382,3 +354,10 @@ def _answer(ask: Callable[[], str]) -> str:
         return ask()
     except TradestudyError as error:
         return f"refused: {error}"
+
+
+PROPAGATION: Final = Family(
+    name="propagation",
+    title="Propagation of uncertainty",
+    cases=(*_without_moments(), *_singular(), *_scales(), *_failing(), *_degenerate()),
+)

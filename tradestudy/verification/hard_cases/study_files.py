@@ -1,16 +1,14 @@
-"""Hard cases of study files: extreme but legal values, and files made to exhaust or to leave the machine's bounds.
-
-The reader lives above this package: whoever asks for the cases hands it in.
-"""
+"""Hard cases of study files: extreme but legal values, and files made to exhaust or to leave the machine's bounds."""
 
 from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+from tradestudy.errors import StudyError
+from tradestudy.study.loading import load_definition
 from tradestudy.verification.hard_cases.case import Family, OutcomeCase
 
 LONGEST_SECONDS: Final = 10.0
@@ -31,47 +29,21 @@ def study(
     return f"format: 1\nstudy: {name}\ntitle: {title}\nquestion: Q\ncameras: {cameras}\nscene: {scene}\n{more}\n"
 
 
-def study_file_family(check: Callable[[Path], str], load_plainly: Callable[[str], object]) -> Family:
-    """The cases.
-
-    Parameters
-    ----------
-    check
-        Checks a study file and says ``accepted: …`` or ``refused: …``.
-    load_plainly
-        A YAML parser by itself.
-    """
-
-    def case(name: str, law: str, text: str, *expected: str) -> OutcomeCase:
-        return OutcomeCase(
-            name=name,
-            law=law,
-            naive=lambda: _plainly(load_plainly, text),
-            ours=lambda: _checked(check, text),
-            expected=expected,
-        )
-
-    return Family(
-        name="study-files",
-        title="Study files",
-        cases=(*_legal(case), *_too_much(case), *_outward(case), *_not_what_they_seem(case)),
-    )
+def _case(name: str, law: str, text: str, *expected: str) -> OutcomeCase:
+    return OutcomeCase(name=name, law=law, naive=lambda: _plainly(text), ours=lambda: _checked(text), expected=expected)
 
 
-Maker = Callable[..., OutcomeCase]
-
-
-def _legal(case: Maker) -> tuple[OutcomeCase, ...]:
+def _legal() -> tuple[OutcomeCase, ...]:
     hundred = ", ".join(f"rig-{index}: {_CAMERA}" for index in range(100))
     unicode = f"{{Übersicht_β: {_CAMERA}, カメラ: {_CAMERA}}}"
     far = "{distances: [1 um, 100000 km], wavelength: 10 nm}"
     log = "{distances: {from: 10 mm, to: 10 m, points: 100000}, wavelength: 550 nm}"
     return (
-        case("100 000 distances", "as many as a study may have", study(scene=log), "accepted", "100000 distances"),
-        case("100 cameras", "as many as a study may have", study(cameras=f"{{{hundred}}}"), "accepted: 100 cameras"),
-        case("names in other scripts", "letters are letters", study(cameras=unicode), "accepted: 2 cameras"),
-        case("distances from 1 µm to 10⁸ m, λ = 10 nm", "extreme but legal", study(scene=far), "accepted"),
-        case(
+        _case("100 000 distances", "as many as a study may have", study(scene=log), "accepted", "100000 distances"),
+        _case("100 cameras", "as many as a study may have", study(cameras=f"{{{hundred}}}"), "accepted: 100 cameras"),
+        _case("names in other scripts", "letters are letters", study(cameras=unicode), "accepted: 2 cameras"),
+        _case("distances from 1 µm to 10⁸ m, λ = 10 nm", "extreme but legal", study(scene=far), "accepted"),
+        _case(
             "a length of 0.5 million digits",
             "read as the number it is",
             study(scene=f"{{distances: [1.{'0' * 500_000}1 m, 2 m], wavelength: 550 nm}}"),
@@ -80,35 +52,35 @@ def _legal(case: Maker) -> tuple[OutcomeCase, ...]:
     )
 
 
-def _too_much(case: Maker) -> tuple[OutcomeCase, ...]:
+def _too_much() -> tuple[OutcomeCase, ...]:
     more = ", ".join(f"rig-{index}: {_CAMERA}" for index in range(101))
     log = "{distances: {from: 10 mm, to: 10 m, points: 100001}, wavelength: 550 nm}"
     levels = "\n".join(f"x{n}: &x{n} [{', '.join([f'*x{n - 1}'] * 9)}]" for n in range(1, 11))
     return (
-        case("101 cameras", "one too many, with the limit", study(cameras=f"{{{more}}}"), "refused", "100"),
-        case("100 001 distances", "one too many, with the limit", study(scene=log), "refused", "100000"),
-        case(
+        _case("101 cameras", "one too many, with the limit", study(cameras=f"{{{more}}}"), "refused", "100"),
+        _case("100 001 distances", "one too many, with the limit", study(scene=log), "refused", "100000"),
+        _case(
             "a file over 1 MB",
             "refused before it is parsed",
             study(more="# " + "x" * 1_000_000),
             "refused",
             "larger than 1 MB",
         ),
-        case(
+        _case(
             "two hundred brackets in each other",
             "refused at the depth that no study needs",
             study(more="sweep: " + "[" * 200 + "]" * 200),
             "refused",
             "nested more than",
         ),
-        case(
+        _case(
             "anchors that expand to billions",
             "refused before they are expanded",
             f"x0: &x0 [a]\n{levels}\n{study()}",
             "refused",
             "repetitions by '*' included",
         ),
-        case(
+        _case(
             "an anchor inside itself",
             "refused: it has no end",
             study(more="sweep: &s {a: *s}"),
@@ -118,12 +90,12 @@ def _too_much(case: Maker) -> tuple[OutcomeCase, ...]:
     )
 
 
-def _outward(case: Maker) -> tuple[OutcomeCase, ...]:
+def _outward() -> tuple[OutcomeCase, ...]:
     names = ("../outside", "/etc/outside", "..", ".hidden", '"a\\0b"', '"a\\nb"', "n" * 200)
     inside = f'{{"../../etc": {_CAMERA}}}'
     return (
         *(
-            case(
+            _case(
                 f"a study called {name if len(name) < 20 else 'by 200 letters'}",
                 "its name is that of its folder",
                 study(name=name),
@@ -131,14 +103,14 @@ def _outward(case: Maker) -> tuple[OutcomeCase, ...]:
             )
             for name in names
         ),
-        case("a camera called '../../etc'", "names are names", study(cameras=inside), "refused", "this is no name"),
-        case(
+        _case("a camera called '../../etc'", "names are names", study(cameras=inside), "refused", "this is no name"),
+        _case(
             "a camera from a file outside",
             "another file is read as a camera or refused, and not shown",
             study(cameras="{rig: {from: ../../../../../../../../etc/passwd}}"),
             "refused",
         ),
-        case(
+        _case(
             "a camera from a device",
             "refused: it could go on for ever",
             study(cameras="{rig: {from: /dev/zero}}"),
@@ -148,40 +120,40 @@ def _outward(case: Maker) -> tuple[OutcomeCase, ...]:
     )
 
 
-def _not_what_they_seem(case: Maker) -> tuple[OutcomeCase, ...]:
+def _not_what_they_seem() -> tuple[OutcomeCase, ...]:
     return (
-        case(
+        _case(
             "a tag that makes an object",
             "tags have no meaning",
             study(title="!!python/object/apply:os.system [id]"),
             "refused",
             "tags",
         ),
-        case("a key twice", "no value is dropped silently", study(more="title: Again"), "refused", "stands twice"),
-        case("the title 'no'", "YAML 1.2 has no Norway problem", study(title="no"), "accepted"),
-        case(
+        _case("a key twice", "no value is dropped silently", study(more="title: Again"), "refused", "stands twice"),
+        _case("the title 'no'", "YAML 1.2 has no Norway problem", study(title="no"), "accepted"),
+        _case(
             "a wavelength of 1e400 m",
             "a number beyond all is refused, not infinite",
             study(scene="{distances: [1 m, 2 m], wavelength: 1e400 m}"),
             "refused",
         ),
-        case(
+        _case(
             "a distance that is not a number",
             "nan is no length",
             study(scene="{distances: [.nan m, 2 m], wavelength: 550 nm}"),
             "refused",
         ),
-        case("an empty file", "the remedy is named", "", "refused", "tradestudy new"),
+        _case("an empty file", "the remedy is named", "", "refused", "tradestudy new"),
     )
 
 
-def _checked(check: Callable[[Path], str], text: str) -> str:
+def _checked(text: str) -> str:
     """What our reader says of a text, from a file in a folder of its own; slow or untidy is wrong whatever it says."""
     with tempfile.TemporaryDirectory(prefix="tradestudy-") as folder:
         path = Path(folder) / "study.yaml"
         path.write_text(text, encoding="utf-8")
         begin = time.perf_counter()
-        answer = check(path)
+        answer = _check(path)
         seconds = time.perf_counter() - begin
         left = sorted(entry.name for entry in Path(folder).iterdir() if entry != path)
     if seconds > LONGEST_SECONDS:
@@ -189,10 +161,22 @@ def _checked(check: Callable[[Path], str], text: str) -> str:
     return f"wrote {', '.join(left)}" if left else _short(answer.replace(f"{folder}/", ""))
 
 
-def _plainly(load_plainly: Callable[[str], object], text: str) -> str:
-    """What a parser alone makes of a text: how many values it would hand on, or how it ends."""
+def _check(path: Path) -> str:
+    """What `check` makes of a study file: a count of what it holds, or its first mistakes."""
     try:
-        loaded = load_plainly(text)
+        definition = load_definition(path)
+    except StudyError as error:
+        return f"refused: {'; '.join(problem.what for problem in error.problems[:2])}"
+    case = definition.case
+    return f"accepted: {len(case.all_cameras)} cameras, {len(case.distance)} distances"
+
+
+def _plainly(text: str) -> str:
+    """What a parser alone makes of a text: how many values it would hand on, or how it ends."""
+    from ruamel.yaml import YAML
+
+    try:
+        loaded = YAML(typ="safe", pure=True).load(text)
     except RecursionError:
         return "RecursionError"
     except Exception as error:
@@ -214,3 +198,10 @@ def _count(value: Any, known: dict[int, float]) -> float:
 
 def _short(text: str) -> str:
     return text if len(text) <= 160 else f"{text[:157]}…"
+
+
+STUDY_FILES: Final = Family(
+    name="study-files",
+    title="Study files",
+    cases=(*_legal(), *_too_much(), *_outward(), *_not_what_they_seem()),
+)
