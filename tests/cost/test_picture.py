@@ -11,7 +11,7 @@ import pytest
 from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS, hand_lens
 from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.cost import depth, measuring, picture
+from tradestudy.cost import depth, measuring
 from tradestudy.cost.entries import CostTable, Entry
 from tradestudy.cost.measuring import Allowance
 from tradestudy.cost.picture import TITLES, picture_cost
@@ -147,7 +147,7 @@ def measured(study: StudyDefinition, situation: Situation, seconds: float = 1e4)
 def table(study: StudyDefinition, situation: Situation) -> CostTable:
     patch = pytest.MonkeyPatch()
     patch.setattr(measuring, "_LONG", 0.0)  # once is enough
-    patch.setattr(picture, "MOST_PLACES", 3)
+    patch.setattr(depth, "MOST_PLACES", 3)
     try:
         return measured(study, situation)
     finally:
@@ -197,7 +197,7 @@ def test_a_study_s_cost_has_one_quantity_for_every_derived_camera(
     study: StudyDefinition, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(measuring, "_LONG", 0.0)
-    monkeypatch.setattr(picture, "MOST_PLACES", 1)
+    monkeypatch.setattr(depth, "MOST_PLACES", 1)
     found = study_cost(study, budget=2.0)
     assert found["cost_quantity"].values.tolist() == ["depth_uncertainty", "picture_1"]
     assert found["title"].values.tolist()[1] == "Picture models: Stereo 30.5 mm"

@@ -182,11 +182,11 @@ class CameraDeclaration(Part, ABC):
     camera: ClassVar[type[Camera]]
     """What it declares: it tells what is true of every camera of the kind."""
 
-    kind: str
     title: str = Field(min_length=1, max_length=80, description="Name in figures and tables.")
     note: str | None = Field(default=None, max_length=2000, description="What a reader should know about it.")
     stated: StatedPart | None = None
     attributes: AttributesPart = AttributesPart()
+    kind: str
 
     @abstractmethod
     def design(self, picture_law: DisparityErrorLaw | None) -> Camera:
