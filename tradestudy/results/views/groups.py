@@ -1,4 +1,4 @@
-"""What results tables hold: groups as datasets and row by row, and the cameras of a study in its order."""
+"""Groups of a results tree: whether they are there, as datasets, row by row; and the cameras of a study in order."""
 
 from __future__ import annotations
 
