@@ -8,13 +8,13 @@ import pytest
 
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.marginal_views import compress_views
-from tradestudy.calibration.corners.real_rig import depth_of_draws, fit_rig
-from tradestudy.calibration.corners.relative_pose_posterior import (
+from tradestudy.calibration.corners.pair_residual import (
     POSTERIOR_NAMES,
     check_marginalisation,
     log_posterior,
     sample_relative_pose,
 )
+from tradestudy.calibration.corners.real_rig import depth_of_draws, fit_rig
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 

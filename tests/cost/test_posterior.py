@@ -20,7 +20,7 @@ def test_without_time_for_three_posteriors_none_is_begun() -> None:
     part = definition.file.calibration
     assert part is not None
     name = next(name for name, camera in part.cameras.items() if camera.target is not None)
-    camera = cast("UncertainCamera", SimpleNamespace(name=name))  # of one that is not begun nothing else is asked
+    camera = cast(UncertainCamera, SimpleNamespace(name=name))  # of one that is not begun nothing else is asked
     begin = time.perf_counter()
     found = posterior_cost(definition, part, camera, Allowance(seconds=10.0), lambda _step, _share: None, inferring=4.0)
     assert time.perf_counter() - begin < 1.0

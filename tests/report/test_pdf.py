@@ -20,8 +20,6 @@ from tradestudy.report.document import (
     Column,
     Equation,
     Heading,
-    KeyFigure,
-    KeyFigures,
     Paragraph,
     Picture,
     Report,
@@ -129,7 +127,6 @@ def test_hostile_text_stays_text() -> None:
             Paragraph(say("{x}", x=HOSTILE)),
             Bullets((HOSTILE,)),
             Callout(title=HOSTILE, blocks=(Paragraph(HOSTILE),)),
-            KeyFigures((KeyFigure(value="1", label=HOSTILE),)),
             Table(name="t", caption=HOSTILE, columns=columns, rows=((HOSTILE, "1"), (HOSTILE,)), notes=(HOSTILE,)),
             Picture(name="p", caption=HOSTILE, alt=HOSTILE),
             Equation(typst="x", alt="x", reference="r"),
@@ -137,9 +134,9 @@ def test_hostile_text_stays_text() -> None:
     )
     pages = texts(pdf.render_pdf(document, {"p": SVG}))
     text = re.sub(r"[\s\u00ad\ufffe\u0002]", "", "".join(pages))
-    # Subtitle, heading, paragraph, bullet, callout twice, label, caption, title, unit, two cells, note, caption; and
+    # Subtitle, heading, paragraph, bullet, callout twice, caption, title, unit, two cells, note, caption; and
     # the heading once more at the head of every page but the first.
-    assert text.count(re.sub(r"\s", "", SHOWN)) == 14 + len(pages) - 1
+    assert text.count(re.sub(r"\s", "", SHOWN)) == 13 + len(pages) - 1
     assert pages[0].startswith("#t $x$")
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from tradestudy.calibration.corners.corner_file import read_corners
+from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import RigFit, fit_rig, inverse_depth, observe_pair
-from tradestudy.calibration.corners.relative_pose_posterior import sample_relative_pose
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.declaration import CornersPart, TargetPart
 from tradestudy.calibration.posterior.laplace import LaplaceCheck

@@ -132,21 +132,6 @@ class Callout:
 
 
 @dataclass(frozen=True, kw_only=True)
-class KeyFigure:
-    """One number worth remembering, with what it is."""
-
-    value: str
-    label: Text
-
-
-@dataclass(frozen=True)
-class KeyFigures:
-    """A row of numbers worth remembering."""
-
-    items: tuple[KeyFigure, ...]
-
-
-@dataclass(frozen=True, kw_only=True)
 class Column:
     """A table column; `weight` 0 takes the width that its content needs, others share the rest."""
 
@@ -200,7 +185,7 @@ class PageBreak:
     """A new page in print."""
 
 
-Block = Heading | Paragraph | Bullets | Callout | KeyFigures | Table | Picture | Equation | Contents | PageBreak
+Block = Heading | Paragraph | Bullets | Callout | Table | Picture | Equation | Contents | PageBreak
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,6 @@ from tradestudy.report.document import (
     Bullets,
     Callout,
     Heading,
-    KeyFigures,
     Picture,
     Report,
     Table,
@@ -67,10 +66,6 @@ def _block(block: Block, numbers: Mapping[str, str]) -> Json:
             content |= {"title": _text(block.title, numbers), "blocks": inner, "tone": block.tone}
         case Bullets():
             content["items"] = [_text(item, numbers) for item in block.items]
-        case KeyFigures():
-            content["items"] = [
-                {"value": printable(one.value), "label": _text(one.label, numbers)} for one in block.items
-            ]
         case Table():
             content |= {
                 "name": block.name,

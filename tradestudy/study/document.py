@@ -127,7 +127,7 @@ class Document:
     @cached_property
     def tree(self) -> dict[str, Any]:
         """The study as plain dictionaries, lists and scalars, values with a basis unwrapped."""
-        return cast("dict[str, Any]", plain(self.root))
+        return cast(dict[str, Any], plain(self.root))
 
     @cached_property
     def annotations(self) -> Mapping[Path, Annotation]:
@@ -139,7 +139,7 @@ class Document:
 
         For a path that does not exist it is the place of the nearest part above it.
         """
-        place, entry = self.root.place, cast("Entry", self.root)
+        place, entry = self.root.place, cast(Entry, self.root)
         for key in self.path_of(path):
             if isinstance(entry, MappingEntry) and str(key) in entry.members:
                 key_place, entry = entry.members[str(key)]
@@ -156,7 +156,7 @@ class Document:
         *parents, last = self.path_of(path)
         above = self.entry(tuple(parents))
         if isinstance(above, MappingEntry) and last in above.members:
-            return above.members[cast("str", last)].key_place
+            return above.members[cast(str, last)].key_place
         return self.locate(path)
 
     def text_of(self, path: str | Path) -> str:
@@ -243,7 +243,7 @@ def plain(entry: Entry) -> Any:
 def child(entry: Entry | None, key: str | int) -> Entry | None:
     """Go one step down, or to None."""
     if isinstance(entry, MappingEntry) and key in entry.members:
-        return entry.members[cast("str", key)].entry
+        return entry.members[cast(str, key)].entry
     if isinstance(entry, ListEntry) and isinstance(key, int) and 0 <= key < len(entry.items):
         return entry.items[key]
     return None
@@ -314,7 +314,7 @@ def _split(entry: Entry | None, steps: list[str]) -> Path:
     """Follow the steps down as far as they are known; what is not known is one key for each step."""
     if not steps:
         return ()
-    count, key = 1, cast("str | int", steps[0])
+    count, key = 1, cast(str | int, steps[0])
     if isinstance(entry, MappingEntry):
         count = _first_key(entry, steps) or 1
         key = ".".join(steps[:count])

@@ -291,7 +291,7 @@ def _with_value(document: Document, path: str, value: Value | Entry, place: Plac
     if below is not None:
         problems += _taken_back_in_vain(below, entry, steps)
     try:
-        root = cast("MappingEntry", _placed(document.root, steps, (), Member(place, entry)))
+        root = cast(MappingEntry, _placed(document.root, steps, (), Member(place, entry)))
     except _NoSuchPlaceError as error:
         problems.append(place.problem(steps, str(error)))
         return document.with_problems(*problems)

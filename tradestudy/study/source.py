@@ -200,7 +200,7 @@ class _Composer:
         elif isinstance(value, str):
             self.scalar(value, self.start, is_plain=False)
         else:  # numbers of other libraries too, as they are written
-            self.scalar(scalar_text(cast("Scalar", value)), self.start, is_plain=True)
+            self.scalar(scalar_text(cast(Scalar, value)), self.start, is_plain=True)
 
     def scalar(self, written: str, place: Place, *, is_plain: bool, anchor: str | None = None, tag: Any = None) -> None:
         """Add a single value, which is plain where no quotes make it a text."""

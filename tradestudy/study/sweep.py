@@ -35,9 +35,11 @@ class SweepAxis:
 
 def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
     """The axes that a study declares; none where it sweeps nothing."""
-    for path in definition.file.sweep:
+    for path, part in definition.file.sweep.items():
         if path.startswith("scene."):
             raise UnitError(f"{path} cannot be swept: every design of a sweep is computed over the same scene")
+        if not isinstance(part, SweepRangePart) and None in part:
+            raise UnitError(f"{path}: null takes a value back, and a sweep gives values; leave it out")
     return tuple(
         _axis(
             path,

@@ -32,7 +32,18 @@ _ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not turn between views
 
 
 @dataclass(frozen=True, kw_only=True)
-class CameraFit:
+class _Fit:
+    """What a fit says beside its parameters: board poses, covariance of the parameters, noise and residuals."""
+
+    poses: FloatArray
+    covariance: FloatArray
+    noise_px: float
+    residuals_px: FloatArray
+    corner_rms_px: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFit(_Fit):
     """Least-squares fit of one camera.
 
     Parameters
@@ -52,15 +63,10 @@ class CameraFit:
     """
 
     intrinsics: FloatArray
-    poses: FloatArray
-    covariance: FloatArray
-    noise_px: float
-    residuals_px: FloatArray
-    corner_rms_px: float
 
 
 @dataclass(frozen=True, kw_only=True)
-class PairFit:
+class PairFit(_Fit):
     """Least-squares fit of both cameras, their relative pose and all board poses.
 
     Parameters
@@ -80,11 +86,6 @@ class PairFit:
     """
 
     shared: FloatArray
-    poses: FloatArray
-    covariance: FloatArray
-    noise_px: float
-    residuals_px: FloatArray
-    corner_rms_px: float
 
     @property
     def right_centre(self) -> FloatArray:

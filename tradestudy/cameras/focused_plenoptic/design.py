@@ -42,7 +42,7 @@ from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradicti
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.depth_of_field.microlens_relay import inverse_focus_virtual_depth, relay_blur_diameter
+from tradestudy.optics.depth_of_field.plenoptic import inverse_focus_virtual_depth, relay_blur_diameter
 from tradestudy.optics.microlens_coverage import mean_seen_count, projected_radius_over_pitch
 from tradestudy.optics.microlens_projection import (
     microlens_object_distance,

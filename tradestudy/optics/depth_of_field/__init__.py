@@ -8,12 +8,16 @@ from tradestudy.optics.depth_of_field.focus_stack import (
     plan_focus_stack,
     union,
 )
-from tradestudy.optics.depth_of_field.microlens_relay import (
+from tradestudy.optics.depth_of_field.plenoptic import (
     inverse_focus_virtual_depth,
     microlens_focal_length,
+    refocus_distance,
+    refocused_depth_of_field,
     relay_blur_diameter,
     relay_depth_of_field,
     touching_inverse_virtual_depths,
+    view_depth_of_field,
+    view_pupil_diameter,
     virtual_depth_limits,
 )
 from tradestudy.optics.depth_of_field.single_lens import (
@@ -28,12 +32,6 @@ from tradestudy.optics.depth_of_field.single_lens import (
     intersection,
     object_distance_of_magnification,
     object_distance_of_working_distance,
-)
-from tradestudy.optics.depth_of_field.unfocused_plenoptic import (
-    refocus_distance,
-    refocused_depth_of_field,
-    view_depth_of_field,
-    view_pupil_diameter,
 )
 
 __all__ = [

@@ -10,8 +10,14 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tradestudy.analysis.light_benchmarks import light_benchmarks
-from tradestudy.analysis.spot_images import compared_models, image_difference, light_path, lit_pixels, spot_picture
+from tradestudy.analysis.spot_images import (
+    compared_models,
+    image_difference,
+    light_benchmarks,
+    light_path,
+    lit_pixels,
+    spot_picture,
+)
 from tradestudy.effects.selection import Selection
 from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.optics.arrays import FloatArray
