@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -159,3 +160,12 @@ def test_no_kind_is_named_outside_cameras() -> None:
         if isinstance(node, ast.Constant) and node.value in names
     ]
     assert not strays
+
+
+def test_the_page_on_architecture_says_this_order_and_names_what_exists() -> None:
+    page = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    table = [line.split("|")[1] for line in page.partition("\n## ")[0].splitlines() if line.startswith("| `")]
+    assert [name.rstrip("/") for cell in table for name in re.findall(r"`([^`]+)`", cell)] == list(ORDER[:-1])
+    named = {name for name in re.findall(r"`([\w/]+(?:\.\w+|/))`", page) if "/" in name}
+    folders = (PACKAGE, PACKAGE / "cameras", ROOT)
+    assert not [name for name in sorted(named) if not any((folder / name).exists() for folder in folders)]
