@@ -153,6 +153,8 @@ def test_a_kind_can_be_taken_out(copy: Path) -> None:
         if found.returncode:
             with_such_a_camera.append(study.name)
             assert "'unfocused-plenoptic'" in found.stderr
+        else:
+            tell(copy, "plan", str(study))
     assert with_such_a_camera == ["hand_lens.yaml"]
     for name in ("plenoptic_vs_stereo", "stereo_design", "close_range"):
         few = ["--set", "scene.distances.points=11"]
