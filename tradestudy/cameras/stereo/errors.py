@@ -21,18 +21,17 @@ STEREO_ERRORS: Final[Mapping[str, str]] = {
     "roll": "rad",
     **{
         f"{side}_{name}": unit
+        for names, unit in (
+            (("focal_length",), "m"),
+            (("principal_point_x", "principal_point_y"), "m"),
+            (("distortion_k1", "distortion_k2"), "1"),
+            (("pixel_noise",), "m"),
+        )
         for side in SIDES
-        for name, unit in {
-            "focal_length": "m",
-            "principal_point_x": "m",
-            "principal_point_y": "m",
-            "distortion_k1": "1",
-            "distortion_k2": "1",
-            "pixel_noise": "m",
-        }.items()
+        for name in names
     },
 }
-"""Errors of a stereo rig with their units.
+"""Errors of a stereo rig with their units, in the order in which they are drawn.
 
 ``yaw``, ``pitch``, ``roll`` turn the right camera against the left; ``baseline_direction_y`` and ``_z`` turn the line
 of centres against the left camera. Principal points and pixel noise are in metres on the sensor, pixel noise along the
