@@ -149,13 +149,11 @@ def test_a_kind_can_be_taken_out(copy: Path) -> None:
 
     with_such_a_camera = []
     for study in sorted((copy / "studies").glob("*.yaml")):
-        found = call(copy, "check", str(study))
+        found = call(copy, "plan", str(study))
         if found.returncode:
             with_such_a_camera.append(study.name)
             assert "'unfocused-plenoptic'" in found.stderr
-        else:
-            tell(copy, "plan", str(study))
     assert with_such_a_camera == ["hand_lens.yaml"]
-    for name in ("plenoptic_vs_stereo", "stereo_design", "close_range"):
+    for name in ("plenoptic_vs_stereo", "close_range"):
         few = ["--set", "scene.distances.points=11"]
         tell(copy, "run", f"studies/{name}.yaml", "--out", name, "--no-pdf", "--quiet", *few)
