@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 # f-number matching is a rule of thumb of lens design; a few percent neither wastes nor mixes pixels.
 _MATCHING_TOLERANCE: Final = 0.05
+DECLARED_ERRORS: Final = {"mla_distance": "m", "focal_length": "m", "microlens_gap": "m", "pixel_noise": "m"}
+"""Errors that a camera declares of itself, with their units; the last is that of the disparity."""
 _CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 1.0}
 
 

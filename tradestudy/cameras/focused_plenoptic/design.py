@@ -21,7 +21,7 @@ from tradestudy.cameras.depth_camera import (
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cameras.focused_plenoptic.description import focuses_before_array, properties_of
-from tradestudy.cameras.focused_plenoptic.errors import DECLARED_ERRORS, PLENOPTIC_ERRORS
+from tradestudy.cameras.focused_plenoptic.errors import PLENOPTIC_ERRORS
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
     PlenopticEstimator,
@@ -38,7 +38,7 @@ from tradestudy.cameras.focused_plenoptic.relay import Observation, Relay, relay
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradictions, plenoptic_parts
+from tradestudy.cameras.plenoptic import DECLARED_ERRORS, PlenopticCalibration, array_contradictions, plenoptic_parts
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray

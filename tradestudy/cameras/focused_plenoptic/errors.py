@@ -30,8 +30,3 @@ PLENOPTIC_ERRORS: Final[Mapping[str, str]] = {
 distance from the axis: the first moves the image of the main lens along the axis, the second stretches its distance
 from the array (O. Johannsen et al., "On the calibration of focused plenoptic cameras", 2013). k₁ and k₂ refer to the
 lateral position over z. ``pixel_noise`` is that of the disparity [m on the sensor]."""
-
-DECLARED_ERRORS: Final[Mapping[str, str]] = {
-    name: PLENOPTIC_ERRORS[name] for name in ("mla_distance", "focal_length", "microlens_gap", "pixel_noise")
-}
-"""Errors that a camera declares of itself, with their units."""

@@ -15,7 +15,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Final, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,7 +26,13 @@ from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.cameras.plenoptic import PlenopticCalibration, array_contradictions, fill_factor, plenoptic_parts
+from tradestudy.cameras.plenoptic import (
+    DECLARED_ERRORS,
+    PlenopticCalibration,
+    array_contradictions,
+    fill_factor,
+    plenoptic_parts,
+)
 from tradestudy.cameras.reading import Errors, require_known, value_of
 from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
 from tradestudy.cameras.unfocused_plenoptic.method import METHOD
@@ -40,7 +46,6 @@ from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
 
-_ERRORS: Final = {"mla_distance": "m", "focal_length": "m", "microlens_gap": "m", "pixel_noise": "m"}
 ViewEstimator = Literal["outermost-views", "least-squares"]
 
 
@@ -254,7 +259,7 @@ class UnfocusedPlenoptic(DepthCamera):
         OutOfRangeError
             For an error that the camera does not have.
         """
-        require_known(errors, _ERRORS, "an unfocused plenoptic camera")
+        require_known(errors, DECLARED_ERRORS, "an unfocused plenoptic camera")
         noise = np.asarray(errors.get("pixel_noise", 0.0), dtype=np.float64)
         return self._depth_read(self.disparity(distance) + noise, errors)
 
