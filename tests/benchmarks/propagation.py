@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tradestudy.uncertainty.distributions import Normal, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.linear import linear
 from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import PROBABILITIES
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 from tradestudy.uncertainty.streams import plain_random, scrambled_sobol
 
 ALL = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**20)

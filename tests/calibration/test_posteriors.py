@@ -12,7 +12,7 @@ from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.run.groups.real_rig import rig_rows
 from tradestudy.study.loading import load_definition
-from tradestudy.uncertainty.sources import ErrorClass
+from tradestudy.uncertainty.error_class import ErrorClass
 
 BOARD = "columns: 3, rows: 3, half_field: 0.05, tilt: 25 deg, corner_noise: 0.1 px"
 SMALL = f"""

@@ -13,7 +13,7 @@ from tradestudy.calibration.uncertain_cameras import sources_of
 from tradestudy.errors import OutOfRangeError, StudyError
 from tradestudy.execution import Steps
 from tradestudy.study.loading import load_definition
-from tradestudy.uncertainty.sources import ErrorClass
+from tradestudy.uncertainty.error_class import ErrorClass
 
 
 def assembled(file):

@@ -17,8 +17,9 @@ from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 
 DISTANCE = np.array([0.5, 2.0, 5.0])
 BASELINE_TIMES_FOCAL_LENGTH = 0.1 * 8e-3

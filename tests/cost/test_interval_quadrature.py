@@ -19,8 +19,9 @@ from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Distribution, Empirical, Normal, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 
 INVERSE_DEPTH = np.array([2.0, 0.5])
 ALLOWED = Allowance(seconds=1e4)

@@ -12,11 +12,12 @@ import numpy as np
 from tradestudy.calibration.uncertain_cameras import UncertainCamera
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.evaluation import Model
 from tradestudy.uncertainty.linear import linear, validity
 from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import POLE_MARGIN, PROBABILITIES, Propagated
-from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Sources
+from tradestudy.uncertainty.sources import Sources
 
 WAYS: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
     "noise": NOISE,

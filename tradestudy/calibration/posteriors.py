@@ -32,8 +32,9 @@ from tradestudy.cameras.reading import Errors, InverseDepthReading
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointDraws
-from tradestudy.uncertainty.sources import ErrorClass, Group, Source
+from tradestudy.uncertainty.sources import Group, Source
 from tradestudy.uncertainty.streams import point_generator
 
 MOST_DRAWS = 2**13

@@ -35,8 +35,9 @@ from tradestudy.uncertainty.distributions import (
     Triangular,
     Uniform,
 )
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
-from tradestudy.uncertainty.sources import ErrorClass, Group, Source
+from tradestudy.uncertainty.sources import Group, Source
 
 _CLASSES = {
     "per rig": ErrorClass.RIG,

@@ -9,8 +9,9 @@ import numpy as np
 
 from tradestudy.cameras.depth_camera import ErrorSource
 from tradestudy.uncertainty.distributions import Distribution, Normal, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import GaussianCopula
-from tradestudy.uncertainty.sources import ErrorClass, Group, Source
+from tradestudy.uncertainty.sources import Group, Source
 
 
 def centred(source: ErrorSource, share: float = 1.0) -> Distribution:

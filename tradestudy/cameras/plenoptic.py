@@ -89,8 +89,8 @@ class PlenopticCalibration:
     def groups(self, noise: float) -> Iterator[Group]:
         """These errors and the noise of disparity [m], as they are drawn under the names of an exact model."""
         from tradestudy.cameras.error_groups import measurement_noise, per_rig
+        from tradestudy.uncertainty.error_class import ErrorClass
         from tradestudy.uncertainty.joint import JointNormal
-        from tradestudy.uncertainty.sources import ErrorClass
 
         deviations = np.array([self.mla_distance.standard_deviation, self.focal_length.standard_deviation])
         if self.correlation == 0.0:

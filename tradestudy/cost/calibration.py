@@ -25,11 +25,12 @@ from tradestudy.cost.measuring import MOST_PLACES, REFERENCE_SEED, Allowance, en
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import depth_from_inverse
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.linear import linear
 from tradestudy.uncertainty.monte_carlo import propagate
-from tradestudy.uncertainty.sources import ErrorClass, Group
+from tradestudy.uncertainty.sources import Group
 from tradestudy.uncertainty.streams import scrambled_sobol
 from tradestudy.units import significant
 

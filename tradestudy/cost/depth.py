@@ -25,10 +25,11 @@ from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.uncertainty.distributions import Normal, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.linear import linear
 from tradestudy.uncertainty.monte_carlo import FEWEST_REPLICATES, Sampling, propagate
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 from tradestudy.uncertainty.streams import Sampler, plain_random, scrambled_sobol
 from tradestudy.units import FRACTION, LENGTH, pretty
 
