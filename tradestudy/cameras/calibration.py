@@ -92,3 +92,7 @@ class Propagation:
         """Of the quantiles that are reported: the ends of every interval and the median, rising."""
         low = sorted((1.0 - coverage) / 2.0 for coverage in self.coverages)
         return (*low, 0.5, *(1.0 - p for p in reversed(low)))
+
+
+LINEAR: Final = Propagation()
+"""The cheapest way, and the default coverages."""

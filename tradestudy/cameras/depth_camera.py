@@ -10,7 +10,7 @@ from typing import ClassVar, Protocol, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.calibration import PERFECT, Calibration, Propagation
+from tradestudy.cameras.calibration import LINEAR, PERFECT, Calibration, Propagation
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorParameter, ErrorVocabulary
@@ -127,7 +127,7 @@ class DepthCamera(Camera):
     disparity_error_px: DisparityError
     discrimination_step_px: float
     calibration: Calibration = PERFECT
-    propagation: Propagation = Propagation()
+    propagation: Propagation = LINEAR
 
     def __post_init__(self) -> None:
         require_disparity_error(self.disparity_error_px)
@@ -210,7 +210,7 @@ class DepthCamera(Camera):
 
     def as_pictured(self) -> Self:
         """The camera without what its picture does not know of: its calibration, and how its errors are found."""
-        return replace(self, calibration=PERFECT, propagation=Propagation(), disparity_error_px=1.0)
+        return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)
 
     def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:
         """Inverse depths read under draws of its calibration and noise, by the exact model that these belong to."""

@@ -1,4 +1,4 @@
-"""What can be in error about a camera: each parameter with its unit, how often it is drawn, and the part it belongs to."""
+"""What can be in error about a camera: each parameter with its unit, how often it is drawn, and its part."""
 
 from __future__ import annotations
 
