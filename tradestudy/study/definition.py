@@ -14,7 +14,7 @@ import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
 from tradestudy.calibration.sources import calibration_of, mistakes_of_files
-from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
@@ -167,7 +167,7 @@ class StudyDefinition:
         scene, wanted = self.file.scene, self.file.accuracy.wanted().relative["depth_uncertainty"]
         propagation = self.file.propagation.propagation(wanted)
         cameras = {
-            name: replace(camera, calibration=self._calibration(name, camera), propagation=propagation)
+            name: self._calibrated(name, camera, propagation)
             for name, camera in self.designs.items()
             if isinstance(camera, DepthCamera)
         }
@@ -189,25 +189,28 @@ class StudyDefinition:
         parts = self.file.cameras
         return {name: one for name, one in before.designs.items() if before.file.cameras[name] is parts.get(name)}
 
-    def _calibration(self, name: str, camera: DepthCamera) -> Calibration:
-        part, before = self.file.cameras[name], self.before
-        assert isinstance(part, DepthCameraDeclaration)
-        if (
-            before is not None
-            and (self.file.scene, self.posteriors) == (before.file.scene, before.posteriors)
-            and before.file.cameras.get(name) is part
-        ):
+    def _calibrated(self, name: str, design: DepthCamera, propagation: Propagation) -> DepthCamera:
+        """A camera with its calibration; one that was calibrated before is the same."""
+        before, posterior = self.before, self._posterior(name)
+        if before is not None and before.designs.get(name) is design and before._posterior(name) is posterior:
             known = before.case.all_cameras[name]
             assert isinstance(known, DepthCamera)
-            return known.calibration
-        return calibration_of(
+            if known.propagation == propagation:
+                return known
+        part, scene = self.file.cameras[name], self.file.scene
+        assert isinstance(part, DepthCameraDeclaration)
+        calibration = calibration_of(
             part.calibration,
-            camera,
+            design,
             folder=self.calibration_folder(name),
-            wavelength=math.nan if self.file.scene is None else self.file.scene.wavelength,
+            wavelength=math.nan if scene is None else scene.wavelength,
             name=name,
-            posterior=self.posteriors.get(self.posterior_keys.get(name, "")),
+            posterior=posterior,
         )
+        return replace(design, calibration=calibration, propagation=propagation)
+
+    def _posterior(self, name: str) -> Calibration | None:
+        return self.posteriors.get(self.posterior_keys.get(name, ""))
 
     @cached_property
     def posterior_keys(self) -> Mapping[str, str]:

@@ -17,6 +17,7 @@ _INSTEAD: Final = {
     "cameras.*.depth.lenses": "format 1 called this lenses; format 2: microlenses",
     "cameras.*.calibration.correlation": f"format 2: {_CAMERA}.correlations: {{{{mla_distance: {{{{focal_length: 0.9}}}}}}}}",
     "cameras.*.calibration.errors.pixel_noise": "the noise of one measurement is cameras.{}.depth.disparity_error",
+    "cameras.*.calibration.errors.*.drawn": "take this out; how often an error is drawn follows from what it is",
     "cameras.*.calibration.corners.declared_baseline": "format 2: cameras.{}.baseline, with which the fit is compared",
     "scene.temperature": f"format 2: temperature of {_CAMERA}.stability, for each camera".replace("{}", "NAME"),
     "scene.picture.window": "format 1 called this window; format 2: matching_window",
@@ -61,7 +62,7 @@ _INSTEAD: Final = {
     "calibration.cameras.*.corners": f"move this to {_CAMERA}.corners; maximum_steps is max_steps",
 }  # fmt: skip
 _PATTERNS: Final = {tuple(pattern.split(".")): message for pattern, message in _INSTEAD.items()}
-_UNDER_ERRORS: Final = "calibration errors stand under {}.calibration.errors in format 2"
+_UNDER_ERRORS: Final = "calibration errors stand under calibration.errors in format 2"
 _FORMAT: Final = "this is a study of format 1; change what is listed here, and write format: 2"
 _REFOCUSED: Final = "format 1 called this every-object; format 2: autofocus"
 
@@ -69,8 +70,8 @@ _REFOCUSED: Final = "format 1 called this every-object; format 2: autofocus"
 def renamed_keys(document: Document) -> list[Problem]:
     """Everything that format 1 called otherwise, where it is written; also in paths of readings, sweeps and questions."""
     found = [*_of_keys(document), *_of_paths(document)]
-    by_place = {(one.file, one.line, one.column, one.what): one for one in reversed(found)}
-    return sorted(by_place.values(), key=lambda one: (one.file, one.line, one.column))
+    by_place = {(one.file, one.line, one.column): one for one in reversed(found)}
+    return [by_place[place] for place in sorted(by_place)]
 
 
 def _of_keys(document: Document) -> Iterator[Problem]:
@@ -111,7 +112,7 @@ def _instead_of_part(path: Path) -> str | None:
 def _instead(path: Path) -> str | None:
     """What to write instead of a key at a path; None where it is none of format 1 alone."""
     if len(path) == 4 and path[::2] == ("cameras", "calibration") and path[3] in DEPTH_PARAMETERS:
-        return _UNDER_ERRORS.format(path[1])
+        return _UNDER_ERRORS
     for pattern, message in _PATTERNS.items():
         if len(pattern) == len(path) and all(a in ("*", b) for a, b in zip(pattern, path, strict=True)):
             return message.format(*(b for a, b in zip(pattern, path, strict=True) if a == "*"))
