@@ -20,8 +20,6 @@ KINDS: Final[tuple[type[CameraDeclaration], ...]] = (
     StereoDeclaration,
     ConventionalDeclaration,
 )
-ERROR_UNITS: Final = {name: unit for kind in KINDS for name, unit in kind.camera.error_units.items()}
-"""Everything that can be in error about some camera, with its SI unit: one name is one quantity for all kinds."""
 
 if TYPE_CHECKING:
     CameraPart = CameraDeclaration
