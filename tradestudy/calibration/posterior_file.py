@@ -15,7 +15,7 @@ from tradestudy.calibration.calibration_file import (
 )
 from tradestudy.calibration.corners.rig_geometry import check_geometry
 from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS, RigReading
-from tradestudy.calibration.joint_groups import CALIBRATION_GROUP, group_of_draws, replaced
+from tradestudy.calibration.sources import CALIBRATION, group_of_draws, replaced
 from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
@@ -71,7 +71,7 @@ def calibration_of_file(path: Path, name: str, camera: DepthCamera, declared: Ca
         return _of_rig(path, name, camera, declared, found)
     _require_known(path, found.names, camera.error_vocabulary)
     return replace(
-        declared, groups=replaced(declared.groups, _group(found)), source="posterior", reading=None, vocabulary=None
+        declared, groups=replaced(declared.groups, (_group(found),), name), source="posterior", reading=None, vocabulary=None
     )
 
 
@@ -113,7 +113,7 @@ def with_rig(
         vocabulary=vocabulary,
         environment=declared.environment,
     )
-    group = group_of_draws(posterior.names, posterior.draws)
+    group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
     return replace(
         declared,
         groups=(group, *declared.groups),
@@ -142,9 +142,9 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, declared: Calibration, f
 def _group(found: CalibrationCovariance | CalibrationDraws) -> Group:
     """Errors about the file's own best values."""
     if isinstance(found, CalibrationDraws):
-        return group_of_draws(found.names, found.draws)
+        return group_of_draws(CALIBRATION, found.names, found.draws)
     return JointNormal(
-        name=CALIBRATION_GROUP,
+        name=CALIBRATION,
         parameters=found.names,
         mean=np.zeros(len(found.names)),
         covariance=found.covariance,

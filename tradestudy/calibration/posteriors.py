@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +14,17 @@ from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
 from tradestudy.calibration.corners.rig_geometry import check_geometry, check_inside
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
-from tradestudy.calibration.joint_groups import group_of_draws, replaced
 from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.calibration.posterior.sampling import PosteriorSample
 from tradestudy.calibration.posterior_file import with_rig
+from tradestudy.calibration.sources import (
+    CALIBRATION,
+    declared_groups,
+    environment_of,
+    group_of_draws,
+    replaced,
+    stability_groups,
+)
 from tradestudy.calibration.target.synthetic_target import (
     CameraModel,
     Priors,
@@ -29,6 +35,7 @@ from tradestudy.calibration.target.synthetic_target import (
 )
 from tradestudy.calibration.target.target_inference import TargetProblem, fit_target, sample_target
 from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersPart, TargetPart
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.errors import OutOfRangeError
@@ -37,9 +44,6 @@ from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.sources import Group, Source
 from tradestudy.uncertainty.streams import point_generator
-
-if TYPE_CHECKING:
-    from tradestudy.cameras.calibration_declaration import CornersPart, TargetPart
 
 MOST_DRAWS = 2**13
 """Joint draws of a posterior that are propagated, spread evenly over ensembles, steps and walkers."""
@@ -141,6 +145,41 @@ class CornersToInfer:
         return cls(name=name, camera=camera, declared=declared, part=part, folder=folder, seed=seed, content=content)
 
 
+def to_infer(
+    name: str, camera: DepthCamera, part: CalibrationPart, *, folder: Path, wavelength: float, seed: int
+) -> TargetToInfer | CornersToInfer | None:
+    """What is to be inferred before a camera's calibration is known; None where nothing is.
+
+    Parameters
+    ----------
+    name
+        Of the camera in its study.
+    camera
+        The design.
+    part
+        What the study declares of its calibration.
+    folder
+        Where the files that the part names are.
+    wavelength
+        Of the scene [m].
+    seed
+        Of the study.
+    """
+    if part.target is None and part.corners is None:
+        return None
+    groups = declared_groups(part, camera.error_vocabulary, folder)
+    declared = Calibration(
+        groups=(*groups, *stability_groups(part.stability, folder)),
+        environment=environment_of(part.stability, wavelength),
+        source=part.source,
+        inferred=False,
+    )
+    if part.corners is not None:
+        return CornersToInfer.of(name, camera, declared, part.corners, folder, seed=seed)
+    assert part.target is not None
+    return TargetToInfer(name=name, camera=camera, declared=declared, part=part.target, seed=seed)
+
+
 def infer(asked: TargetToInfer | CornersToInfer) -> InferredCalibration:
     """Infer a calibration from whatever it is to be inferred from.
 
@@ -164,9 +203,10 @@ def infer_from_target(asked: TargetToInfer) -> InferredCalibration:
     """
     problem, rng = target_problem(asked)
     fit = fit_target(problem)
-    found = sample_target(problem, fit, rng=rng, maximum_steps=asked.part.maximum_steps)
+    found = sample_target(problem, fit, rng=rng, maximum_steps=asked.part.max_steps)
     posterior = propagated(problem.priors.names, found.sample)
-    groups = replaced(asked.declared.groups, group_of_draws(posterior.names, posterior.draws))
+    group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
+    groups = replaced(asked.declared.groups, (group,), asked.name)
     return InferredCalibration(
         calibration=replace(asked.declared, groups=groups, source="target", inferred=True),
         posterior=posterior,
@@ -199,7 +239,7 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
     check_geometry(asked.name, rig, normal.mean, draws, says="corners")
     rng = point_generator(seed=asked.seed, point=f"corners/{asked.name}", replicate=0)
-    found = sample_relative_pose(fit.explained, corners, rng=rng, maximum_steps=asked.part.maximum_steps)
+    found = sample_relative_pose(fit.explained, corners, rng=rng, maximum_steps=asked.part.max_steps)
     posterior = replace(
         propagated(SHARED_NAMES, found.sample),
         best=found.sample.draws[:, : len(SHARED_NAMES)].mean(axis=0),
