@@ -24,16 +24,16 @@ def again(path: Path, found: tuple[str, ...]) -> Study:
     ("study", "values", "tolerance"),
     [
         ("plenoptic_vs_stereo", ["stereo-short.baseline=50 mm"], "1 %"),
-        ("plenoptic_vs_stereo", ["title='it''s: a test # 1'", "question='12'", "accuracy.relative=10 %"], None),
+        ("plenoptic_vs_stereo", ["title='it''s: a test # 1'", "question='12'", "accuracy.tolerance=10 %"], None),
         ("close_range", ["scene.picture.texture.contrast={value: 20 %, basis: measured, note: 'it''s new'}"], None),
         ("close_range", ["requirements=null", "pair-f22.lenses.f_number=1.60e1"], "10 %"),
         ("close_range", ["scene.distances={from: 43 mm, to: 70 mm, points: 20, spacing: linear}"], None),
         ("light_spot", [], "10 %"),
         ("light_spot", ["light_spot.tolerance=10 %"], "10 %"),
         ("light_spot", ["light_spot.tolerance=3 %"], "2 %"),
-        ("light_spot", ["accuracy.relative=10 %", "light_spot.tolerance=3 %"], None),
+        ("light_spot", ["accuracy.tolerance=10 %", "light_spot.tolerance=3 %"], None),
         ("calibration", [], "10 %"),
-        ("calibration", ["accuracy.relative=3 %"], None),  # the study's own depth_uncertainty stays
+        ("calibration", ["accuracy.tolerance=3 %"], None),  # the study's own depth_uncertainty stays
     ],
 )
 def test_the_study_is_the_same_again(study: str, values: list[str], tolerance: str | None) -> None:
@@ -65,4 +65,4 @@ def test_a_tolerance_that_is_none_is_reported_where_it_was_given() -> None:
     with pytest.raises(StudyError) as error:
         load(STUDIES / "close_range.yaml", tolerance="300 %")
     (problem,) = error.value.problems
-    assert (problem.file, problem.path) == ("--tolerance", "accuracy.relative")
+    assert (problem.file, problem.path) == ("--tolerance", "accuracy.tolerance")

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.calibration.calibration_file import (
-    CalibrationCovariance,
-    CalibrationDraws,
-    CalibrationFileError,
-    read_calibration,
-)
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.calibration_declaration import (
     CalibrationPart,
@@ -26,7 +21,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorVocabulary
 from tradestudy.declarations.distributions import AnyDistribution
-from tradestudy.declarations.mistakes import MistakeAt, nearest_name
+from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.error_class import ErrorClass
@@ -64,8 +59,8 @@ def calibration_of(
     name
         Of the camera in the study.
     posterior
-        What was inferred from the target or the corners that the part names: the groups that they determine, and the
-        exact model that these belong to. None where nothing has been inferred yet.
+        What the source of the part says: the groups that it determines, and the exact model that these belong to. None
+        where there is no source, or nothing has been inferred from it yet.
 
     Returns
     -------
@@ -74,38 +69,27 @@ def calibration_of(
 
     Raises
     ------
-    MistakeAt
-        A file contradicts what is declared, see `mistakes_of_files`.
     OutOfRangeError
         The posterior determines a part of errors that are correlated.
     """
-    if mistakes := mistakes_of_files(part, folder):
-        raise MistakeAt.several(mistakes)
-    source = part.source
-    if source in ("target", "corners") and posterior is None:
-        return Calibration(source=source, inferred=False)
-    vocabulary = camera.error_vocabulary
-    groups = declared_groups(part, vocabulary, folder)
-    if part.posterior is not None:
-        groups = replaced(groups, (group_of_file(folder / part.posterior.file),), name)
-    if posterior is not None:
-        groups = replaced(groups, posterior.groups, name)
-    return Calibration(
-        groups=(*groups, *stability_groups(part.stability, folder)),
-        environment=environment_of(part.stability, wavelength),
-        source=source,
-        reading=None if posterior is None else posterior.reading,
-        vocabulary=None if posterior is None else posterior.vocabulary,
+    if part.source != "errors" and posterior is None:
+        return Calibration(source=part.source, inferred=False)
+    groups = declared_groups(part, camera.error_vocabulary, folder)
+    stability = stability_groups(part.stability, folder)
+    environment = environment_of(part.stability, wavelength)
+    if posterior is None:
+        return Calibration(groups=(*groups, *stability), environment=environment)
+    return replace(
+        posterior,
+        groups=(*replaced(groups, posterior.groups, name), *stability),
+        environment=environment,
+        source=part.source,
     )
 
 
 def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
-    """What is wrong with the files that a calibration names, and between them and what is declared.
-
-    Their places are below the part.
-    """
+    """Files of draws and corners that a calibration names and that cannot be read; their places are below the part."""
     mistakes: list[MistakeAt] = []
-    given = part.errors.given()
     for path, distribution in _distributions(part):
         if distribution.resolved_shape == "empirical":
             try:
@@ -114,20 +98,20 @@ def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
                 mistakes.append(MistakeAt((*path, "file"), str(error)))
     if part.corners is not None and not (folder / part.corners.file).is_file():
         mistakes.append(MistakeAt(("corners", "file"), f"there is no file '{folder / part.corners.file}'"))
-    if part.posterior is not None:
-        try:
-            names = _read(folder / part.posterior.file).names
-        except CalibrationFileError as error:
-            return [*mistakes, MistakeAt(("posterior", "file"), str(error))]
-        known = part.camera.error_vocabulary
-        for name in names:
-            if name not in known:
-                what = f"{part.posterior.file} names {name!r}, which a {part.kind} camera does not have"
-                mistakes.append(MistakeAt(("posterior", "file"), what + nearest_name(name, known)))
-            elif name in given:
-                what = f"{part.posterior.file} (posterior.file) determines it already; give it once"
-                mistakes.append(MistakeAt(("errors", name), what))
     return mistakes
+
+
+def given_twice(part: CalibrationPart, posterior: Calibration) -> list[MistakeAt]:
+    """Errors that are declared, and that a saved posterior determines; their places are below the part."""
+    assert part.posterior is not None
+    determined = {name for group in posterior.groups for name in group.parameters}
+    of_a_rig = posterior.reading is not None
+    says = "determines every parameter of the rig" if of_a_rig else "determines it already"
+    return [
+        MistakeAt(("errors", name), f"{part.posterior.file} (posterior.file) {says}; give it once")
+        for name in part.errors.given()
+        if of_a_rig or name in determined
+    ]
 
 
 def declared_groups(part: CalibrationPart, vocabulary: ErrorVocabulary, folder: Path) -> tuple[Group, ...]:
@@ -159,7 +143,9 @@ def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
     """What has happened since the calibration: ageing, and changes of temperature, pressure and color."""
     from tradestudy.uncertainty.sources import Source
 
-    changes = dict(zip(SESSION_PARAMETERS, (part.temperature, part.pressure, part.color), strict=True))
+    changes: dict[str, AnyDistribution | None] = dict(
+        zip(SESSION_PARAMETERS, (part.temperature, part.pressure, part.color), strict=True)
+    )
     changes |= {AGEING + name: error for name, error in part.ageing.given().items()}
     return tuple(
         Source(name=name, distribution=distribution_of(change, folder), error_class=ErrorClass.SESSION)
@@ -211,37 +197,13 @@ def distribution_of(part: AnyDistribution, folder: Path) -> Distribution:
         case "triangular":
             return Triangular(low=low, mode=middle, high=high)
         case "student-t":
-            return StudentT(
-                location=middle, scale=part.scale or 0.0, degrees_of_freedom=part.degrees_of_freedom or 0.0
-            )
+            return StudentT(location=middle, scale=part.scale or 0.0, degrees_of_freedom=part.degrees_of_freedom or 0.0)
         case "arcsine":
             return Arcsine(low=low, high=high)
         case "curvilinear-trapezoid":
             return CurvilinearTrapezoid(low=low, high=high, inexactness=part.inexactness or 0.0)
         case "empirical":
             return Empirical(draws=_draws(part, folder))
-
-
-def group_of_file(path: Path) -> Group:
-    """A saved calibration, as errors about its own best values.
-
-    Raises
-    ------
-    CalibrationFileError
-        The file cannot be what it says it is.
-    """
-    from tradestudy.uncertainty.joint import JointNormal
-
-    found = _read(path)
-    if isinstance(found, CalibrationDraws):
-        return group_of_draws(CALIBRATION, found.names, found.draws)
-    return JointNormal(
-        name=CALIBRATION,
-        parameters=found.names,
-        mean=np.zeros(len(found.names)),
-        covariance=found.covariance,
-        error_class=ErrorClass.RIG,
-    )
 
 
 def group_of_draws(name: str, parameters: tuple[str, ...], draws: FloatArray) -> JointDraws:
@@ -284,14 +246,6 @@ def _distributions(part: CalibrationPart) -> Iterable[tuple[tuple[str, ...], Any
         name: getattr(stability, name) for name in ("temperature", "pressure", "color")
     }
     yield from ((("stability", name), change) for name, change in changes.items() if change is not None)
-
-
-def _read(path: Path) -> CalibrationCovariance | CalibrationDraws:
-    try:
-        return read_calibration(path)
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "no text"
-        raise CalibrationFileError(f"'{path}' cannot be read", value=why) from None
 
 
 def _draws(part: AnyDistribution, folder: Path) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
-from tradestudy.calibration.sources import calibration_of, mistakes_of_files
+from tradestudy.calibration.sources import calibration_of, given_twice, mistakes_of_files
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import closed_form_models
@@ -25,7 +26,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
 from tradestudy.study.reader import validate, with_values
-from tradestudy.study.renamed import renamed_keys
+from tradestudy.study.renamed import is_format_1, renamed_keys
 from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
@@ -104,9 +105,7 @@ class StudyDefinition:
         StudyError
             With every mistake found.
         """
-        if renamed := renamed_keys(document):
-            raise StudyError([*document.problems, *renamed])
-        definition = cls(document, validate(document, StudyFile))
+        definition = cls(document, _validated(document))
         definition.designs  # noqa: B018 - built here so that an impossible camera is refused before anything runs
         return definition
 
@@ -137,7 +136,7 @@ class StudyDefinition:
 
     @cached_property
     def designs(self) -> Mapping[str, Camera]:
-        """The cameras as designed, without their calibrations; every one that cannot be, or cannot be calibrated, is told."""
+        """The cameras without their calibrations; every one that cannot be built, or calibrated, is told."""
         cameras: dict[str, Camera] = {}
         problems = self._problems_of_derived_errors()
         if problems:
@@ -148,15 +147,13 @@ class StudyDefinition:
             if name in known:
                 cameras[name] = known[name]
                 continue
-            if isinstance(part, DepthCameraDeclaration):
-                for mistake in mistakes_of_files(part.calibration, self.calibration_folder(name)):
-                    path: tuple[str | int, ...] = ("cameras", name, "calibration", *mistake.tail)
-                    problems.append(self.document.locate(path).problem(path, mistake.what))
             try:
                 cameras[name] = _camera_of(part, scene)
             except TradestudyError as error:
                 path = ("cameras", name)
                 problems.append(self.document.locate(path).problem(path, str(error)))
+                continue
+            problems += self._problems_of_calibration(name, cameras[name])
         if problems:
             raise StudyError(problems)
         return cameras
@@ -181,6 +178,28 @@ class StudyDefinition:
             light_spot=self.file.light_spot,
         )
 
+    def _problems_of_calibration(self, name: str, design: Camera) -> Iterator[Problem]:
+        """What is wrong with the files that the calibration of a camera names."""
+        part = self.file.cameras[name]
+        if not (isinstance(part, DepthCameraDeclaration) and isinstance(design, DepthCamera)):
+            return
+        mistakes = mistakes_of_files(part.calibration, self.calibration_folder(name))
+        if part.calibration.posterior is not None:
+            try:
+                mistakes += given_twice(part.calibration, self._saved(name, part.calibration.posterior.file, design))
+            except TradestudyError as error:
+                mistakes.append(MistakeAt(("posterior", "file"), str(error)))
+        for mistake in mistakes:
+            path = ("cameras", name, "calibration", *mistake.tail)
+            yield self.document.locate(path).problem(path, mistake.what)
+
+    def _saved(self, name: str, file: str, design: DepthCamera) -> Calibration:
+        from tradestudy.calibration.posterior_file import (
+            posterior_of_file,
+        )  # it loads scipy, which `check` seldom needs
+
+        return posterior_of_file(self.calibration_folder(name) / file, name, design)
+
     def _cameras_built_before(self) -> Mapping[str, Camera]:
         """Those of the study that this one was made from whose parts are the same, in the same scene."""
         before = self.before
@@ -191,14 +210,18 @@ class StudyDefinition:
 
     def _calibrated(self, name: str, design: DepthCamera, propagation: Propagation) -> DepthCamera:
         """A camera with its calibration; one that was calibrated before is the same."""
-        before, posterior = self.before, self._posterior(name)
-        if before is not None and before.designs.get(name) is design and before._posterior(name) is posterior:
+        before, scene = self.before, self.file.scene
+        posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
+        if before is not None and before.designs.get(name) is design:
             known = before.case.all_cameras[name]
             assert isinstance(known, DepthCamera)
-            if known.propagation == propagation:
+            same = before.posteriors.get(before.posterior_keys.get(name, "")) is posterior
+            if same and known.propagation == propagation:
                 return known
-        part, scene = self.file.cameras[name], self.file.scene
+        part = self.file.cameras[name]
         assert isinstance(part, DepthCameraDeclaration)
+        if part.calibration.posterior is not None:
+            posterior = self._saved(name, part.calibration.posterior.file, design)
         calibration = calibration_of(
             part.calibration,
             design,
@@ -208,9 +231,6 @@ class StudyDefinition:
             posterior=posterior,
         )
         return replace(design, calibration=calibration, propagation=propagation)
-
-    def _posterior(self, name: str) -> Calibration | None:
-        return self.posteriors.get(self.posterior_keys.get(name, ""))
 
     @cached_property
     def posterior_keys(self) -> Mapping[str, str]:
@@ -356,6 +376,22 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
+
+
+def _validated(document: Document) -> StudyFile:
+    """The study against the schema; keys of format 1 are told as such, and of a study of format 1 nothing else."""
+    renamed = renamed_keys(document)
+    if renamed and is_format_1(document):
+        raise StudyError([*document.problems, *renamed])
+    told = {(one.file, one.line, one.column) for one in renamed}
+    try:
+        valid = validate(document, StudyFile)
+    except StudyError as error:
+        others = [one for one in error.problems if (one.file, one.line, one.column) not in told]
+        raise StudyError([*others, *renamed]) from None
+    if renamed:
+        raise StudyError(renamed)
+    return valid
 
 
 def _camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
