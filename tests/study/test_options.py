@@ -48,9 +48,10 @@ def test_a_study_as_it_is_needs_none() -> None:
 
 
 def test_a_tolerance_is_one_option_whatever_it_takes_back() -> None:
-    given = load(STUDIES / "calibration.yaml", tolerance="10 %")
-    assert len(given.definition.under_tolerance.overrides) == 2
-    assert options(given.definition) == ("--tolerance", "10 %")
+    finer = ["accuracy.depth_uncertainty=3 %"]
+    given = load(STUDIES / "calibration.yaml", finer, tolerance="10 %").definition
+    assert given.file.accuracy.wanted().relative["depth_uncertainty"] == 0.1
+    assert options(given) == ("--set", *finer, "--tolerance", "10 %")
 
 
 def test_pictures_that_a_tolerance_loosens_need_no_option_of_their_own() -> None:

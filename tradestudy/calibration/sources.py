@@ -41,7 +41,6 @@ def calibration_of(
     *,
     folder: Path,
     wavelength: float,
-    name: str,
     posterior: Calibration | None = None,
 ) -> Calibration:
     """The joint distribution of everything that is uncertain about a camera but the noise of a measurement.
@@ -56,8 +55,6 @@ def calibration_of(
         Where the files that the part names are.
     wavelength
         Of the scene [m].
-    name
-        Of the camera in the study.
     posterior
         What the source of the part says: the groups that it determines, and the exact model that these belong to. None
         where there is no source, or nothing has been inferred from it yet.
@@ -66,11 +63,6 @@ def calibration_of(
     -------
     Calibration
         Not ``inferred``, and without groups, where a posterior is needed and there is none.
-
-    Raises
-    ------
-    OutOfRangeError
-        The posterior determines a part of errors that are correlated.
     """
     if part.source != "errors" and posterior is None:
         return Calibration(source=part.source, inferred=False)
@@ -79,9 +71,11 @@ def calibration_of(
     environment = environment_of(part.stability, wavelength)
     if posterior is None:
         return Calibration(groups=(*groups, *stability), environment=environment)
+    determined = {name for group in posterior.groups for name in group.parameters}
+    left = [group for group in groups if not determined.intersection(group.parameters)]
     return replace(
         posterior,
-        groups=(*replaced(groups, posterior.groups, name), *stability),
+        groups=(*left, *posterior.groups, *stability),
         environment=environment,
         source=part.source,
     )
@@ -211,30 +205,6 @@ def group_of_draws(name: str, parameters: tuple[str, ...], draws: FloatArray) ->
     from tradestudy.uncertainty.joint import JointDraws
 
     return JointDraws(name=name, parameters=parameters, draws=draws - draws.mean(axis=0), error_class=ErrorClass.RIG)
-
-
-def replaced(groups: Iterable[Group], determined: tuple[Group, ...], camera: str) -> tuple[Group, ...]:
-    """The groups, those whose parameters a source determines replaced by what it says of them.
-
-    Raises
-    ------
-    OutOfRangeError
-        It determines some errors of a correlated group: what is left would have lost its partner.
-    """
-    kept: list[Group] = []
-    covered = {name for group in determined for name in group.parameters}
-    for group in groups:
-        inside = covered & set(group.parameters)
-        if inside and inside != set(group.parameters):
-            raise OutOfRangeError(
-                f"the calibration of {camera} determines some of the errors that are correlated with others",
-                value=", ".join(sorted(inside)),
-                limit=", ".join(group.parameters),
-                remedy="take the correlation out",
-            )
-        if not inside:
-            kept.append(group)
-    return (*kept, *determined)
 
 
 def _distributions(part: CalibrationPart) -> Iterable[tuple[tuple[str, ...], AnyDistribution]]:

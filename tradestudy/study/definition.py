@@ -227,7 +227,6 @@ class StudyDefinition:
             design,
             folder=self.calibration_folder(name),
             wavelength=math.nan if scene is None else scene.wavelength,
-            name=name,
             posterior=posterior,
         )
         return replace(design, calibration=calibration, propagation=propagation)
