@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 KINDS = Path("tradestudy", "cameras", "kinds.py")
 
 STUDY = """
-format: 1
+format: 2
 study: laser
 title: Laser triangulation against a stereo rig
 question: Which of them measures better?
@@ -38,7 +38,7 @@ cameras:
     lenses: {focal_length: 8 mm, f_number: 8}
     sensor: {pixels: [2048, 1024], pixel_pitch: 5 um}
     baseline: 100 mm
-    axes_meet_at: infinity
+    convergence_distance: infinity
     focus_distance: 1 m
     depth: {estimator: disparity, disparity_error: 0.1 px, discrimination_step: 0.1 px}
     calibration: {yaw: {standard_deviation: 0.01 deg}}
@@ -52,7 +52,7 @@ scene:
     read_noise: 10 electrons
     full_well: 20000 electrons
     bits: 12
-usable: {blur: 4 px, relative_uncertainty: 5 %}
+usable_range: {blur: 4 px, relative_uncertainty: 5 %}
 depth_of_field:
   scene: [0.9 m, 1.1 m]
   sharp: {two-pixels: {blur: 2 px, diffraction: none}}

@@ -162,7 +162,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         value = quantity_entry(math.exp(log_value), dimension)
         cameras = definition.with_values({question.vary: value}).case.cameras
         first, second = (cameras[name] for name in question.equal)
-        ratio = float(_ratio(first, second, distance, question.way)[0])
+        ratio = float(_ratio(first, second, distance, question.errors)[0])
         return math.log(ratio) if ratio > 0.0 and math.isfinite(ratio) else math.copysign(700.0, ratio - 1.0)
 
     ends = [log_ratio(math.log(value)) for value in (low, high)]
