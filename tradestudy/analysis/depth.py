@@ -4,14 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, replace_scramble
-from tradestudy.analysis.linear_depth import distribution_of_line, linear_distribution, linear_reading
+from tradestudy.analysis.linear_depth import (
+    distribution_of_line,
+    linear_distribution,
+    linear_reading,
+    noise_distribution,
+)
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -100,9 +105,21 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
 
 
 def distribution(camera: DepthCamera, distance: FloatArray, way: str, field: float = 0.0) -> DepthDistribution:
-    """The distribution of depth at distances [m], by the model of propagation that acts in the camera."""
-    propagated = exact_distribution if camera.propagation.model == "exact" else linear_distribution
-    return propagated(camera, distance, field, way)
+    """The distribution of depth at distances [m], by the model of propagation that acts in the camera.
+
+    Noise alone is exact in either model.
+    """
+    if way == "noise" or (way == "both" and not camera.calibration.groups):
+        return noise_distribution(camera, distance, field)
+    if camera.propagation.model == "linear" or not camera.calibration.groups:
+        return linear_distribution(camera, distance, field, way)
+    return _known_draws(camera, distance.tobytes(), field, way)
+
+
+@lru_cache(maxsize=256)
+def _known_draws(camera: DepthCamera, distance: bytes, field: float, way: str) -> DepthDistribution:
+    """Draws at distances that limits, ratios and tables of one camera ask for again."""
+    return exact_distribution(camera, np.frombuffer(distance), field, way)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -192,8 +209,9 @@ def linear_error(camera: DepthCamera, distance: FloatArray, way: str = "both", f
     """
     exact = replace(camera, propagation=replace(camera.propagation, model="exact"))
     known = distance[~np.isnan(distance)]
-    if not known.size:
-        return LinearError(half_width=distance, failed_fraction=distance)
+    if not known.size or way == "noise" or not camera.calibration.groups:  # exact in either model
+        none = np.where(np.isnan(distance), np.nan, 0.0)
+        return LinearError(half_width=none, failed_fraction=none)
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
     draws = exact_distribution(exact, places, field, way)
     line = linear_distribution(camera, places, field, way)
@@ -228,9 +246,8 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.
         line = linear_reading(camera, distance, field)
     except OutOfRangeError:
         return {name: np.full(distance.shape, np.nan) for name in names}
-    of_parameter = [parts.get(name, "noise") for name in line.parameters]
-    shares = shapley_shares(line.sensitivity, line.covariance, [names.index(part) for part in of_parameter])
-    return dict(zip(names, shares, strict=True))
+    rows = [[k for k, own in enumerate(line.parameters) if parts.get(own, "noise") == name] for name in names]
+    return dict(zip(names, shapley_shares(line.sensitivity, line.covariance, rows), strict=True))
 
 
 def scrambles_of(camera: DepthCamera) -> tuple[DepthCamera, ...]:

@@ -1,4 +1,4 @@
-"""The distribution of one measured depth over distances: what every number about depth is taken from."""
+"""The distribution of one measured depth over distances: every number about depth is taken from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tradestudy.optics.arrays import BoolArray, FloatArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthDistribution:
-    """Quantiles of depth over distances, from independent scrambles or, of one, from the linear model.
+    """Quantiles of depth over distances, from independent scrambles; from one where nothing is drawn.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class DepthDistribution:
 
     @property
     def half_width_error(self) -> FloatArray:
-        """Standard error of `half_width` from scramble to scramble [m]; NaN for one scramble or no bound."""
+        """Standard error of `half_width` from scramble to scramble [m]; 0 where nothing is drawn, NaN without a bound."""
         return _standard_error(self.half_widths(ONE_SIGMA))
 
     @property
@@ -51,7 +51,7 @@ class DepthDistribution:
 
     @property
     def failed_fraction_error(self) -> FloatArray:
-        """Standard error from scramble to scramble; NaN for one scramble."""
+        """Standard error from scramble to scramble; 0 where nothing is drawn."""
         return _standard_error(self.failed)
 
     def half_widths(self, coverage: float) -> FloatArray:
@@ -68,7 +68,9 @@ class DepthDistribution:
         """
         from scipy.special import stdtrit
 
-        t = float(stdtrit(len(self.failed) - 1, 0.975)) if len(self.failed) > 1 else np.inf
+        if len(self.failed) < 2:
+            return np.ones(self.failed.shape[1], dtype=bool)
+        t = float(stdtrit(len(self.failed) - 1, 0.975))
         certain = t * self.failed_fraction_error <= tolerance * self.failed_fraction
         met = np.ones(self.failed.shape[1], dtype=bool)
         for probability in self.probabilities[: len(self.probabilities) // 2]:
@@ -85,9 +87,9 @@ def _mean(values: FloatArray) -> FloatArray:
 
 
 def _standard_error(values: FloatArray) -> FloatArray:
-    """Of the mean over scrambles; NaN for one scramble, and where any is infinite."""
+    """Of the mean over scrambles; 0 for one alone, NaN where any is infinite."""
     count = len(values)
     if count < 2:
-        return np.full(values.shape[1:], np.nan)
+        return np.where(np.isfinite(values[0]), 0.0, np.nan)
     finite = np.where(np.isinf(values).any(axis=0), np.nan, values)
     return np.asarray(np.std(finite, axis=0, ddof=1) / np.sqrt(count))

@@ -1,4 +1,4 @@
-"""Linear propagation: the covariance of everything uncertain, through the Jacobian of the exact reading."""
+"""Propagation without draws: noise alone, exactly; and the covariance of everything through the exact Jacobian."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.analysis.depth_draws import fixed_errors, nominal_inverse, read_draws, uncertain_groups
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.evaluation import depth_from_inverse
@@ -19,6 +20,8 @@ from tradestudy.uncertainty.sources import Sources
 # Central differences over so many standard deviations: far above rounding, and with a truncation error of a
 # millionth of the third-order term.
 _STEP: Final = 1e-3
+_FARTHEST_SCORE: Final = 40.0  # beyond it the probability is below every double
+_BISECTIONS: Final = 60
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -116,4 +119,31 @@ def distribution_of_line(
         probabilities=probabilities,
         quantiles=depth_from_inverse(inverse_depth + scores * deviation)[None],
         failed=np.where(np.isnan(deviation), np.nan, failed)[None],
+    )
+
+
+def noise_distribution(camera: DepthCamera, distance: FloatArray, field: float) -> DepthDistribution:
+    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map.
+
+    Infinity is reached at the score of the noise where the reading does, found by bisection to the last digits.
+    """
+    from scipy.special import ndtr, ndtri
+
+    probabilities = camera.propagation.probabilities
+    fixed, noise = fixed_errors(camera, "noise"), camera.noise(distance)
+
+    def inverse(scores: FloatArray) -> FloatArray:
+        return read_draws(camera, {**fixed, PIXEL_NOISE: scores}, distance, field, noise)
+
+    depths = depth_from_inverse(inverse(-ndtri(np.array(probabilities))[:, None]))
+    low, high = np.full(distance.shape, -_FARTHEST_SCORE), np.full(distance.shape, _FARTHEST_SCORE)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        beyond = inverse(middle[None])[0] <= 0.0
+        low, high = np.where(beyond, middle, low), np.where(beyond, high, middle)
+    seen = ~np.isnan(depths).any(axis=0)
+    return DepthDistribution(
+        probabilities=probabilities,
+        quantiles=np.where(seen, depths, np.nan)[None],
+        failed=np.where(seen, ndtr(0.5 * (low + high)), np.nan)[None],
     )

@@ -12,6 +12,8 @@ from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
 
 Models = Mapping[SlotName, str]
+SURROUNDINGS: Final = ("temperature_change", "pressure_change")
+"""What the slot of temperature leaves out."""
 
 # What the picture calls it where a slot is off; the other models have one name.
 _OFF_NAMES: Final = {
@@ -40,7 +42,10 @@ def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
     if isinstance(law, PictureDisparityError):
         camera = replace(camera, disparity_error_px=replace(law, models=with_models(law.models, chosen)))
     if chosen.get("temperature") == OFF:
-        camera = replace(camera, expansion=0.0)
-    if chosen.get("calibration") != OFF:
-        return camera
-    return camera.without_calibration_errors()
+        camera = replace(camera, calibration=camera.calibration.without(SURROUNDINGS))
+    match chosen.get("calibration"):
+        case "off":
+            return camera.without_calibration_errors()
+        case "linear" | "exact" as model:
+            return replace(camera, propagation=replace(camera.propagation, model=model))
+    return camera

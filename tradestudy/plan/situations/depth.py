@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
+from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, linear_error
 from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, declared_disparity_error
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
@@ -30,12 +30,13 @@ from tradestudy.effects.picture_slots import (
     reach_over_airy,
     spectrum_width,
 )
+from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.plan.situations.pictures import PictureCase, picture_slots, worst_at, worst_of
 from tradestudy.plan.situations.situation import Situation
-from tradestudy.study.acting import acting, in_closed_form
+from tradestudy.study.acting import SURROUNDINGS, acting, in_closed_form
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry
 from tradestudy.study.expectations import question_ends
@@ -63,6 +64,9 @@ _ASKED_FOR_ENDS: Final = 700
 _ASKED_FOR_DECISION: Final = 4000
 # On the reference machine: one distance of one camera, all errors, all limits.
 _SECONDS_PER_DISTANCE: Final = 4e-5
+_SECONDS_PER_DRAWN_DISTANCE: Final = 2e-3
+_MOST_ASKED: Final = 4  # distances that a study asks about, at which the linear model is tried
+NEVER_TRIED: Final = Worst(value=math.inf, at=math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -338,26 +342,48 @@ def _in_focus(variant: _Variant) -> FloatArray:
 
 def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
     """Slots of calibration and of temperature, each held against the camera with everything."""
-    names = {name for variant in variants for name in variant.camera.error_directions(np.ones(1))}
-    # Of errors added up in disparity, where it counts.
-    linear_errors = (np.nanmax(one.limits["closed_form"].value[one.usable], initial=0.0) for one in variants)
-    linear_error = float(max(linear_errors, default=0.0))
-    seconds = distances * _SECONDS_PER_DISTANCE
+    calibrations = [variant.camera.calibration for variant in variants]
+    known = all(calibration.inferred for calibration in calibrations)
+    declared = not known or any(calibration.groups for calibration in calibrations)
+    tried = worst_of(_linear_error(variant) for variant in variants) if known else NEVER_TRIED
+    session = {group.name for calibration in calibrations for group in calibration.groups} & set(SURROUNDINGS)
     return (
         calibration_slot(
-            share_of_uncertainty=max(_share_of(variant, "calibration") for variant in variants),
-            linear_error=linear_error,
-            seconds=seconds,
-            are_declared=bool(names - {"pixel_noise", "temperature"}),
+            share_of_uncertainty=max(_share_of(variant, "calibration") for variant in variants) if known else math.inf,
+            linear_error=tried.value,
+            at=tried.at,
+            linear_seconds=distances * _SECONDS_PER_DISTANCE,
+            exact_seconds=distances * _SECONDS_PER_DRAWN_DISTANCE,
+            are_declared=declared,
         ),
         temperature_slot(
             share_of_uncertainty=max(_share_of(variant, "temperature") for variant in variants),
-            expansion=max(variant.camera.expansion for variant in variants),
-            error=linear_error,
-            seconds=seconds,
-            is_declared="temperature" in names,
+            is_declared=bool(session),
         ),
     )
+
+
+def _linear_error(variant: _Variant) -> Worst:
+    """The largest departure of the linear model from draws, at a few distances of most and of least uncertainty.
+
+    At the ends of what is usable, where the uncertainty is the largest share of the distance, and wherever is asked; of
+    everything that is pictured, for a camera that is usable nowhere.
+    """
+    camera, distance = variant.as_forced, variant.distance
+    if not camera.calibration.groups:
+        return Worst(value=0.0, at=math.nan)
+    usable = variant.usable if variant.usable.any() else camera.images(distance)
+    places = distance[usable]
+    if not places.size:
+        return Worst(value=0.0, at=math.nan)
+    largest = places[int(np.nanargmax(np.nan_to_num(depth_uncertainty(camera, places) / places, posinf=0.0)))]
+    asked = [one for one in variant.asked if places[0] <= one <= places[-1]]
+    tried = np.unique([places[0], places[places.size // 2], places[-1], largest, *asked[:_MOST_ASKED]])
+    try:
+        error = linear_error(camera, tried).half_width
+    except OutOfRangeError:  # something has no variance: no line exists
+        return NEVER_TRIED
+    return worst_at(tried, np.where(np.isnan(error), 0.0, error))
 
 
 def _share_of(variant: _Variant, slot: SlotName) -> float:
