@@ -31,16 +31,18 @@ def infer_calibrations(
     TradestudyError
         A calibration that cannot be inferred, or contradicts the declared geometry.
     """
-    asked = {key: one for variant in _variants(definition) for key, one in variant.calibrations_to_infer().items()}
-    if not asked:
+    as_declared = definition.calibrations_to_infer()
+    if not as_declared and not any(reading.calibrations_to_infer() for reading in definition.readings.values()):
         return definition, {}
+    asked = {key: one for variant in _variants(definition) for key, one in variant.calibrations_to_infer().items()}
     from tradestudy.calibration.posteriors import infer
 
-    found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), [key[0] for key in asked]), strict=True))
+    names = [key[0] for key in asked]
+    found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names), strict=True))
     known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
-    return known, {key[0]: found[key] for key in definition.calibrations_to_infer()}
+    return known, {key[0]: found[key] for key in as_declared}
 
 
 def _variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:
-    designs = (point.definition for point in sweep_points(definition, sweep_axes(definition)))
+    designs = sweep_points(definition, sweep_axes(definition))
     return itertools.chain([definition], definition.readings.values(), designs)
