@@ -61,22 +61,26 @@ class DepthDistribution:
         unbounded = np.isinf(far)
         return np.asarray(np.where(unbounded, np.inf, (far - np.where(unbounded, 0.0, near)) / 2.0))
 
-    def converged(self, tolerance: float) -> BoolArray:
+    def converged(self, tolerance: float, widest: FloatArray | None = None) -> BoolArray:
         """Where the t-interval of every reported half width is within the tolerance of it.
 
-        Where an interval has no far end, that of the failed fraction is judged instead.
+        Where an interval has no far end, that of the failed fraction is judged instead; one that is bounded but
+        ``widest`` [m] or wider, not at all.
         """
         from scipy.special import stdtrit
 
+        met = np.ones(self.failed.shape[1], dtype=bool)
         if len(self.failed) < 2:
-            return np.ones(self.failed.shape[1], dtype=bool)
+            return met
         t = float(stdtrit(len(self.failed) - 1, 0.975))
         certain = t * self.failed_fraction_error <= tolerance * self.failed_fraction
-        met = np.ones(self.failed.shape[1], dtype=bool)
         for probability in self.probabilities[: len(self.probabilities) // 2]:
             widths = self.half_widths(1.0 - 2.0 * probability)
-            bounded = t * _standard_error(widths) <= tolerance * _mean(widths)
-            met &= np.where(np.isinf(widths).any(axis=0), certain, bounded)
+            width = _mean(widths)
+            bounded = (t * _standard_error(widths) <= tolerance * width) | np.isnan(width)
+            if widest is not None:
+                bounded |= width >= widest
+            met &= np.where(np.isinf(width), certain, bounded)
         return met
 
 

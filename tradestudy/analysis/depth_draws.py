@@ -161,17 +161,15 @@ def _quantiles(depths: FloatArray, probabilities: tuple[float, ...]) -> FloatArr
 def settled_draws(camera: DepthCamera, field: float, way: str) -> int:
     """How many draws each scramble takes: doubled until every judged half width is known to the tolerance.
 
-    Judged where depth is known to within itself, and where it is lost; distances between are reported with their
-    larger error and decide nothing.
+    Judged are intervals that are narrower than their distance, and those that have no far end; what lies between is
+    reported with its larger error.
     """
     propagation = camera.propagation
     judged = np.array(propagation.judged, dtype=np.float64)
     judged = judged[camera.images(judged)]
     draws = _FIRST_DRAWS
     while judged.size and 2 * draws * SCRAMBLES <= propagation.max_draws:
-        found = _of_draws(camera, judged, field, way, draws)
-        wide = (found.half_width > judged) & np.isfinite(found.half_width)
-        if np.all(found.converged(propagation.tolerance) | wide | np.isnan(found.half_width)):
+        if np.all(_of_draws(camera, judged, field, way, draws).converged(propagation.tolerance, widest=judged)):
             break
         draws *= 2
     return draws
