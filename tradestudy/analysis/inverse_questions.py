@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -64,7 +65,7 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         )
     roots = []
     for scramble in range(max(len(log_ratios(log)) for log in logs)):
-        roots.append(_root(lambda log, k=scramble: _of_scramble(log_ratios(log), k), logs, question.says))  # type: ignore[misc]  # bound at once
+        roots.append(_root(lambda log, k=scramble: _of_scramble(log_ratios(log), k), logs, question.says))
     value = float(np.mean(np.exp(roots)))
     error = float(np.std(np.exp(roots), ddof=1) / math.sqrt(len(roots))) if len(roots) > 1 else 0.0
     return Solved(value=value, error=error, dimension=dimension, answer=_answer(definition, question, value, error))
@@ -75,7 +76,7 @@ def _of_scramble(ratios: FloatArray, scramble: int) -> float:
     return float(ratios[min(scramble, len(ratios) - 1)])
 
 
-def _root(log_ratio: object, logs: tuple[float, float], says: str) -> float:
+def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: str) -> float:
     root, report = brentq(log_ratio, *logs, xtol=_ROOT_TOLERANCE, full_output=True)
     if not report.converged:
         raise NotConvergedError("an inverse question was not solved", value=says, remedy="narrow its ends")
