@@ -292,7 +292,8 @@ class GaussianCopula(_Joint):
         coefficients = np.stack([_hermite_coefficients(marginal) for marginal in self.marginals])
         powers = np.clip(self.correlation, -1.0, 1.0)[..., None] ** np.arange(1, coefficients.shape[1] + 1)
         spread = np.array(deviations, float)
-        return np.einsum("ik,jk,ijk->ij", coefficients, coefficients, powers) * np.outer(spread, spread)
+        tied = np.einsum("ik,jk,ijk->ij", coefficients, coefficients, powers)
+        return np.asarray(tied * np.outer(spread, spread))
 
     def draw(self, scores: FloatArray) -> FloatArray:
         """Map standard normal scores (dimensions, n) to draws (k, n)."""
