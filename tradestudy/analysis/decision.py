@@ -219,5 +219,3 @@ def _error_of_turn(first: DepthCamera, second: DepthCamera, place: float, way: s
         return below_one
 
     return scramble_error([condition(one, other) for one, other in pairs], place, begins=begins)
-
-

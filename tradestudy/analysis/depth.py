@@ -179,7 +179,11 @@ class DepthErrors:
         )
         none = np.zeros_like(noise)
         line = linear_reading(self.camera, self.distance, 0.0, "noise")
-        return line.inverse_depth, none if self.way == "calibration" else noise, none if self.way == "noise" else calibration
+        return (
+            line.inverse_depth,
+            none if self.way == "calibration" else noise,
+            none if self.way == "noise" else calibration,
+        )
 
     def _scaled(self, factor: float) -> FloatArray:
         inverse, noise, calibration = self._deviations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
@@ -102,7 +102,9 @@ def exact_depths(
     """Depths [m] that the draws of one scramble read; shape (distances, draws), +inf beyond infinity, NaN unranked."""
     sources, fixed = uncertain_sources(camera, way), fixed_errors(camera, way)
     if not sources.dimensions:  # nothing is uncertain: one reading stands for all
-        return depth_from_inverse(np.broadcast_to(nominal_inverse(camera, distance, field).T[:, None], (distance.size, 1)))
+        return depth_from_inverse(
+            np.broadcast_to(nominal_inverse(camera, distance, field).T[:, None], (distance.size, 1))
+        )
     values = sources.draw(_scores(camera, way, scramble, draws))
     noise = camera.noise(distance)
     found = np.empty((distance.size, draws))

@@ -35,8 +35,7 @@ def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str
         if group not in shared
     ]
     models = [
-        _model(camera, prefix, some, distance)
-        for camera, prefix, some in zip(cameras, _PREFIXES, groups, strict=True)
+        _model(camera, prefix, some, distance) for camera, prefix, some in zip(cameras, _PREFIXES, groups, strict=True)
     ]
     draws = Draws(
         draws=_DRAWS,

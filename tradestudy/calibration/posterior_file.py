@@ -37,9 +37,7 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
     """
     import xarray as xr
 
-    data = xr.Dataset(
-        {"draws": (("draw", "parameter"), posterior.draws)}, coords={"parameter": list(posterior.names)}
-    )
+    data = xr.Dataset({"draws": (("draw", "parameter"), posterior.draws)}, coords={"parameter": list(posterior.names)})
     if posterior.best is not None:
         data["best"] = (("parameter",), posterior.best)
         data["pixels"] = (("side",), np.array(posterior.pixels, dtype=np.int64))
@@ -71,7 +69,11 @@ def calibration_of_file(path: Path, name: str, camera: DepthCamera, declared: Ca
         return _of_rig(path, name, camera, declared, found)
     _require_known(path, found.names, camera.error_vocabulary)
     return replace(
-        declared, groups=replaced(declared.groups, (_group(found),), name), source="posterior", reading=None, vocabulary=None
+        declared,
+        groups=replaced(declared.groups, (_group(found),), name),
+        source="posterior",
+        reading=None,
+        vocabulary=None,
     )
 
 

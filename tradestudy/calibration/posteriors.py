@@ -19,11 +19,8 @@ from tradestudy.calibration.posterior.sampling import PosteriorSample
 from tradestudy.calibration.posterior_file import with_rig
 from tradestudy.calibration.sources import (
     CALIBRATION,
-    declared_groups,
-    environment_of,
     group_of_draws,
     replaced,
-    stability_groups,
 )
 from tradestudy.calibration.target.synthetic_target import (
     CameraModel,
@@ -167,13 +164,7 @@ def to_infer(
     """
     if part.target is None and part.corners is None:
         return None
-    groups = declared_groups(part, camera.error_vocabulary, folder)
-    declared = Calibration(
-        groups=(*groups, *stability_groups(part.stability, folder)),
-        environment=environment_of(part.stability, wavelength),
-        source=part.source,
-        inferred=False,
-    )
+    declared = declared_calibration(part, camera.error_vocabulary, folder=folder, wavelength=wavelength)
     if part.corners is not None:
         return CornersToInfer.of(name, camera, declared, part.corners, folder, seed=seed)
     assert part.target is not None
@@ -317,7 +308,9 @@ def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
     return Priors(names=tuple(map(str, names)), mean=mean, standard_deviation=deviation, lower=lower, upper=upper)
 
 
-def _on_sensor(camera: DepthCamera, observed: FloatArray, target: SyntheticTarget) -> tuple[FloatArray, SyntheticTarget]:
+def _on_sensor(
+    camera: DepthCamera, observed: FloatArray, target: SyntheticTarget
+) -> tuple[FloatArray, SyntheticTarget]:
     """Corners that fall beside the sensor are not seen, and views with fewer than six are not taken."""
     seen = camera.seen_on_sensor(observed)
     taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)

@@ -22,7 +22,6 @@ from tradestudy.cameras.calibration_declaration import (
     correlated,
     correlation_matrix,
 )
-from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorVocabulary
 from tradestudy.declarations.distributions import AnyDistribution
@@ -40,62 +39,34 @@ CALIBRATION = "calibration"
 """Name of the group that a source determines."""
 
 
-def calibration_of(
-    part: CalibrationPart,
-    camera: DepthCamera,
-    *,
-    folder: Path,
-    wavelength: float,
-    name: str,
-    posterior: Calibration | None = None,
+def declared_calibration(
+    part: CalibrationPart, vocabulary: ErrorVocabulary, *, folder: Path, wavelength: float
 ) -> Calibration:
-    """The joint distribution of everything that is uncertain about a camera but the noise of a measurement.
+    """What a study declares itself: errors, and what has happened since; a source is still to be added.
 
     Parameters
     ----------
     part
         What the study declares.
-    camera
-        The camera as designed.
+    vocabulary
+        Of the camera.
     folder
         Where the files that the part names are.
     wavelength
         Of the scene [m].
-    name
-        Of the camera in the study.
-    posterior
-        What was inferred from the target or the corners that the part names: the groups that they determine, and the
-        exact model that these belong to. None where nothing has been inferred yet.
-
-    Returns
-    -------
-    Calibration
-        Not ``inferred``, and without groups, where a posterior is needed and there is none.
 
     Raises
     ------
     MistakeAt
         A file contradicts what is declared, see `mistakes_of_files`.
-    OutOfRangeError
-        The posterior determines a part of errors that are correlated.
     """
     if mistakes := mistakes_of_files(part, folder):
         raise MistakeAt.several(mistakes)
-    source = part.source
-    if source in ("target", "corners") and posterior is None:
-        return Calibration(source=source, inferred=False)
-    vocabulary = camera.error_vocabulary
-    groups = declared_groups(part, vocabulary, folder)
-    if part.posterior is not None:
-        groups = replaced(groups, (group_of_file(folder / part.posterior.file),), name)
-    if posterior is not None:
-        groups = replaced(groups, posterior.groups, name)
     return Calibration(
-        groups=(*groups, *stability_groups(part.stability, folder)),
+        groups=(*declared_groups(part, vocabulary, folder), *stability_groups(part.stability, folder)),
         environment=environment_of(part.stability, wavelength),
-        source=source,
-        reading=None if posterior is None else posterior.reading,
-        vocabulary=None if posterior is None else posterior.vocabulary,
+        source=part.source,
+        inferred=part.source not in ("target", "corners"),
     )
 
 
@@ -116,12 +87,13 @@ def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
         mistakes.append(MistakeAt(("corners", "file"), f"there is no file '{folder / part.corners.file}'"))
     if part.posterior is not None:
         try:
-            names = _read(folder / part.posterior.file).names
+            found = _read(folder / part.posterior.file)
         except CalibrationFileError as error:
             return [*mistakes, MistakeAt(("posterior", "file"), str(error))]
         known = part.camera.error_vocabulary
-        for name in names:
-            if name not in known:
+        of_rig = isinstance(found, CalibrationDraws) and found.best is not None  # in its own parameters
+        for name in found.names:
+            if name not in known and not of_rig:
                 what = f"{part.posterior.file} names {name!r}, which a {part.kind} camera does not have"
                 mistakes.append(MistakeAt(("posterior", "file"), what + nearest_name(name, known)))
             elif name in given:
@@ -211,37 +183,13 @@ def distribution_of(part: AnyDistribution, folder: Path) -> Distribution:
         case "triangular":
             return Triangular(low=low, mode=middle, high=high)
         case "student-t":
-            return StudentT(
-                location=middle, scale=part.scale or 0.0, degrees_of_freedom=part.degrees_of_freedom or 0.0
-            )
+            return StudentT(location=middle, scale=part.scale or 0.0, degrees_of_freedom=part.degrees_of_freedom or 0.0)
         case "arcsine":
             return Arcsine(low=low, high=high)
         case "curvilinear-trapezoid":
             return CurvilinearTrapezoid(low=low, high=high, inexactness=part.inexactness or 0.0)
         case "empirical":
             return Empirical(draws=_draws(part, folder))
-
-
-def group_of_file(path: Path) -> Group:
-    """A saved calibration, as errors about its own best values.
-
-    Raises
-    ------
-    CalibrationFileError
-        The file cannot be what it says it is.
-    """
-    from tradestudy.uncertainty.joint import JointNormal
-
-    found = _read(path)
-    if isinstance(found, CalibrationDraws):
-        return group_of_draws(CALIBRATION, found.names, found.draws)
-    return JointNormal(
-        name=CALIBRATION,
-        parameters=found.names,
-        mean=np.zeros(len(found.names)),
-        covariance=found.covariance,
-        error_class=ErrorClass.RIG,
-    )
 
 
 def group_of_draws(name: str, parameters: tuple[str, ...], draws: FloatArray) -> JointDraws:

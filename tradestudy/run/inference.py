@@ -37,10 +37,10 @@ def infer_calibrations(
     asked = {key: one for variant in _variants(definition) for key, one in variant.calibrations_to_infer().items()}
     from tradestudy.calibration.posteriors import infer
 
-    names = [key[0] for key in asked]
+    names = [one.name for one in asked.values()]
     found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names), strict=True))
     known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
-    return known, {key[0]: found[key] for key in as_declared}
+    return known, {one.name: found[key] for key, one in as_declared.items()}
 
 
 def _variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:

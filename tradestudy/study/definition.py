@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
-from tradestudy.calibration.sources import calibration_of, mistakes_of_files
+from tradestudy.calibration.sources import declared_calibration, mistakes_of_files
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
@@ -32,15 +32,10 @@ from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
-# What a posterior does not depend on: words, and what happens after the calibration.
-_NOT_CALIBRATED: dict[str, Any] = {
-    "title": True,
-    "note": True,
-    "stated": True,
-    "attributes": True,
-    "depth": {"disparity_error", "error_of", "discrimination_step"},
-    "calibration": {"stability"},
-}
+if TYPE_CHECKING:  # whoever infers has loaded it
+    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+
+_WORDS: Final = {"title", "note", "stated", "attributes"}  # of a camera, on which no calibration depends
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +171,7 @@ class StudyDefinition:
             all_cameras={**self.designs, **cameras},
             criteria=self.file.usable_range.criteria(),
             distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
-            wavelength=math.nan if scene is None else scene.wavelength,
+            wavelength=self._wavelength,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
         )
@@ -200,14 +195,45 @@ class StudyDefinition:
             known = before.case.all_cameras[name]
             assert isinstance(known, DepthCamera)
             return known.calibration
-        return calibration_of(
-            part.calibration,
-            camera,
-            folder=self.calibration_folder(name),
-            wavelength=math.nan if self.file.scene is None else self.file.scene.wavelength,
-            name=name,
-            posterior=self.posteriors.get(self.posterior_keys.get(name, "")),
+        posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
+        if posterior is not None:
+            return posterior
+        declared = declared_calibration(
+            part.calibration, camera.error_vocabulary, folder=self.calibration_folder(name), wavelength=self._wavelength
         )
+        if part.calibration.posterior is not None:
+            from tradestudy.calibration.posterior_file import calibration_of_file  # with scipy; a check does without
+
+            file = self.calibration_folder(name) / part.calibration.posterior.file
+            return calibration_of_file(file, name, camera, declared)
+        # Nothing is known yet of a calibration that is to be inferred, least of all its priors.
+        return declared if declared.inferred else replace(declared, groups=())
+
+    @property
+    def _wavelength(self) -> float:
+        """Of the scene [m]; NaN without one."""
+        return math.nan if self.file.scene is None else self.file.scene.wavelength
+
+    def calibrations_to_infer(self) -> dict[str, TargetToInfer | CornersToInfer]:
+        """What has to be inferred before the cameras know their calibrations, by the keys of `posterior_keys`."""
+        from tradestudy.calibration.posteriors import to_infer
+
+        found = {}
+        for name, key in self.posterior_keys.items():
+            part, camera = self.file.cameras[name], self.designs[name]
+            assert isinstance(part, DepthCameraDeclaration)
+            assert isinstance(camera, DepthCamera)
+            asked = to_infer(
+                name,
+                camera,
+                part.calibration,
+                folder=self.calibration_folder(name),
+                wavelength=self._wavelength,
+                seed=self.file.propagation.seed,
+            )
+            if asked is not None and key not in self.posteriors:
+                found[key] = asked
+        return found
 
     @cached_property
     def posterior_keys(self) -> Mapping[str, str]:
@@ -222,7 +248,7 @@ class StudyDefinition:
                         name,
                         str(self.file.propagation.seed),
                         str(self.calibration_folder(name)),
-                        part.model_dump_json(exclude=_NOT_CALIBRATED),
+                        part.model_dump_json(exclude=_WORDS),
                     )
                 ).encode()
             ).hexdigest()

@@ -103,10 +103,7 @@ def _padded(
     return {
         name: np.array(
             [
-                [
-                    [getattr(one, name) for one in row[way]] + [empty] * (max(most, 1) - len(row[way]))
-                    for way in WAYS
-                ]
+                [[getattr(one, name) for one in row[way]] + [empty] * (max(most, 1) - len(row[way])) for way in WAYS]
                 for row in rows
             ]
         )

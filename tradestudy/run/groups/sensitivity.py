@@ -56,9 +56,7 @@ def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: 
     values: dict[str, Any] = {
         **by_source,
         "source_class": [[c[s].error_class.value if s in c else "" for s in sources] for c in groups],
-        "source_parameters": [
-            [", ".join(c[s].parameters) if s in c else "" for s in sources] for c in groups
-        ],
+        "source_parameters": [[", ".join(c[s].parameters) if s in c else "" for s in sources] for c in groups],
         "parameter_refused": [camera_found[0].refused for camera_found in found],
         "index_refused": refused,
     }
