@@ -16,6 +16,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Entry
 from tradestudy.study.expectations import question_ends
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.sweep import quantity_entry
@@ -63,17 +64,21 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         return Solved(
             value=math.nan, error=math.nan, dimension=dimension, answer=_nowhere(question, between, ends[0] < 0.0)
         )
-    roots = []
-    for scramble in range(max(len(log_ratios(log)) for log in logs)):
-        roots.append(_root(lambda log, k=scramble: _of_scramble(log_ratios(log), k), logs, question.says))
+    count = max(len(log_ratios(log)) for log in logs)
+    roots = [_root(_one_scramble(log_ratios, k), logs, question.says) for k in range(count)]
     value = float(np.mean(np.exp(roots)))
     error = float(np.std(np.exp(roots), ddof=1) / math.sqrt(len(roots))) if len(roots) > 1 else 0.0
     return Solved(value=value, error=error, dimension=dimension, answer=_answer(definition, question, value, error))
 
 
-def _of_scramble(ratios: FloatArray, scramble: int) -> float:
-    """Of one scramble; a linear model stands for all."""
-    return float(ratios[min(scramble, len(ratios) - 1)])
+def _one_scramble(log_ratios: Callable[[float], FloatArray], scramble: int) -> Callable[[float], float]:
+    """Of one scramble alone; a linear model stands for all."""
+
+    def log_ratio(log_value: float) -> float:
+        ratios = log_ratios(log_value)
+        return float(ratios[min(scramble, len(ratios) - 1)])
+
+    return log_ratio
 
 
 def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: str) -> float:
@@ -83,13 +88,14 @@ def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: 
     return float(root)
 
 
-def _log_ratios(definition: StudyDefinition, question: SolvePart, value: object) -> FloatArray:
+def _log_ratios(definition: StudyDefinition, question: SolvePart, value: Entry) -> FloatArray:
     """ln of the uncertainty over the one that it is to equal, with a value in place of what is varied; (scrambles,)."""
-    cameras = definition.with_values(dict.fromkeys(varied(question), value)).case.cameras  # type: ignore[arg-type]  # an entry
+    cameras = definition.with_values(dict.fromkeys(question.paths, value)).case.cameras
     if question.equal is not None:
         first, second = (_widths(cameras[name], question) for name in question.equal)
     else:
-        assert question.camera is not None and question.relative is not None  # the schema lets no other through
+        assert question.camera is not None  # the schema lets no other through
+        assert question.relative is not None
         first, second = _widths(cameras[question.camera], question), np.array([question.relative * question.at])
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
         found = np.log(first) - np.log(second)
@@ -99,12 +105,7 @@ def _log_ratios(definition: StudyDefinition, question: SolvePart, value: object)
 def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     """Uncertainty [m] at the distance of the question, of each scramble; draws are settled there alone."""
     asked = replace(camera, propagation=replace(camera.propagation, judged=(question.at,)))
-    return distribution(asked, np.array([question.at]), question.way).half_widths(ONE_SIGMA)[:, 0]
-
-
-def varied(question: SolvePart) -> tuple[str, ...]:
-    """The paths that are set to one value."""
-    return (question.vary,) if isinstance(question.vary, str) else tuple(question.vary)
+    return distribution(asked, np.array([question.at]), question.errors).half_widths(ONE_SIGMA)[:, 0]
 
 
 def _nowhere(question: SolvePart, between: str, first_is_certain: bool) -> str:
@@ -121,7 +122,7 @@ def _answer(definition: StudyDefinition, question: SolvePart, value: float, erro
     answer = pretty(value, dimension, digits=3)
     if error > 0.0:
         answer += f" ± {pretty(error, dimension, digits=1)}"
-    path = varied(question)[0]
+    path = question.paths[0]
     if definition.document.entry(path) is not None:
         answer += f" (declared: {definition.document.text_of(path)})"
     return answer

@@ -70,6 +70,11 @@ def _covariance(camera: DepthCamera, way: str) -> tuple[tuple[str, ...], FloatAr
     return sources.parameters, mean, covariance
 
 
+def has_covariance(camera: DepthCamera) -> bool:
+    """Whether everything uncertain about a camera has a variance, so that a line can be drawn."""
+    return all(group.covariance is not None for group in camera.calibration.groups)
+
+
 def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way: str = "both") -> LinearReading:
     """Linearise the reading of a camera at distances [m] about the means of its errors.
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -60,11 +60,6 @@ class Calibration:
                 base = name.removeprefix(AGEING)
                 found[base] = found.get(base, np.zeros(())) + value
         return found
-
-    def without(self, names: Collection[str]) -> Calibration:
-        """The same without some groups, by their names."""
-        kept = tuple(group for group in self.groups if group.name not in names)
-        return self if len(kept) == len(self.groups) else replace(self, groups=kept)
 
 
 PERFECT: Final = Calibration()

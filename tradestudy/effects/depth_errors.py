@@ -1,4 +1,4 @@
-"""The slots of errors that act on depth: calibration, left out or propagated linearly or exactly, and temperature."""
+"""The slot of calibration: its errors left out, or propagated to depth linearly or exactly."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot
 
 LINEAR: Final = "linear"
 EXACT: Final = "exact"
-EXPANSION: Final = "expansion"
 
 
 def calibration_slot(
@@ -69,34 +68,3 @@ def calibration_slot(
         Model(name=EXACT, bounds={"depth_uncertainty": exact}, seconds=exact_seconds),
     )
     return Slot(name="calibration", models=models)
-
-
-def temperature_slot(*, share_of_uncertainty: float, is_declared: bool) -> Slot:
-    """Models of surroundings that differ from those of the calibration.
-
-    Parameters
-    ----------
-    share_of_uncertainty
-        1 − (uncertainty without it)/(with it), the largest over usable distances.
-    is_declared
-        Whether the study declares a change of temperature or pressure.
-    """
-    criterion = EffectCriterion(
-        words="share of temperature and pressure in the depth uncertainty",
-        definition="1 − u/u₀; u the depth uncertainty without their changes since the calibration, u₀ with them, the "
-        "largest at any distance; twice that where the disparity error is derived, at most 1",
-        value=share_of_uncertainty,
-    )
-    off = Bound(
-        relative_change=share_of_uncertainty,
-        criterion=criterion,
-        reason="the uncertainty without it falls short of that with it by at most this share, at any distance"
-        if is_declared
-        else "the study declares no change of temperature or pressure",
-    )
-    on = Bound(relative_change=0.0, criterion=criterion, reason="drawn with all other errors")
-    models = (
-        Model(name=OFF, bounds={"depth_uncertainty": off}),
-        Model(name=EXPANSION, bounds={"depth_uncertainty": on}),
-    )
-    return Slot(name="temperature", models=models if is_declared else models[:1])

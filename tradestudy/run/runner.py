@@ -93,8 +93,8 @@ def compute(
         selection = plan.selections[DEPTH_OF_FIELD]
         progress("depth of field", 0.0)
         groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, selection)
-        if file.criteria is not None:
-            groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field, selection)
+        if file.relief is not None:
+            groups["/criteria"] = criteria_group(definition, file.relief, file.depth_of_field, selection)
         progress("depth of field", 1.0)
     if file.fresnel_validity is not None:
         from tradestudy.run.groups.fresnel_validity import fresnel_validity_group

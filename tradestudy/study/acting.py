@@ -12,8 +12,6 @@ from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
 
 Models = Mapping[SlotName, str]
-SURROUNDINGS: Final = ("temperature_change", "pressure_change")
-"""What the slot of temperature leaves out."""
 
 # What the picture calls it where a slot is off; the other models have one name.
 _OFF_NAMES: Final = {
@@ -41,8 +39,6 @@ def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):
         camera = replace(camera, disparity_error_px=replace(law, models=with_models(law.models, chosen)))
-    if chosen.get("temperature") == OFF:
-        camera = replace(camera, calibration=camera.calibration.without(SURROUNDINGS))
     match chosen.get("calibration"):
         case "off":
             return camera.without_calibration_errors()
