@@ -255,7 +255,7 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.
 
 
 def scrambles_of(camera: DepthCamera) -> tuple[DepthCamera, ...]:
-    """The camera by each of its scrambles alone, whose scatter is the error of what follows; itself, if it is linear."""
+    """The camera by each scramble of its draws alone, whose scatter is the error of what follows; itself, if linear."""
     if camera.propagation.model == "linear":
         return (camera,)
     return tuple(replace_scramble(camera, scramble) for scramble in range(SCRAMBLES))

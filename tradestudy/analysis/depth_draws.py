@@ -15,10 +15,10 @@ from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
-from tradestudy.uncertainty.evaluation import Model, Outcome, alignment_with, depth_from_inverse
-from tradestudy.uncertainty.outputs import order_quantile
+from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
+from tradestudy.uncertainty.quantiles import quantiles_of
+from tradestudy.uncertainty.scores import each_scramble, scramble_scores
 from tradestudy.uncertainty.sources import Group, Source, Sources
-from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
 
 SCRAMBLES: Final = 8
 """Fewer independent scrambles do not give a trustworthy standard error."""
@@ -86,14 +86,15 @@ def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0,
 @lru_cache(maxsize=64)
 def _scores(camera: DepthCamera, way: str, scramble: int, draws: int) -> FloatArray:
     """Standard normal scores (dimensions, draws) of one scramble, what moves depth most in the first coordinates."""
-    from scipy.special import ndtri
-
     sources = uncertain_sources(camera, way)
-    rng = point_generator(seed=camera.propagation.seed, point="depth", replicate=scramble)
-    uniform = scrambled_sobol(sources.dimensions, rng)(draws)
-    f = camera.gathering_lens.focal_length
-    model = outcome_model(camera, f * np.array(_OF_FOCAL_LENGTH), 0.0, way)
-    return alignment_with([model], sources).apply(np.asarray(ndtri(uniform)))
+    scores = scramble_scores(sources.dimensions, draws, seed=camera.propagation.seed, point="depth", scramble=scramble)
+    return _alignment(camera, way).apply(scores.copy())
+
+
+@lru_cache(maxsize=64)
+def _alignment(camera: DepthCamera, way: str) -> ScoreAlignment:
+    places = camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+    return alignment_with([outcome_model(camera, places, 0.0, way)], uncertain_sources(camera, way))
 
 
 def exact_depths(
@@ -134,28 +135,31 @@ def replace_scramble(camera: DepthCamera, scramble: int | None) -> DepthCamera:
 
 
 def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
-    own = camera.propagation.scramble
-    quantiles, failed = [], []
-    for scramble in range(SCRAMBLES) if own is None else (own,):
+    _alignment(camera, way)  # known before threads ask for it
+
+    def of_scramble(scramble: int) -> tuple[FloatArray, FloatArray]:
         depths = exact_depths(camera, distance, field, way, scramble, draws)
-        quantiles.append(_quantiles(depths, camera.propagation.probabilities))
-        failed.append(1.0 - np.mean(np.isfinite(depths), axis=1))
+        return _quantiles(depths, camera.propagation.probabilities), 1.0 - np.mean(np.isfinite(depths), axis=1)
+
+    own = camera.propagation.scramble
+    found = each_scramble(of_scramble, SCRAMBLES) if own is None else [of_scramble(own)]
     seen = np.isfinite(nominal_inverse(camera, distance, field))
     return DepthDistribution(
         probabilities=camera.propagation.probabilities,
-        quantiles=np.where(seen, np.stack(quantiles), np.nan),
-        failed=np.where(seen, np.stack(failed), np.nan),
+        quantiles=np.where(seen, np.stack([quantiles for quantiles, _ in found]), np.nan),
+        failed=np.where(seen, np.stack([failed for _, failed in found]), np.nan),
     )
 
 
 def _quantiles(depths: FloatArray, probabilities: tuple[float, ...]) -> FloatArray:
     """Quantiles (probabilities, distances) of the draws that have a rank."""
-    ascending = np.sort(depths, axis=1)  # NaN comes last
-    ranked = np.sum(~np.isnan(ascending), axis=1)
+    unranked = np.isnan(depths)
+    if not unranked.any():
+        return quantiles_of(depths, probabilities)
     found = np.full((len(probabilities), len(depths)), np.nan)
-    for count in np.unique(ranked[ranked > 0]):
-        rows = np.flatnonzero(ranked == count)
-        found[:, rows] = order_quantile(ascending[rows, :count], probabilities)
+    for row, (values, missing) in enumerate(zip(depths, unranked, strict=True)):
+        if not missing.all():
+            found[:, row] = quantiles_of(values[None, ~missing], probabilities)[:, 0]
     return found
 
 

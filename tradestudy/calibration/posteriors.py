@@ -17,6 +17,7 @@ from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.calibration.posterior.sampling import PosteriorSample
 from tradestudy.calibration.posterior_file import with_rig
+from tradestudy.calibration.sources import CALIBRATION, declared_calibration, group_of_draws, replaced
 from tradestudy.calibration.target.synthetic_target import (
     CameraModel,
     Priors,
