@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from tradestudy.calibration.calibration_file import (
 )
 from tradestudy.calibration.corners.rig_geometry import check_geometry
 from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS, RigReading
-from tradestudy.calibration.sources import CALIBRATION, group_of_draws, replaced
+from tradestudy.calibration.sources import CALIBRATION, group_of_draws
 from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
@@ -44,8 +43,8 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
     path.write_bytes(data.to_netcdf(engine="h5netcdf"))
 
 
-def calibration_of_file(path: Path, name: str, camera: DepthCamera, declared: Calibration) -> Calibration:
-    """The calibration that a file brings to a camera, beside what the study declares of it.
+def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration:
+    """What a file determines of a camera's calibration.
 
     Parameters
     ----------
@@ -55,56 +54,33 @@ def calibration_of_file(path: Path, name: str, camera: DepthCamera, declared: Ca
         Of the camera in its study.
     camera
         The design.
-    declared
-        Errors that the file does not determine, and what has happened since.
 
     Raises
     ------
-    TradestudyError
-        The file cannot be what it says it is, names parameters that the camera does not have, or contradicts the
-        declared geometry.
+    CalibrationFileError
+        The file cannot be what it says it is, or names parameters that the camera does not have.
+    GeometryContradictionError
+        It contradicts the declared geometry.
     """
     found = read_calibration(path)
     if isinstance(found, CalibrationDraws) and found.best is not None:
-        return _of_rig(path, name, camera, declared, found)
+        return _of_rig(path, name, camera, found)
     _require_known(path, found.names, camera.error_vocabulary)
-    return replace(
-        declared,
-        groups=replaced(declared.groups, (_group(found),), name),
-        source="posterior",
-        reading=None,
-        vocabulary=None,
-    )
+    return Calibration(groups=(_group(found),), source="posterior")
 
 
-def with_rig(
-    camera: StereoRig, declared: Calibration, posterior: CalibrationDraws, *, source: SourceName
-) -> Calibration:
+def rig_calibration(camera: StereoRig, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
     """The calibration of a rig by the posterior of its 18 parameters, which brings its own reading.
 
     Parameters
     ----------
     camera
         The design.
-    declared
-        What has happened since, and how the rig answers to temperature.
     posterior
         Draws of the 18 parameters, the best of them, and the size of the pictures.
     source
         Where it comes from.
-
-    Raises
-    ------
-    CalibrationFileError
-        An error is declared that the corners determine.
     """
-    if given := [name for group in declared.groups if group.error_class is ErrorClass.RIG for name in group.parameters]:
-        raise CalibrationFileError(
-            "corners determine every parameter of a rig, and these errors are declared beside them",
-            value=", ".join(given),
-            limit="none",
-            remedy="leave out errors, or say under stability what has changed since",
-        )
     assert posterior.best is not None
     assert posterior.pixels is not None
     vocabulary = {**RIG_PARAMETERS, **camera.error_vocabulary}
@@ -113,20 +89,12 @@ def with_rig(
         pixels=posterior.pixels,
         pixel_pitch=camera.sensor.pixel_pitch,
         vocabulary=vocabulary,
-        environment=declared.environment,
     )
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
-    return replace(
-        declared,
-        groups=(group, *declared.groups),
-        source=source,
-        reading=reading,
-        vocabulary=vocabulary,
-        inferred=True,
-    )
+    return Calibration(groups=(group,), source=source, reading=reading, vocabulary=vocabulary)
 
 
-def _of_rig(path: Path, name: str, camera: DepthCamera, declared: Calibration, found: CalibrationDraws) -> Calibration:
+def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:
     """The saved posterior of corners, for a stereo rig alone."""
     if not isinstance(camera, StereoRig):
         raise CalibrationFileError(
@@ -138,7 +106,7 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, declared: Calibration, f
     _require_known(path, found.names, RIG_PARAMETERS)
     assert found.best is not None
     check_geometry(name, camera, found.best, found.draws, says="posterior")
-    return with_rig(camera, declared, found, source="posterior")
+    return rig_calibration(camera, found, source="posterior")
 
 
 def _group(found: CalibrationCovariance | CalibrationDraws) -> Group:

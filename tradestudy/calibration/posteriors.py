@@ -16,8 +16,8 @@ from tradestudy.calibration.corners.rig_geometry import check_geometry, check_in
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.calibration.posterior.sampling import PosteriorSample
-from tradestudy.calibration.posterior_file import with_rig
-from tradestudy.calibration.sources import CALIBRATION, declared_calibration, group_of_draws, replaced
+from tradestudy.calibration.posterior_file import rig_calibration
+from tradestudy.calibration.sources import CALIBRATION, declared_groups, group_of_draws
 from tradestudy.calibration.target.synthetic_target import (
     CameraModel,
     Priors,
@@ -51,7 +51,8 @@ class InferredCalibration:
     Parameters
     ----------
     calibration
-        What is uncertain about the camera now, ready to be put on it.
+        What the observations determine of the camera's calibration, with the exact model of a rig calibrated from
+        corners: `calibration_of` puts it in the place of the priors.
     posterior
         The draws that are propagated, as they are saved.
     sample, check
@@ -91,8 +92,8 @@ class TargetToInfer:
         Of the camera; with the seed it says which random numbers are drawn.
     camera
         The design.
-    declared
-        What the study declares: errors that are drawn per rig are the priors, all others stay as they are.
+    groups
+        The declared errors; those that are drawn per rig are the priors.
     part
         The target.
     seed
@@ -101,7 +102,7 @@ class TargetToInfer:
 
     name: str
     camera: DepthCamera
-    declared: Calibration
+    groups: tuple[Group, ...]
     part: TargetPart
     seed: int
 
@@ -112,8 +113,8 @@ class CornersToInfer:
 
     Parameters
     ----------
-    name, camera, declared, part, seed
-        As for `TargetToInfer`; no error of the rig itself is declared.
+    name, camera, part, seed
+        As for `TargetToInfer`.
     folder
         Where the file is looked for.
     content
@@ -122,24 +123,21 @@ class CornersToInfer:
 
     name: str
     camera: DepthCamera
-    declared: Calibration
     part: CornersPart
     folder: Path
     seed: int
     content: str
 
     @classmethod
-    def of(
-        cls, name: str, camera: DepthCamera, declared: Calibration, part: CornersPart, folder: Path, *, seed: int
-    ) -> CornersToInfer:
+    def of(cls, name: str, camera: DepthCamera, part: CornersPart, folder: Path, *, seed: int) -> CornersToInfer:
         """As the file stands now; one that cannot be read is refused where it is read."""
         path = folder / part.file
         content = sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-        return cls(name=name, camera=camera, declared=declared, part=part, folder=folder, seed=seed, content=content)
+        return cls(name=name, camera=camera, part=part, folder=folder, seed=seed, content=content)
 
 
 def to_infer(
-    name: str, camera: DepthCamera, part: CalibrationPart, *, folder: Path, wavelength: float, seed: int
+    name: str, camera: DepthCamera, part: CalibrationPart, *, folder: Path, seed: int
 ) -> TargetToInfer | CornersToInfer | None:
     """What is to be inferred before a camera's calibration is known; None where nothing is.
 
@@ -153,18 +151,15 @@ def to_infer(
         What the study declares of its calibration.
     folder
         Where the files that the part names are.
-    wavelength
-        Of the scene [m].
     seed
         Of the study.
     """
-    if part.target is None and part.corners is None:
-        return None
-    declared = declared_calibration(part, camera.error_vocabulary, folder=folder, wavelength=wavelength)
     if part.corners is not None:
-        return CornersToInfer.of(name, camera, declared, part.corners, folder, seed=seed)
-    assert part.target is not None
-    return TargetToInfer(name=name, camera=camera, declared=declared, part=part.target, seed=seed)
+        return CornersToInfer.of(name, camera, part.corners, folder, seed=seed)
+    if part.target is None:
+        return None
+    groups = declared_groups(part, camera.error_vocabulary, folder)
+    return TargetToInfer(name=name, camera=camera, groups=groups, part=part.target, seed=seed)
 
 
 def infer(asked: TargetToInfer | CornersToInfer) -> InferredCalibration:
@@ -193,9 +188,8 @@ def infer_from_target(asked: TargetToInfer) -> InferredCalibration:
     found = sample_target(problem, fit, rng=rng, maximum_steps=asked.part.max_steps)
     posterior = propagated(problem.priors.names, found.sample)
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
-    groups = replaced(asked.declared.groups, (group,), asked.name)
     return InferredCalibration(
-        calibration=replace(asked.declared, groups=groups, source="target", inferred=True),
+        calibration=Calibration(groups=(group,), source="target"),
         posterior=posterior,
         sample=found.sample,
         check=found.check,
@@ -233,7 +227,7 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
         pixels=(rig.sensor.columns, rig.sensor.rows),
     )
     return InferredCalibration(
-        calibration=with_rig(rig, asked.declared, posterior, source="corners"),
+        calibration=rig_calibration(rig, posterior, source="corners"),
         posterior=posterior,
         sample=found.sample,
         check=found.check,
@@ -254,7 +248,7 @@ def propagated(names: tuple[str, ...], sample: PosteriorSample) -> CalibrationDr
 def target_problem(asked: TargetToInfer) -> tuple[TargetProblem, np.random.Generator]:
     """What a camera drawn from the declared errors sees of the target, and the generator that goes on from there."""
     part, camera = asked.part, asked.camera
-    priors = _priors(asked.name, asked.declared.groups)
+    priors = _priors(asked.name, asked.groups)
     rng = point_generator(seed=asked.seed, point=f"target/{asked.name}", replicate=0)
     target = SyntheticTarget(
         points=flat_grid(part.columns, part.rows, part.spacing),

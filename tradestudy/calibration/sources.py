@@ -39,34 +39,60 @@ CALIBRATION = "calibration"
 """Name of the group that a source determines."""
 
 
-def declared_calibration(
-    part: CalibrationPart, vocabulary: ErrorVocabulary, *, folder: Path, wavelength: float
+def calibration_of(
+    part: CalibrationPart,
+    camera: DepthCamera,
+    *,
+    folder: Path,
+    wavelength: float,
+    name: str,
+    posterior: Calibration | None = None,
 ) -> Calibration:
-    """What a study declares itself: errors, and what has happened since; a source is still to be added.
+    """The joint distribution of everything that is uncertain about a camera but the noise of a measurement.
 
     Parameters
     ----------
     part
         What the study declares.
-    vocabulary
-        Of the camera.
+    camera
+        The camera as designed.
     folder
         Where the files that the part names are.
     wavelength
         Of the scene [m].
+    name
+        Of the camera in the study.
+    posterior
+        What the source that the part names determines: the groups, and the exact model that these belong to. None
+        where there is no source, or nothing has been inferred yet.
+
+    Returns
+    -------
+    Calibration
+        Not ``inferred``, and without groups, where a posterior is needed and there is none.
 
     Raises
     ------
     MistakeAt
         A file contradicts what is declared, see `mistakes_of_files`.
+    OutOfRangeError
+        The posterior determines a part of errors that are correlated.
     """
     if mistakes := mistakes_of_files(part, folder):
         raise MistakeAt.several(mistakes)
+    source = part.source
+    if source in ("target", "corners") and posterior is None:
+        return Calibration(source=source, inferred=False)
+    vocabulary = camera.error_vocabulary
+    groups = declared_groups(part, vocabulary, folder)
+    if posterior is not None:
+        groups = replaced(groups, posterior.groups, name)
     return Calibration(
-        groups=(*declared_groups(part, vocabulary, folder), *stability_groups(part.stability, folder)),
+        groups=(*groups, *stability_groups(part.stability, folder)),
         environment=environment_of(part.stability, wavelength),
-        source=part.source,
-        inferred=part.source not in ("target", "corners"),
+        source=source,
+        reading=None if posterior is None else posterior.reading,
+        vocabulary=None if posterior is None else posterior.vocabulary,
     )
 
 

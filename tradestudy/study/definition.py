@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
-from tradestudy.calibration.sources import declared_calibration, mistakes_of_files
+from tradestudy.calibration.sources import calibration_of, mistakes_of_files
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
@@ -35,7 +35,10 @@ from tradestudy.study.schema.wave_optics import FresnelValidityPart
 if TYPE_CHECKING:  # whoever infers has loaded it
     from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
 
-_WORDS: Final = {"title", "note", "stated", "attributes"}  # of a camera, on which no calibration depends
+# Of a camera, what no posterior depends on: words, and what happens after the calibration.
+_NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
+    "title": True, "note": True, "stated": True, "attributes": True, "calibration": {"stability"},
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -196,18 +199,18 @@ class StudyDefinition:
             assert isinstance(known, DepthCamera)
             return known.calibration
         posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
-        if posterior is not None:
-            return posterior
-        declared = declared_calibration(
-            part.calibration, camera.error_vocabulary, folder=self.calibration_folder(name), wavelength=self._wavelength
-        )
         if part.calibration.posterior is not None:
-            from tradestudy.calibration.posterior_file import calibration_of_file  # with scipy; a check does without
+            from tradestudy.calibration.posterior_file import posterior_of_file  # with scipy; a check does without
 
-            file = self.calibration_folder(name) / part.calibration.posterior.file
-            return calibration_of_file(file, name, camera, declared)
-        # Nothing is known yet of a calibration that is to be inferred, least of all its priors.
-        return declared if declared.inferred else replace(declared, groups=())
+            posterior = posterior_of_file(self.calibration_folder(name) / part.calibration.posterior.file, name, camera)
+        return calibration_of(
+            part.calibration,
+            camera,
+            folder=self.calibration_folder(name),
+            wavelength=self._wavelength,
+            name=name,
+            posterior=posterior,
+        )
 
     @property
     def _wavelength(self) -> float:
@@ -228,7 +231,6 @@ class StudyDefinition:
                 camera,
                 part.calibration,
                 folder=self.calibration_folder(name),
-                wavelength=self._wavelength,
                 seed=self.file.propagation.seed,
             )
             if asked is not None and key not in self.posteriors:
@@ -248,7 +250,7 @@ class StudyDefinition:
                         name,
                         str(self.file.propagation.seed),
                         str(self.calibration_folder(name)),
-                        part.model_dump_json(exclude=_WORDS),
+                        part.model_dump_json(exclude=_NOT_CALIBRATED),
                     )
                 ).encode()
             ).hexdigest()

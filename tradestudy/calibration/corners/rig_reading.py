@@ -61,18 +61,17 @@ class RigReading:
         [m], which turns errors on the sensor into pixels.
     vocabulary
         Everything that can be in error: `RIG_PARAMETERS`, and those of a stereo rig, which can have aged.
-    environment
-        How the rig answers to temperature; None: not at all.
     """
 
     best: FloatArray
     pixels: tuple[int, int]
     pixel_pitch: float
     vocabulary: ErrorVocabulary
-    environment: Environment | None = None
 
-    def __call__(self, distance: FloatArray, field: float, errors: Errors) -> InverseDepthReading:
-        """Inverse depths by disparity in the frame of the left camera, of points on and off the axis of the pair.
+    def __call__(
+        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+    ) -> InverseDepthReading:
+        """Inverse depths by disparity in the frame of the left camera; arguments as of `DepthCamera.read`.
 
         The axis runs from the middle of the baseline midway between the two optical axes; the edge lies from there
         towards the corner of the left picture. Baseline and principal distances grow with the housing; pressure and
@@ -80,7 +79,9 @@ class RigReading:
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
         require_field(field)
-        seen = observe_pair(self._grown(errors), self._points(np.asarray(distance, dtype=np.float64), field))
+        seen = observe_pair(
+            self._grown(errors, environment), self._points(np.asarray(distance, dtype=np.float64), field)
+        )
         size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
         inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # NaN, behind a camera, is not inside
         half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
@@ -98,11 +99,11 @@ class RigReading:
         across = 0.5 * _right_centre(self.best)[:2] + z[:, None] * (axis[:2] / axis[2] + field * corner)
         return np.concatenate([across, z[:, None]], axis=-1)
 
-    def _grown(self, errors: Errors) -> FloatArray:
+    def _grown(self, errors: Errors, environment: Environment | None) -> FloatArray:
         """The rig as it is at the temperature of the reading, shape (18,) or (draws, 18)."""
-        if self.environment is None or "temperature_change" not in errors:
+        if environment is None or "temperature_change" not in errors:
             return self.best
-        growth = self.environment.length_factor(errors).reshape(-1, 1)
+        growth = environment.length_factor(errors).reshape(-1, 1)
         return np.where(_LENGTHS, self.best * growth, self.best)
 
     def _believed(self, errors: Errors) -> FloatArray:
