@@ -88,7 +88,7 @@ def _scores(camera: DepthCamera, way: str, scramble: int, draws: int) -> FloatAr
     """Standard normal scores (dimensions, draws) of one scramble, what moves depth most in the first coordinates."""
     sources = uncertain_sources(camera, way)
     scores = scramble_scores(sources.dimensions, draws, seed=camera.propagation.seed, point="depth", scramble=scramble)
-    return _alignment(camera, way).apply(scores.copy())
+    return np.asarray(_alignment(camera, way).apply(scores.copy()))
 
 
 @lru_cache(maxsize=64)

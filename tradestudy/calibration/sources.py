@@ -22,6 +22,7 @@ from tradestudy.cameras.calibration_declaration import (
     correlated,
     correlation_matrix,
 )
+from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorVocabulary
 from tradestudy.declarations.distributions import AnyDistribution
@@ -157,7 +158,8 @@ def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
     """What has happened since the calibration: ageing, and changes of temperature, pressure and color."""
     from tradestudy.uncertainty.sources import Source
 
-    changes = dict(zip(SESSION_PARAMETERS, (part.temperature, part.pressure, part.color), strict=True))
+    given: tuple[AnyDistribution | None, ...] = (part.temperature, part.pressure, part.color)
+    changes = dict(zip(SESSION_PARAMETERS, given, strict=True))
     changes |= {AGEING + name: error for name, error in part.ageing.given().items()}
     return tuple(
         Source(name=name, distribution=distribution_of(change, folder), error_class=ErrorClass.SESSION)

@@ -62,7 +62,7 @@ def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: 
     }
     coordinates: dict[str, Any] = {
         "camera": list(cameras),
-        "field": fields,
+        "field": list(fields),
         "distance": distance,
         "source": sources,
     }
