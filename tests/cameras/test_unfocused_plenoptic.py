@@ -7,37 +7,16 @@ import mpmath
 import numpy as np
 import pytest
 
-from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
+from tests.cameras.builders import F_L, PITCH, depth_read
+from tests.cameras.builders import F_MAIN as F_M
+from tests.cameras.builders import unfocused as camera
+from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
-from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
-from tradestudy.cameras.plenoptic import PlenopticCalibration
-from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
+from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import OutOfRangeError
 
-F_M, A0, F_L, PITCH, PIXEL = 12.5e-3, 0.15, 0.432e-3, 126.5e-6, 5.5e-6
+A0, PIXEL = 0.15, 5.5e-6
 DISTANCES = np.array([0.05, 0.1, 0.149, 0.151, 0.3, 2.0])
-
-
-def camera(**changes):
-    values = {
-        "main_lens": Lens(focal_length=F_M, f_number=3.8),
-        "sensor": Sensor(columns=2048, rows=2048, pixel_pitch=PIXEL),
-        "microlenses": MicrolensArray(
-            layout="hexagonal", pitch=PITCH, gap=F_L, focal_lengths=(F_L,), aperture_diameter=F_L / 3.8
-        ),
-        "focus_distance": A0,
-        "estimator": "outermost-views",
-        "disparity_error_px": 0.1,
-        "discrimination_step_px": 0.1,
-        "calibration": PlenopticCalibration(
-            mla_distance=ErrorSource(standard_deviation=2e-6),
-            focal_length=ErrorSource(standard_deviation=1e-6),
-            correlation=0.9,
-            microlens_gap=ErrorSource(standard_deviation=0.3e-6),
-        ),
-    }
-    return UnfocusedPlenoptic(**(values | changes))
 
 
 def pupil_of_pixel(pixel_offset, gap, mla_distance):
@@ -139,32 +118,18 @@ def read_with(found, distance, **off):
 def test_errors_of_calibration_read_a_fixed_picture_as_intersected_rays_do(off):
     found = camera()
     for distance in DISTANCES:
-        assert found.depth_with_errors(distance, off) == pytest.approx(read_with(found, distance, **off), rel=1e-9)
-
-
-def test_error_parts_are_the_slopes_of_the_exact_reading():
-    found = camera()
-    parts = {part.name: part.disparity_error for part in found.depth_error_parts(DISTANCES)}
-    slope = found.estimator_baseline * found.mla_distance / DISTANCES**2  # of disparity over depth
-    for name, directions in found.error_directions(1.0).items():
-        moved = np.zeros_like(DISTANCES)
-        for direction in directions:
-            small = {key: 1e-4 * value for key, value in direction.items()}
-            plus, minus = (
-                found.depth_with_errors(DISTANCES, {key: sign * value for key, value in small.items()})
-                for sign in (1, -1)
-            )
-            moved = np.hypot(moved, (plus - minus) / 2e-4)
-        np.testing.assert_allclose(parts[name], np.abs(moved) * slope, rtol=2e-6, atol=1e-12)
+        assert depth_read(found, distance, **off)[0] == pytest.approx(read_with(found, distance, **off), rel=1e-9)
 
 
 def test_it_measures_as_well_as_the_stereo_rig_of_its_equivalent_baseline():
-    noise_only = camera(calibration=PlenopticCalibration(), disparity_error_px=1e-4, discrimination_step_px=1e-4)
+    found = camera(disparity_error_px=1e-4, discrimination_step_px=1e-4)
     error = 1e-4 * PITCH  # in microlenses, and so small that depth is linear in it
     # dZ = Z² δd/(f B).
-    expected = 0.15**2 * error / (F_M * noise_only.equivalent_baseline(0.15))
-    assert depth_uncertainty(noise_only, np.array([0.15]))[0] == pytest.approx(expected, rel=1e-6)
-    nearer, farther = noise_only.depth_discrimination(np.array([0.15]))
+    expected = 0.15**2 * error / (F_M * found.equivalent_baseline(0.15))
+    assert found.noise(0.15) == pytest.approx(error)
+    farther, nearer = depth_read(found, 0.15, pixel_noise=[-error, error])[:, 0]
+    assert (farther - nearer) / 2 == pytest.approx(expected, rel=1e-6)
+    nearer, farther = found.depth_discrimination(np.array([0.15]))
     assert nearer[0] < expected < farther[0]
 
 
@@ -209,4 +174,4 @@ def test_impossible_cameras_are_refused_in_words(changes, what):
 
 def test_unknown_errors_are_refused():
     with pytest.raises(OutOfRangeError, match="no such error"):
-        camera().depth_with_errors(0.15, {"yaw": 1e-3})
+        depth_read(camera(), 0.15, yaw=1e-3)
