@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -16,8 +16,9 @@ from tradestudy.optics.arrays import FloatArray
 if TYPE_CHECKING:  # whoever draws errors has loaded it
     from tradestudy.uncertainty.sources import Group
 
-Reading = Callable[[FloatArray, float, Errors], InverseDepthReading]
+Reading = Callable[[FloatArray, float, Errors, Environment | None], InverseDepthReading]
 """Inverse depths that a camera reads at true distances [m], at a place in the field, under given errors."""
+PropagationModel = Literal["linear", "exact"]
 SourceName = Literal["errors", "target", "corners", "posterior"]
 ONE_SIGMA: Final = 0.6826894921370859
 """Content of the central interval whose half width is the depth uncertainty."""
@@ -48,7 +49,7 @@ class Calibration:
     environment: Environment | None = None
     source: SourceName = "errors"
     reading: Reading | None = None
-    vocabulary: ErrorVocabulary | None = None
+    vocabulary: ErrorVocabulary | None = field(default=None, compare=False)
     inferred: bool = True
 
     def errors(self, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -76,16 +77,25 @@ class Propagation:
         ends of intervals mapped back. ``exact``: scrambled Sobol draws through the exact reading.
     seed
         Of the draws.
-    draws
-        Draws of each scramble, a power of two.
+    tolerance
+        Relative error that the sampling of a reported half width may leave.
+    max_draws
+        Most draws for each camera, place in the field and way, over all scrambles.
     coverages
-        Contents of the central intervals that are reported.
+        Contents of the central intervals that are reported; the first is that of the depth uncertainty.
+    judged
+        Distances [m] at which the number of draws is settled.
+    scramble
+        The one scramble of which the draws are taken; None: all of them.
     """
 
-    model: Literal["linear", "exact"] = "linear"
+    model: PropagationModel = "linear"
     seed: int = 0
-    draws: int = 512
+    tolerance: float = 0.01
+    max_draws: int = 2**16
     coverages: tuple[float, ...] = (ONE_SIGMA, 0.95)
+    judged: tuple[float, ...] = ()
+    scramble: int | None = None
 
     @property
     def probabilities(self) -> tuple[float, ...]:

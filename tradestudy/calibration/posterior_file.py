@@ -1,0 +1,132 @@
+"""A saved posterior: written beside the results of a run, and read as the calibration of a camera."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tradestudy.calibration.calibration_file import (
+    CalibrationCovariance,
+    CalibrationDraws,
+    CalibrationFileError,
+    read_calibration,
+)
+from tradestudy.calibration.corners.rig_geometry import check_geometry
+from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS, RigReading
+from tradestudy.calibration.sources import CALIBRATION, group_of_draws
+from tradestudy.cameras.calibration import Calibration, SourceName
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_vocabulary import ErrorVocabulary
+from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.uncertainty.sources import Group
+
+
+def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
+    """Write a posterior as NetCDF, with all its bits, as `read_calibration` reads it.
+
+    Parameters
+    ----------
+    path
+        The file; its folder exists.
+    posterior
+        Its draws, and what the reading of a rig calibrated from corners takes.
+    """
+    import xarray as xr
+
+    data = xr.Dataset({"draws": (("draw", "parameter"), posterior.draws)}, coords={"parameter": list(posterior.names)})
+    if posterior.best is not None:
+        data["best"] = (("parameter",), posterior.best)
+        data["pixels"] = (("side",), np.array(posterior.pixels, dtype=np.int64))
+    path.write_bytes(data.to_netcdf(engine="h5netcdf"))
+
+
+def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration:
+    """What a file determines of a camera's calibration.
+
+    Parameters
+    ----------
+    path
+        NetCDF or CSV with joint draws or with a covariance; see `calibration_file`.
+    name
+        Of the camera in its study.
+    camera
+        The design.
+
+    Raises
+    ------
+    CalibrationFileError
+        The file cannot be what it says it is, or names parameters that the camera does not have.
+    GeometryContradictionError
+        It contradicts the declared geometry.
+    """
+    found = read_calibration(path)
+    if isinstance(found, CalibrationDraws) and found.best is not None:
+        return _of_rig(path, name, camera, found)
+    _require_known(path, found.names, camera.error_vocabulary)
+    return Calibration(groups=(_group(found),), source="posterior")
+
+
+def rig_calibration(camera: StereoRig, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
+    """The calibration of a rig by the posterior of its 18 parameters, which brings its own reading.
+
+    Parameters
+    ----------
+    camera
+        The design.
+    posterior
+        Draws of the 18 parameters, the best of them, and the size of the pictures.
+    source
+        Where it comes from.
+    """
+    assert posterior.best is not None
+    assert posterior.pixels is not None
+    vocabulary = {**RIG_PARAMETERS, **camera.error_vocabulary}
+    reading = RigReading(
+        best=posterior.best,
+        pixels=posterior.pixels,
+        pixel_pitch=camera.sensor.pixel_pitch,
+        vocabulary=vocabulary,
+    )
+    group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
+    return Calibration(groups=(group,), source=source, reading=reading, vocabulary=vocabulary)
+
+
+def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:
+    """The saved posterior of corners, for a stereo rig alone."""
+    if not isinstance(camera, StereoRig):
+        raise CalibrationFileError(
+            f"{path.name} holds the posterior of a stereo rig",
+            value=f"{name} is none",
+            limit="the posterior of a camera of the same kind",
+            remedy="take the file that a run wrote for such a camera",
+        )
+    _require_known(path, found.names, RIG_PARAMETERS)
+    assert found.best is not None
+    check_geometry(name, camera, found.best, found.draws, says="posterior")
+    return rig_calibration(camera, found, source="posterior")
+
+
+def _group(found: CalibrationCovariance | CalibrationDraws) -> Group:
+    """Errors about the file's own best values."""
+    if isinstance(found, CalibrationDraws):
+        return group_of_draws(CALIBRATION, found.names, found.draws)
+    return JointNormal(
+        name=CALIBRATION,
+        parameters=found.names,
+        mean=np.zeros(len(found.names)),
+        covariance=found.covariance,
+        error_class=ErrorClass.RIG,
+    )
+
+
+def _require_known(path: Path, names: tuple[str, ...], known: ErrorVocabulary) -> None:
+    if unknown := [name for name in names if name not in known]:
+        raise CalibrationFileError(
+            f"{path.name} names parameters that the camera does not have",
+            value=", ".join(unknown),
+            limit=", ".join(known),
+            remedy="rename the columns; values are in SI units",
+        )
