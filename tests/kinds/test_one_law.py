@@ -11,7 +11,7 @@ import pytest
 
 import tradestudy
 from tests.cameras.builders import stereo
-from tradestudy.analysis.decision import solve
+from tradestudy.analysis.inverse_questions import solve
 from tradestudy.calibration.corners.real_rig import depth_of_draws
 from tradestudy.optics import triangulation
 
