@@ -51,16 +51,16 @@ scene:
   wavelength: 550 nm
   picture:
     texture: {contrast: 15 %, correlation_length: 2 mm}
-    window: 15 px
+    matching_window: 15 px
     light: {electrons: 4000 electrons, at_f_number: 8}
     read_noise: 10 electrons
     full_well: 20000 electrons
-    bits: 12
-usable: {blur: 4 px, relative_uncertainty: 5 %}
+    bit_depth: 12
+usable_range: {blur: 4 px, relative_uncertainty: 5 %}
 depth_of_field:
-  scene: [0.9 m, 1.1 m]
-  sharp: {two-pixels: {blur: 2 px, diffraction: none}}
-criteria: {step_height: 10 mm, surface_tilt: 20 deg}
+  range: [0.9 m, 1.1 m]
+  criteria: {two-pixels: {blur: 2 px, diffraction: none}}
+relief: {step_height: 10 mm, surface_tilt: 20 deg}
 decision: {between: [scanner, rig], at: [0.5 m, 1 m]}
 propagation: {seed: 1, field_places: [30 %], max_draws: 16384}
 sweep: {scanner.baseline: [50 mm, 200 mm]}
