@@ -36,9 +36,7 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
     """
     import xarray as xr
 
-    data = xr.Dataset(
-        {"draws": (("draw", "parameter"), posterior.draws)}, coords={"parameter": list(posterior.names)}
-    )
+    data = xr.Dataset({"draws": (("draw", "parameter"), posterior.draws)}, coords={"parameter": list(posterior.names)})
     if posterior.best is not None:
         data["best"] = (("parameter",), posterior.best)
         data["pixels"] = (("side",), np.array(posterior.pixels, dtype=np.int64))

@@ -298,7 +298,9 @@ def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
     return Priors(names=tuple(map(str, names)), mean=mean, standard_deviation=deviation, lower=lower, upper=upper)
 
 
-def _on_sensor(camera: DepthCamera, observed: FloatArray, target: SyntheticTarget) -> tuple[FloatArray, SyntheticTarget]:
+def _on_sensor(
+    camera: DepthCamera, observed: FloatArray, target: SyntheticTarget
+) -> tuple[FloatArray, SyntheticTarget]:
     """Corners that fall beside the sensor are not seen, and views with fewer than six are not taken."""
     seen = camera.seen_on_sensor(observed)
     taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)

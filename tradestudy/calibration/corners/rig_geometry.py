@@ -52,7 +52,7 @@ def check_geometry(name: str, rig: StereoRig, best: FloatArray, draws: FloatArra
 
 
 def check_inside(name: str, rig: StereoRig, seen: FloatArray) -> None:
-    """Refuse corners (N, 2) [px] beside the declared sensor: they are of another sensor, or of pictures of another size.
+    """Refuse corners (N, 2) [px] beside the declared sensor: they are of pictures of another size.
 
     Raises
     ------
