@@ -64,8 +64,8 @@ def calibration_of(
     name
         Of the camera in the study.
     posterior
-        What was inferred from the target or the corners that the part names: the groups that they determine, and the
-        exact model that these belong to. None where nothing has been inferred yet.
+        What the source that the part names determines: the groups, and the exact model that these belong to. None
+        where there is no source, or nothing has been inferred yet.
 
     Returns
     -------
@@ -86,8 +86,6 @@ def calibration_of(
         return Calibration(source=source, inferred=False)
     vocabulary = camera.error_vocabulary
     groups = declared_groups(part, vocabulary, folder)
-    if part.posterior is not None:
-        groups = replaced(groups, (group_of_file(folder / part.posterior.file),), name)
     if posterior is not None:
         groups = replaced(groups, posterior.groups, name)
     return Calibration(
@@ -116,12 +114,13 @@ def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
         mistakes.append(MistakeAt(("corners", "file"), f"there is no file '{folder / part.corners.file}'"))
     if part.posterior is not None:
         try:
-            names = _read(folder / part.posterior.file).names
+            found = _read(folder / part.posterior.file)
         except CalibrationFileError as error:
             return [*mistakes, MistakeAt(("posterior", "file"), str(error))]
         known = part.camera.error_vocabulary
-        for name in names:
-            if name not in known:
+        of_rig = isinstance(found, CalibrationDraws) and found.best is not None  # in its own parameters
+        for name in found.names:
+            if name not in known and not of_rig:
                 what = f"{part.posterior.file} names {name!r}, which a {part.kind} camera does not have"
                 mistakes.append(MistakeAt(("posterior", "file"), what + nearest_name(name, known)))
             elif name in given:
@@ -159,7 +158,8 @@ def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
     """What has happened since the calibration: ageing, and changes of temperature, pressure and color."""
     from tradestudy.uncertainty.sources import Source
 
-    changes = dict(zip(SESSION_PARAMETERS, (part.temperature, part.pressure, part.color), strict=True))
+    given: tuple[AnyDistribution | None, ...] = (part.temperature, part.pressure, part.color)
+    changes = dict(zip(SESSION_PARAMETERS, given, strict=True))
     changes |= {AGEING + name: error for name, error in part.ageing.given().items()}
     return tuple(
         Source(name=name, distribution=distribution_of(change, folder), error_class=ErrorClass.SESSION)
@@ -211,37 +211,13 @@ def distribution_of(part: AnyDistribution, folder: Path) -> Distribution:
         case "triangular":
             return Triangular(low=low, mode=middle, high=high)
         case "student-t":
-            return StudentT(
-                location=middle, scale=part.scale or 0.0, degrees_of_freedom=part.degrees_of_freedom or 0.0
-            )
+            return StudentT(location=middle, scale=part.scale or 0.0, degrees_of_freedom=part.degrees_of_freedom or 0.0)
         case "arcsine":
             return Arcsine(low=low, high=high)
         case "curvilinear-trapezoid":
             return CurvilinearTrapezoid(low=low, high=high, inexactness=part.inexactness or 0.0)
         case "empirical":
             return Empirical(draws=_draws(part, folder))
-
-
-def group_of_file(path: Path) -> Group:
-    """A saved calibration, as errors about its own best values.
-
-    Raises
-    ------
-    CalibrationFileError
-        The file cannot be what it says it is.
-    """
-    from tradestudy.uncertainty.joint import JointNormal
-
-    found = _read(path)
-    if isinstance(found, CalibrationDraws):
-        return group_of_draws(CALIBRATION, found.names, found.draws)
-    return JointNormal(
-        name=CALIBRATION,
-        parameters=found.names,
-        mean=np.zeros(len(found.names)),
-        covariance=found.covariance,
-        error_class=ErrorClass.RIG,
-    )
 
 
 def group_of_draws(name: str, parameters: tuple[str, ...], draws: FloatArray) -> JointDraws:

@@ -104,7 +104,9 @@ class StabilityPart(Part):
             if using and not given and name != "calibrated_at":
                 yield MistakeAt((using[0],), f"needs stability.{name} beside it")
             if given and not using:
-                yield MistakeAt((name,), f"needs stability.{' or stability.'.join(users)}, without which it does nothing")
+                yield MistakeAt(
+                    (name,), f"needs stability.{' or stability.'.join(users)}, without which it does nothing"
+                )
 
 
 class TargetPart(Part):

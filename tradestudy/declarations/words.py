@@ -10,7 +10,6 @@ from pydantic import AfterValidator, Field
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.quantities import ObjectDistance
 
-
 Item = TypeVar("Item", bound=Hashable)
 
 

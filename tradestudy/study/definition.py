@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -32,15 +32,13 @@ from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
-# What a posterior does not depend on: words, and what happens after the calibration.
-_NOT_CALIBRATED: dict[str, Any] = {
-    "title": True,
-    "note": True,
-    "stated": True,
-    "attributes": True,
-    "depth": {"disparity_error", "error_of", "discrimination_step"},
-    "calibration": {"stability"},
-}
+if TYPE_CHECKING:  # whoever infers has loaded it
+    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+
+# Of a camera, what no posterior depends on: words, and what happens after the calibration.
+_NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
+    "title": True, "note": True, "stated": True, "attributes": True, "calibration": {"stability"},
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +174,7 @@ class StudyDefinition:
             all_cameras={**self.designs, **cameras},
             criteria=self.file.usable_range.criteria(),
             distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
-            wavelength=math.nan if scene is None else scene.wavelength,
+            wavelength=self._wavelength,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
         )
@@ -200,14 +198,44 @@ class StudyDefinition:
             known = before.case.all_cameras[name]
             assert isinstance(known, DepthCamera)
             return known.calibration
+        posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
+        if part.calibration.posterior is not None:
+            from tradestudy.calibration.posterior_file import posterior_of_file  # with scipy; a check does without
+
+            posterior = posterior_of_file(self.calibration_folder(name) / part.calibration.posterior.file, name, camera)
         return calibration_of(
             part.calibration,
             camera,
             folder=self.calibration_folder(name),
-            wavelength=math.nan if self.file.scene is None else self.file.scene.wavelength,
+            wavelength=self._wavelength,
             name=name,
-            posterior=self.posteriors.get(self.posterior_keys.get(name, "")),
+            posterior=posterior,
         )
+
+    @property
+    def _wavelength(self) -> float:
+        """Of the scene [m]; NaN without one."""
+        return math.nan if self.file.scene is None else self.file.scene.wavelength
+
+    def calibrations_to_infer(self) -> dict[str, TargetToInfer | CornersToInfer]:
+        """What has to be inferred before the cameras know their calibrations, by the keys of `posterior_keys`."""
+        from tradestudy.calibration.posteriors import to_infer
+
+        found = {}
+        for name, key in self.posterior_keys.items():
+            part, camera = self.file.cameras[name], self.designs[name]
+            assert isinstance(part, DepthCameraDeclaration)
+            assert isinstance(camera, DepthCamera)
+            asked = to_infer(
+                name,
+                camera,
+                part.calibration,
+                folder=self.calibration_folder(name),
+                seed=self.file.propagation.seed,
+            )
+            if asked is not None and key not in self.posteriors:
+                found[key] = asked
+        return found
 
     @cached_property
     def posterior_keys(self) -> Mapping[str, str]:

@@ -89,7 +89,9 @@ class PlenopticDepthPart(DisparityPart):
     @model_validator(mode="after")
     def _choice(self) -> Self:
         if self.microlenses is not None and self.estimator in LENSES_OF_PAIRS:
-            raise MistakeAt(("microlenses",), f"the estimator {self.estimator} has no choice of microlenses; leave it out")
+            raise MistakeAt(
+                ("microlenses",), f"the estimator {self.estimator} has no choice of microlenses; leave it out"
+            )
         return self
 
 

@@ -128,12 +128,15 @@ class SpotMicrolensesPart(Part):
     def _mistakes_of_arrangement(self) -> Iterator[MistakeAt]:
         kinds = len(self.focal_lengths)
         if self.layout == "hexagonal" and self.lenses_across % 2 == 0:
-            yield MistakeAt(("lenses_across",), f"{self.lenses_across} across is no hexagon about a microlens; give an odd number")
+            yield MistakeAt(
+                ("lenses_across",), f"{self.lenses_across} across is no hexagon about a microlens; give an odd number"
+            )
         if len(set(self.focal_lengths)) < kinds:
             yield MistakeAt(("focal_length",), "names one twice")
         if kinds > 2 * self.lenses_across - 1:  # the differences of row and column that the array has
             yield MistakeAt(
-                ("focal_length",), f"not all of {kinds} types occur in an array of {self.lenses_across} across; make it larger"
+                ("focal_length",),
+                f"not all of {kinds} types occur in an array of {self.lenses_across} across; make it larger",
             )
 
     @property

@@ -40,9 +40,7 @@ class PropagationPart(Part):
 
     def propagation(self, tolerance: float) -> Propagation:
         """For the engine; ``tolerance`` is the relative error that depth uncertainties may have."""
-        return Propagation(
-            seed=self.seed, max_draws=self.max_draws, coverages=self.coverages, tolerance=tolerance
-        )
+        return Propagation(seed=self.seed, max_draws=self.max_draws, coverages=self.coverages, tolerance=tolerance)
 
 
 class SensitivityPart(Part):

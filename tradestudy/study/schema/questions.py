@@ -199,7 +199,9 @@ class DepthOfFieldRatioClaim(_ClaimPart):
     quantity: Literal["depth_of_field_ratio"]
     camera: CameraName
     against: CameraName
-    blur: PositivePixels | None = Field(default=None, description="On the sensor of each, as in depth_of_field.criteria.")
+    blur: PositivePixels | None = Field(
+        default=None, description="On the sensor of each, as in depth_of_field.criteria."
+    )
     diffraction: Diffraction | None = Field(default=None, description="Beside blur; default: none.")
     resolution: PositiveLength | None = Field(
         default=None, description="Size of detail on the object that both must resolve, geometrically, instead of blur."

@@ -109,7 +109,9 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
         if self.relief is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose scene it is worked out for"))
-        if self.sensitivity is not None and not any(isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()):
+        if self.sensitivity is not None and not any(
+            isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()
+        ):
             mistakes.append(MistakeAt(("sensitivity",), "needs a camera that measures depth"))
         return mistakes
 
