@@ -95,7 +95,9 @@ def test_a_target_shrinks_what_depth_needs(camera, priors, part):
 
 def test_the_seed_says_which_rig_was_calibrated():
     """Up to 64 bits."""
-    draws = [infer(shown(stereo(), PRIORS, board(max_steps=100), seed=seed)).sample.draws for seed in (0, 0, 2**64 - 1)]
+    draws = [
+        infer(shown(stereo(), PRIORS[:1], board(max_steps=100), seed=seed)).sample.draws for seed in (0, 0, 2**64 - 1)
+    ]
     np.testing.assert_array_equal(draws[0], draws[1])
     distance = np.abs(draws[0].mean(axis=0) - draws[2].mean(axis=0))
     assert np.any(distance > 5 * draws[0].std(axis=0))
