@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -33,15 +33,16 @@ from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
-# What a posterior does not depend on: words, and what happens after the calibration.
-_NOT_CALIBRATED: dict[str, Any] = {
-    "title": True,
-    "note": True,
-    "stated": True,
-    "attributes": True,
-    "depth": {"disparity_error", "error_of", "discrimination_step"},
-    "calibration": {"stability"},
-}
+if TYPE_CHECKING:  # whoever infers has loaded it
+    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+
+# Of a camera, what no posterior depends on: words, and what happens after the calibration.
+_NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
+    "title": True, "note": True, "stated": True, "attributes": True, "calibration": {"stability"},
+}  # fmt: skip
+
+
+_JUDGED: Final = 9  # distances of a study at which draws are settled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,8 +162,8 @@ class StudyDefinition:
     @cached_property
     def case(self) -> Case:
         """What is computed with: the cameras with their calibrations, as far as these are known."""
-        scene, wanted = self.file.scene, self.file.accuracy.wanted().relative["depth_uncertainty"]
-        propagation = self.file.propagation.propagation(wanted)
+        distance = np.array(() if self.file.scene is None else self.file.scene.distance_values(), dtype=np.float64)
+        propagation = self._propagation(distance)
         cameras = {
             name: self._calibrated(name, camera, propagation)
             for name, camera in self.designs.items()
@@ -172,10 +173,23 @@ class StudyDefinition:
             cameras={name: acting(camera, self.models.get(name, {})) for name, camera in cameras.items()},
             all_cameras={**self.designs, **cameras},
             criteria=self.file.usable_range.criteria(),
-            distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
-            wavelength=math.nan if scene is None else scene.wavelength,
+            distance=distance,
+            wavelength=self._wavelength,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
+        )
+
+    def _propagation(self, distance: FloatArray) -> Propagation:
+        """How errors are propagated: draws are settled at some of the distances [m], and wherever the study asks."""
+        file = self.file
+        some = (
+            distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
+        )
+        asked = {float(one) for one in some} | set(() if file.decision is None else file.decision.at)
+        asked |= {end for one in file.requirements.values() for end in one.depth_uncertainty.over}
+        return replace(
+            file.propagation.propagation(file.accuracy.wanted().relative["depth_uncertainty"]),
+            judged=tuple(sorted(asked)),
         )
 
     def _problems_of_calibration(self, name: str, design: Camera) -> Iterator[Problem]:
@@ -210,7 +224,7 @@ class StudyDefinition:
 
     def _calibrated(self, name: str, design: DepthCamera, propagation: Propagation) -> DepthCamera:
         """A camera with its calibration; one that was calibrated before is the same."""
-        before, scene = self.before, self.file.scene
+        before = self.before
         posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
         if before is not None and before.designs.get(name) is design:
             known = before.case.all_cameras[name]
@@ -226,10 +240,35 @@ class StudyDefinition:
             part.calibration,
             design,
             folder=self.calibration_folder(name),
-            wavelength=math.nan if scene is None else scene.wavelength,
+            wavelength=self._wavelength,
             posterior=posterior,
         )
         return replace(design, calibration=calibration, propagation=propagation)
+
+    @property
+    def _wavelength(self) -> float:
+        """Of the scene [m]; NaN without one."""
+        return math.nan if self.file.scene is None else self.file.scene.wavelength
+
+    def calibrations_to_infer(self) -> dict[str, TargetToInfer | CornersToInfer]:
+        """What has to be inferred before the cameras know their calibrations, by the keys of `posterior_keys`."""
+        from tradestudy.calibration.posteriors import to_infer
+
+        found = {}
+        for name, key in self.posterior_keys.items():
+            part, camera = self.file.cameras[name], self.designs[name]
+            assert isinstance(part, DepthCameraDeclaration)
+            assert isinstance(camera, DepthCamera)
+            asked = to_infer(
+                name,
+                camera,
+                part.calibration,
+                folder=self.calibration_folder(name),
+                seed=self.file.propagation.seed,
+            )
+            if asked is not None and key not in self.posteriors:
+                found[key] = asked
+        return found
 
     @cached_property
     def posterior_keys(self) -> Mapping[str, str]:
