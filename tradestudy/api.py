@@ -211,7 +211,7 @@ class Study:
             "study": self.name,
             "study_hash": self.hash,
             "code_hash": provenance.code_hash(),
-            "seed": None if self.file.calibration is None else self.file.calibration.seed,
+            "seed": self.file.propagation.seed,
             "inputs": provenance.values_by_path(self.definition.under_tolerance.tree),
             "file": self.definition.document.locate(()).file,
             "options": list(options(self.definition)),

@@ -111,6 +111,23 @@ def test_alignment_is_a_rotation_that_puts_each_response_first():
     np.testing.assert_allclose(responses[:, 2:], 0.0, atol=1e-12)
 
 
+def test_alignment_changes_as_little_as_the_design_does():
+    sources = independent(a=1.0, b=2.0, c=0.5, d=1.0, e=3.0)
+    rng = np.random.default_rng(8)
+    for _ in range(200):
+        weights, step = rng.standard_normal((2, 3, 5))
+        # A parameter without effect leaves a component of rounding, of either sign.
+        weights[:, 0] = 1e-17 * rng.standard_normal(3)
+
+        before, after = (
+            alignment_with(
+                [lambda v, w=w: Outcome(values=np.concatenate(list(v.values()), axis=1) @ w.T)], sources
+            ).apply(np.eye(5))
+            for w in (weights, weights + 1e-9 * step)
+        )
+        np.testing.assert_allclose(after, before, atol=1e-5)
+
+
 def test_alignment_leaves_out_what_is_not_finite():
     sources = independent(a=1.0, b=2.0)
 

@@ -6,7 +6,8 @@ from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome, depth_from_inverse
 from tradestudy.uncertainty.monte_carlo import Sampling, propagate
-from tradestudy.uncertainty.outputs import PROBABILITIES, order_quantile, shortest_interval
+from tradestudy.uncertainty.outputs import PROBABILITIES, shortest_interval
+from tradestudy.uncertainty.quantiles import order_quantile
 from tradestudy.uncertainty.sources import Source, Sources
 from tradestudy.uncertainty.streams import plain_random
 

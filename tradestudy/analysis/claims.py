@@ -219,7 +219,7 @@ def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> Requ
     values = depth_uncertainty(camera, points) / scale
     worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
     value = float(values[worst])
-    error = float(evaluate_depth(camera, points[worst : worst + 1]).uncertainty_error[0] / scale[worst])
+    error = float(evaluate_depth(camera, points[worst : worst + 1]).uncertainty_error[-1, 0] / scale[worst])
     usable = is_usable(case, name, points)
     reason = f"worst {pretty(value, dimension)} at {pretty(float(points[worst]), LENGTH)}"
     if not usable.all():

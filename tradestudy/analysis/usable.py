@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import DepthErrors
+from tradestudy.analysis.depth import DepthErrors, scrambles_of
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -24,13 +24,11 @@ LIMIT_NAMES: Final = (
     "last_disparity_step",
     "failed_fraction",
     "relative_uncertainty",
-    "closed_form",
 )
-_OF_ERRORS: Final = frozenset(
-    ("saturation", "matching", "closed_form", "failed_fraction", "relative_uncertainty")
-)  # the others are of the geometry, and known together
-# An uncertainty that may be off by more than this share of itself must not name a usable distance.
-_LARGEST_ERROR: Final = 0.1
+_OF_DEPTH: Final = frozenset(("failed_fraction", "relative_uncertainty"))
+_OF_ERRORS: Final = _OF_DEPTH | {"saturation", "matching"}  # the others are of the geometry, and known together
+_END_OF_SCRAMBLES: Final = 1e-6  # share of a distance to which its scatter is known
+_REACH: Final = 1.2  # factor of a distance within which its scrambles are sought
 END_OF_STUDY: Final = "range of the study"
 
 # Each round divides the bracket of every boundary by this number at least, until the last digits are reached.
@@ -39,12 +37,17 @@ SUBDIVISIONS: Final = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """One usable interval of distance [m] and the limit that ends it on either side."""
+    """One usable interval of distance [m] and the limit that ends it on either side.
+
+    The errors are standard errors of the ends from scramble to scramble of the draws; 0 where no draws decide.
+    """
 
     near: float
     far: float
     near_limit: str
     far_limit: str
+    near_error: float = 0.0
+    far_error: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +64,7 @@ def evaluate_limits(
     """All limits that the study declares and the camera knows, at distances [m]; none holds where it forms no image.
 
     ``saturation`` and ``matching`` are among them for a camera whose disparity error is derived: where the brightest
-    pixels are full, or no matcher reaches that error, the camera measures nothing that is known. ``closed_form`` is
-    always among them: where the uncertainty is not known to a tenth of itself, it decides nothing.
+    pixels are full, or no matcher reaches that error, the camera measures nothing that is known.
 
     Only those of the given ``names``, if not all are of interest.
     """
@@ -75,9 +77,6 @@ def evaluate_limits(
         limits["saturation"] = law.saturation(camera, distance)
     if "matching" in names and not isinstance(law, float | int):
         limits["matching"] = law.limit(camera, distance)
-    if "closed_form" in names:
-        error = errors.closed_form_error
-        limits["closed_form"] = Limit(value=error, bound=_LARGEST_ERROR, met=~(error > _LARGEST_ERROR))
     if "failed_fraction" in names and criteria.failed_fraction is not None:
         value = errors.failed_fraction
         limits["failed_fraction"] = Limit(
@@ -225,22 +224,56 @@ def usable_intervals(
 ) -> tuple[Interval, ...]:
     """The usable intervals within a grid of distances [m], from near to far, each end with the limit that sets it.
 
-    Ends are found to the last digits between grid points, whose ``limits`` may be known; an end at the edge of the grid
-    is named so.
+    Ends are found to the last digits between grid points, whose ``limits`` may be known, and those that rest on draws
+    in each scramble too. An end at the edge of the grid is named so.
     """
     limits = evaluate_limits(camera, criteria, distance) if limits is None else limits
     ends = usable_ends(camera, criteria, distance, limits)
-    bindings = zip(ends, _binding(camera, criteria, ends), strict=True)
-    names = {(end.begins, end.distance): name for end, name in bindings}
-    return tuple(
-        Interval(
-            near=near,
-            far=far,
-            near_limit=names.get((True, near), END_OF_STUDY),
-            far_limit=names.get((False, far), END_OF_STUDY),
+    found = {
+        (end.begins, end.distance): (name, _end_error(camera, criteria, end, name))
+        for end, name in zip(ends, _binding(camera, criteria, ends), strict=True)
+    }
+    intervals = []
+    for near, far in usable_stretches(ends, distance, all_met(limits, distance.shape)):
+        (near_limit, near_error), (far_limit, far_error) = (
+            found.get(end, (END_OF_STUDY, 0.0)) for end in ((True, near), (False, far))
         )
-        for near, far in usable_stretches(ends, distance, all_met(limits, distance.shape))
+        intervals.append(
+            Interval(
+                near=near,
+                far=far,
+                near_limit=near_limit,
+                far_limit=far_limit,
+                near_error=near_error,
+                far_error=far_error,
+            )
+        )
+    return tuple(intervals)
+
+
+def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, name: str) -> float:
+    """Standard error [m] of an end that a limit of drawn depths sets; 0 for others."""
+    names = tuple(one for one in name.split(", ") if one in _OF_DEPTH)
+    if camera.propagation.model != "exact" or not names:
+        return 0.0
+    return scramble_error(
+        [partial(_kept_by, one, criteria, names=names) for one in scrambles_of(camera)], end.distance, begins=end.begins
     )
+
+
+def scramble_error(conditions: Sequence[Callable[[FloatArray], FloatArray]], distance: float, *, begins: bool) -> float:
+    """Standard error [m] of a distance where a condition changes, from where it does in each scramble.
+
+    Sought within a fifth of the distance; infinite where a scramble has no such change there.
+    """
+    grid = distance * np.geomspace(1.0 / _REACH, _REACH, 5)
+    found = []
+    for condition in conditions:
+        ends = [one.distance for one in boundaries(condition, grid, to=_END_OF_SCRAMBLES) if one.begins == begins]
+        if not ends:
+            return float("inf")
+        found.append(min(ends, key=lambda end: abs(end - distance)))
+    return float(np.std(found, ddof=1) / np.sqrt(len(found))) if len(found) > 1 else 0.0
 
 
 def _binding(camera: DepthCamera, criteria: UsableCriteria, ends: Sequence[Boundary]) -> list[str]:

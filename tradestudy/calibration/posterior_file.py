@@ -36,9 +36,7 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
     """
     import xarray as xr
 
-    data = xr.Dataset(
-        {"draws": (("draw", "parameter"), posterior.draws)}, coords={"parameter": list(posterior.names)}
-    )
+    data = xr.Dataset({"draws": (("draw", "parameter"), posterior.draws)}, coords={"parameter": list(posterior.names)})
     if posterior.best is not None:
         data["best"] = (("parameter",), posterior.best)
         data["pixels"] = (("side",), np.array(posterior.pixels, dtype=np.int64))
@@ -107,7 +105,7 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
         )
     _require_known(path, found.names, RIG_PARAMETERS)
     assert found.best is not None
-    check_geometry(name, camera, found.best, found.draws, says="posterior")
+    check_geometry(name, camera, found.best, found.draws, says="the posterior says")
     return rig_calibration(camera, found, source="posterior")
 
 

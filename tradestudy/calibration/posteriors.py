@@ -218,7 +218,7 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
     fit = fit_rig(corners)
     normal = LaplaceFit(names=SHARED_NAMES, mean=fit.explained.shared, covariance=fit.explained.covariance)
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
-    check_geometry(asked.name, rig, normal.mean, draws, says="corners")
+    check_geometry(asked.name, rig, normal.mean, draws, says="corners say")
     rng = point_generator(seed=asked.seed, point=f"corners/{asked.name}", replicate=0)
     found = sample_relative_pose(fit.explained, corners, rng=rng, maximum_steps=asked.part.max_steps)
     posterior = replace(
@@ -298,7 +298,9 @@ def _priors(name: str, groups: tuple[Group, ...]) -> Priors:
     return Priors(names=tuple(map(str, names)), mean=mean, standard_deviation=deviation, lower=lower, upper=upper)
 
 
-def _on_sensor(camera: DepthCamera, observed: FloatArray, target: SyntheticTarget) -> tuple[FloatArray, SyntheticTarget]:
+def _on_sensor(
+    camera: DepthCamera, observed: FloatArray, target: SyntheticTarget
+) -> tuple[FloatArray, SyntheticTarget]:
     """Corners that fall beside the sensor are not seen, and views with fewer than six are not taken."""
     seen = camera.seen_on_sensor(observed)
     taken = np.all(np.sum(seen, axis=1) >= _FEWEST_CORNERS, axis=-1)

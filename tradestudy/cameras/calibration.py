@@ -16,7 +16,7 @@ from tradestudy.optics.arrays import FloatArray
 if TYPE_CHECKING:  # whoever draws errors has loaded it
     from tradestudy.uncertainty.sources import Group
 
-Reading = Callable[[FloatArray, float, Errors], InverseDepthReading]
+Reading = Callable[[FloatArray, float, Errors, Environment | None], InverseDepthReading]
 """Inverse depths that a camera reads at true distances [m], at a place in the field, under given errors."""
 PropagationModel = Literal["linear", "exact"]
 SourceName = Literal["errors", "target", "corners", "posterior"]

@@ -214,10 +214,8 @@ class DepthCamera(Camera):
 
     def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:
         """Inverse depths read under draws of its calibration and noise, by the exact model that these belong to."""
-        errors = self.calibration.errors(values)
-        if self.calibration.reading is not None:
-            return self.calibration.reading(distance, field, errors)
-        return self.read(distance, field, errors, self.calibration.environment)
+        read = self.read if self.calibration.reading is None else self.calibration.reading
+        return read(distance, field, self.calibration.errors(values), self.calibration.environment)
 
     def parameter(self, name: str) -> ErrorParameter:
         """What is known of one drawn parameter: its unit, class and part."""

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from tradestudy.calibration.declaration import CalibrationStudyPart
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.acting import Models
 from tradestudy.study.definition import StudyDefinition
@@ -33,9 +33,7 @@ SECONDS: Final[Mapping[str, float]] = {
     "claim about depth": 0.02,
     "camera's depth of field": 0.007,
     "inference step of an ensemble": 2.2e-3,
-    "draw at a distance": 1.7e-6,
-    "pair at a field and way": 0.12,
-    "stability question, replicate": 0.05,
+    "draw at a distance": 1.5e-7,
     "Fresnel against Kirchhoff on axis": 0.095,
     "root of a limit": 0.06,
     "Fresnel against Kirchhoff off axis": 6.0,
@@ -47,7 +45,10 @@ SECONDS: Final[Mapping[str, float]] = {
     "figure": 0.42,
 }
 
-_FIRST_DRAWS: Final = 8 * 512  # of an adaptive propagation, over all scrambles
+_WAYS: Final = 2  # with calibration errors, of three; noise alone is not drawn
+_RANK_DRAWS: Final = 8 * 2**11
+_RANK_DISTANCES: Final = 30
+_FIRST_DRAWS: Final = 8 * 256  # of an adaptive propagation, over all scrambles
 _FIRST_STEPS: Final = 1000  # of an ensemble, before the first look
 _ENSEMBLES: Final = 4
 _TORNADO_DRAWS: Final = 2**14
@@ -108,9 +109,9 @@ def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
         {"libraries": 1, "study read again": readings},
     )
     if definition.case.cameras:
+        yield from _calibrations(definition)
         yield from _depth(definition)
-    if file.calibration is not None:
-        yield from _calibration(file.calibration)
+        yield from _drawn(definition)
     if file.depth_of_field is not None:
         cameras = len(definition.case.all_cameras)
         yield _fixed("depth of field", counted(cameras, "camera"), {"camera's depth of field": cameras})
@@ -160,13 +161,11 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
     )
 
 
-def _calibration(part: CalibrationStudyPart) -> Iterator[PredictedStep]:
-    """Posteriors, comparisons, propagation and sensitivity; all but the first draws stop when they have converged."""
-    from tradestudy.analysis.propagation import FIELDS, WAYS
-
-    distances = len(part.distance_values())
-    inferred = [camera.target or camera.corners for camera in part.cameras.values()]
-    steps = [one.maximum_steps for one in inferred if one is not None]
+def _calibrations(definition: StudyDefinition) -> Iterator[PredictedStep]:
+    """Posteriors, whose samplers stop when they have converged."""
+    parts = [part for part in definition.file.cameras.values() if isinstance(part, DepthCameraDeclaration)]
+    inferred = [part.calibration.target or part.calibration.corners for part in parts]
+    steps = [one.max_steps for one in inferred if one is not None]
     if steps:
         yield _range(
             "calibration",
@@ -174,36 +173,34 @@ def _calibration(part: CalibrationStudyPart) -> Iterator[PredictedStep]:
             {"inference step of an ensemble": _ENSEMBLES * len(steps) * _FIRST_STEPS},
             {"inference step of an ensemble": _ENSEMBLES * sum(steps)},
         )
-    places = len(FIELDS) * len(WAYS) * len(part.cameras)
-    if part.compare or part.questions:
-        pairs = 2 * len(FIELDS) * len(part.compare)
-        replicates = 8 * len(part.questions)
+
+
+def _drawn(definition: StudyDefinition) -> Iterator[PredictedStep]:
+    """What exact cameras draw: on the axis and beside it, for their sensitivity, and ranks of pairs."""
+    file, distances = definition.file, definition.case.distance.size
+    exact = [camera for camera in definition.case.cameras.values() if camera.propagation.model == "exact"]
+    designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
+    places = _WAYS * len(exact) * (designs + len(file.propagation.field_places))
+    if exact:
         yield _range(
-            "comparison",
-            f"{counted(len(part.compare), 'pair')} of cameras, {counted(len(part.questions), 'question')} of stability",
-            {
-                "pair at a field and way": pairs * distances / 17,
-                "stability question, replicate": replicates * _ROOT_TRIALS[0] / 8,
-            },
-            {
-                "pair at a field and way": 2 * pairs * distances / 17,
-                "stability question, replicate": replicates * _ROOT_TRIALS[1] / 8,
-            },
+            "draws",
+            f"{counted(places, 'distribution')} at {counted(distances, 'distance')}, "
+            f"{_FIRST_DRAWS} to {file.propagation.max_draws} draws each",
+            {"draw at a distance": places * distances * _FIRST_DRAWS},
+            {"draw at a distance": places * distances * max(file.propagation.max_draws, _FIRST_DRAWS)},
         )
-    yield _range(
-        "propagation",
-        f"{counted(places, 'distribution')} at {counted(distances, 'distance')}, "
-        f"{_FIRST_DRAWS} to {part.budget} draws each",
-        {"draw at a distance": places * distances * _FIRST_DRAWS},
-        {"draw at a distance": places * distances * max(part.budget, _FIRST_DRAWS)},
-    )
-    sources = _SOURCES * len(FIELDS) * len(part.cameras)
-    yield _range(
-        "sensitivity",
-        f"{counted(len(part.cameras), 'camera')} at {counted(distances, 'distance')}",
-        {"draw at a distance": sources * distances * _FIRST_DRAWS},
-        {"draw at a distance": 3 * sources * distances * _TORNADO_DRAWS},
-    )
+    if file.decision is not None:
+        pairs = len(file.decision.compare or (file.decision.between,))
+        yield _fixed("ranks", counted(pairs, "pair"), {"draw at a distance": pairs * 4 * _RANK_DISTANCES * _RANK_DRAWS})
+    if file.sensitivity is not None:
+        asked = len(file.sensitivity.at)
+        sources = _SOURCES * len(definition.case.cameras) * (1 + len(file.propagation.field_places))
+        yield _range(
+            "sensitivity",
+            f"{counted(len(definition.case.cameras), 'camera')} at {counted(asked, 'distance')}",
+            {"draw at a distance": sources * asked * _FIRST_DRAWS},
+            {"draw at a distance": 3 * sources * asked * _TORNADO_DRAWS},
+        )
 
 
 def _range(name: str, work: str, least: Mapping[str, float], most: Mapping[str, float]) -> PredictedStep:
@@ -307,7 +304,7 @@ def _report(definition: StudyDefinition) -> PredictedStep:
         4 * bool(definition.case.cameras)
         + 2 * bool(file.sweep)
         + bool(file.decision)
-        + (0 if file.calibration is None else 5 + 2 * len(file.calibration.cameras))
+        + 2 * (file.sensitivity is not None)
         + 3 * (file.depth_of_field is not None)
         + 4 * (file.fresnel_validity is not None)
         + 2 * (file.light_spot is not None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -36,7 +37,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="estimated numerical error of depth_uncertainty against the exact camera model",
+        long_name="standard error of depth_uncertainty over scrambles of the draws; where it is linear, its measured "
+        "departure from draws",
         error="an estimate of an error; NaN where the interval is not bounded",
     ),
     "depth_uncertainty_way": Variable(
@@ -47,13 +49,20 @@ DEPTH: Final[Mapping[str, Variable]] = {
         symbol="u(a)",
         error=SEE_ERROR,
     ),
-    "depth_uncertainty_part": Variable(
-        dims=("camera", "distance", "part"),
+    "depth_uncertainty_way_error": Variable(
+        dims=("camera", "distance", "way"),
         units="m",
-        long_name="depth uncertainty from one part alone; infinite where the interval has no far end; "
+        long_name="of depth_uncertainty_way, as depth_uncertainty_error",
+        error="an estimate of an error; NaN where the interval is not bounded",
+    ),
+    "variance_share": Variable(
+        dims=("camera", "distance", "part"),
+        units="1",
+        long_name="share of the variance of inverse depth that a part of the errors decides; all parts sum to 1; "
         "NaN where a camera has no such part",
-        symbol="u_i(a)",
-        error=SEE_ERROR,
+        symbol="φ_i",
+        reference="Owen and Prieur, SIAM/ASA J. Uncertainty Quantification 5 (2017) 986",
+        error="of the line in inverse depth",
     ),
     "depth_quantile": Variable(
         dims=("camera", "distance", "way", "quantile"),
@@ -67,7 +76,20 @@ DEPTH: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="share of measurements that end beyond infinity",
         symbol="P(a = ∞)",
-        error="closed form in disparity, below 1e-6",
+        error="failed_fraction_error",
+    ),
+    "failed_fraction_error": Variable(
+        dims=("camera", "distance", "way"),
+        units="1",
+        long_name="of failed_fraction, as depth_uncertainty_error",
+        error="an estimate of an error",
+    ),
+    "converged": Variable(
+        dims=("camera", "distance"),
+        units="1",
+        long_name="whether the t-interval of every reported half width is within the tolerance; of the failed fraction "
+        "where an interval has no far end",
+        error="a comparison",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
@@ -137,17 +159,38 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "interval"),
         units="m",
         long_name="near end of a usable interval; NaN where a camera has fewer of them than another",
-        error="bracketed to the last digits",
+        error="usable_near_error",
+    ),
+    "usable_near_error": Variable(
+        dims=("camera", "interval"),
+        units="m",
+        long_name="standard error over scrambles of the draws; 0 where none decide",
+        error="an estimate of an error",
     ),
     "usable_far": Variable(
         dims=("camera", "interval"),
         units="m",
         long_name="far end of a usable interval; NaN where a camera has fewer of them than another",
-        error="bracketed to the last digits",
+        error="usable_far_error",
+    ),
+    "usable_far_error": Variable(
+        dims=("camera", "interval"),
+        units="m",
+        long_name="standard error over scrambles of the draws; 0 where none decide",
+        error="an estimate of an error",
     ),
     "near_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the near end"),
     "far_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the far end"),
 }
+
+_OF_FIELD: Final = (
+    "depth_uncertainty", "depth_uncertainty_error", "depth_uncertainty_way", "depth_uncertainty_way_error",
+    "variance_share", "depth_quantile", "failed_fraction", "failed_fraction_error", "converged",
+)  # fmt: skip
+DEPTH_FIELD: Final[Mapping[str, Variable]] = {
+    name: replace(DEPTH[name], dims=("camera", "field", *DEPTH[name].dims[1:])) for name in _OF_FIELD
+}
+"""/depth_field: the same off the axis, at declared places in the field."""
 
 DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "electrons": Variable(

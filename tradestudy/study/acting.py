@@ -44,5 +44,4 @@ def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
             return camera.without_calibration_errors()
         case "linear" | "exact" as model:
             return replace(camera, propagation=replace(camera.propagation, model=model))
-        case _:
-            return camera
+    return camera

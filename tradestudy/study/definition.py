@@ -6,9 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -16,32 +15,25 @@ from tradestudy.accuracy import QUANTITIES
 from tradestudy.calibration.sources import calibration_of, given_twice, mistakes_of_files
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import Problem, StudyError, TradestudyError
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.models import closed_form_models
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
+from tradestudy.study.building import camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
-from tradestudy.study.reader import validate, with_values
-from tradestudy.study.renamed import is_format_1, renamed_keys
+from tradestudy.study.reader import with_values
+from tradestudy.study.renamed import validated
 from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
-# What a posterior does not depend on: words, and what happens after the calibration.
-_NOT_CALIBRATED: dict[str, Any] = {
-    "title": True,
-    "note": True,
-    "stated": True,
-    "attributes": True,
-    "depth": {"disparity_error", "error_of", "discrimination_step"},
-    "calibration": {"stability"},
-}
+if TYPE_CHECKING:  # whoever infers has loaded it
+    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+
+_JUDGED: Final = 9  # distances of a study at which draws are settled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,7 +97,7 @@ class StudyDefinition:
         StudyError
             With every mistake found.
         """
-        definition = cls(document, _validated(document))
+        definition = cls(document, validated(document))
         definition.designs  # noqa: B018 - built here so that an impossible camera is refused before anything runs
         return definition
 
@@ -148,7 +140,7 @@ class StudyDefinition:
                 cameras[name] = known[name]
                 continue
             try:
-                cameras[name] = _camera_of(part, scene)
+                cameras[name] = camera_of(part, scene)
             except TradestudyError as error:
                 path = ("cameras", name)
                 problems.append(self.document.locate(path).problem(path, str(error)))
@@ -161,8 +153,8 @@ class StudyDefinition:
     @cached_property
     def case(self) -> Case:
         """What is computed with: the cameras with their calibrations, as far as these are known."""
-        scene, wanted = self.file.scene, self.file.accuracy.wanted().relative["depth_uncertainty"]
-        propagation = self.file.propagation.propagation(wanted)
+        distance = np.array(() if self.file.scene is None else self.file.scene.distance_values(), dtype=np.float64)
+        propagation = self._propagation(distance)
         cameras = {
             name: self._calibrated(name, camera, propagation)
             for name, camera in self.designs.items()
@@ -172,10 +164,23 @@ class StudyDefinition:
             cameras={name: acting(camera, self.models.get(name, {})) for name, camera in cameras.items()},
             all_cameras={**self.designs, **cameras},
             criteria=self.file.usable_range.criteria(),
-            distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
-            wavelength=math.nan if scene is None else scene.wavelength,
+            distance=distance,
+            wavelength=self._wavelength,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
+        )
+
+    def _propagation(self, distance: FloatArray) -> Propagation:
+        """How errors are propagated: draws are settled at some of the distances [m], and wherever the study asks."""
+        file = self.file
+        some = (
+            distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
+        )
+        asked = {float(one) for one in some} | set(() if file.decision is None else file.decision.at)
+        asked |= {end for one in file.requirements.values() for end in one.depth_uncertainty.over}
+        return replace(
+            file.propagation.propagation(file.accuracy.wanted().relative["depth_uncertainty"]),
+            judged=tuple(sorted(asked)),
         )
 
     def _problems_of_calibration(self, name: str, design: Camera) -> Iterator[Problem]:
@@ -210,7 +215,7 @@ class StudyDefinition:
 
     def _calibrated(self, name: str, design: DepthCamera, propagation: Propagation) -> DepthCamera:
         """A camera with its calibration; one that was calibrated before is the same."""
-        before, scene = self.before, self.file.scene
+        before = self.before
         posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
         if before is not None and before.designs.get(name) is design:
             known = before.case.all_cameras[name]
@@ -226,10 +231,35 @@ class StudyDefinition:
             part.calibration,
             design,
             folder=self.calibration_folder(name),
-            wavelength=math.nan if scene is None else scene.wavelength,
+            wavelength=self._wavelength,
             posterior=posterior,
         )
         return replace(design, calibration=calibration, propagation=propagation)
+
+    @property
+    def _wavelength(self) -> float:
+        """Of the scene [m]; NaN without one."""
+        return math.nan if self.file.scene is None else self.file.scene.wavelength
+
+    def calibrations_to_infer(self) -> dict[str, TargetToInfer | CornersToInfer]:
+        """What has to be inferred before the cameras know their calibrations, by the keys of `posterior_keys`."""
+        from tradestudy.calibration.posteriors import to_infer
+
+        found = {}
+        for name, key in self.posterior_keys.items():
+            part, camera = self.file.cameras[name], self.designs[name]
+            assert isinstance(part, DepthCameraDeclaration)
+            assert isinstance(camera, DepthCamera)
+            asked = to_infer(
+                name,
+                camera,
+                part.calibration,
+                folder=self.calibration_folder(name),
+                seed=self.file.propagation.seed,
+            )
+            if asked is not None and key not in self.posteriors:
+                found[key] = asked
+        return found
 
     @cached_property
     def posterior_keys(self) -> Mapping[str, str]:
@@ -237,17 +267,9 @@ class StudyDefinition:
 
         It is the same for all designs and readings of a study that have this camera and its calibration in common.
         """
+        seed = self.file.propagation.seed
         return {
-            name: sha256(
-                "\n".join(
-                    (
-                        name,
-                        str(self.file.propagation.seed),
-                        str(self.calibration_folder(name)),
-                        part.model_dump_json(exclude=_NOT_CALIBRATED),
-                    )
-                ).encode()
-            ).hexdigest()
+            name: posterior_key(name, part, seed=seed, folder=self.calibration_folder(name))
             for name, part in self.file.cameras.items()
             if isinstance(part, DepthCameraDeclaration) and part.calibration.source in ("target", "corners")
         }
@@ -375,40 +397,3 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
-
-
-def _validated(document: Document) -> StudyFile:
-    """The study against the schema; keys of format 1 are told as such, and of a study of format 1 nothing else."""
-    renamed = renamed_keys(document)
-    if renamed and is_format_1(document):
-        raise StudyError([*document.problems, *renamed])
-    told = {(one.file, one.line, one.column) for one in renamed}
-    try:
-        valid = validate(document, StudyFile)
-    except StudyError as error:
-        others = [one for one in error.problems if (one.file, one.line, one.column) not in told]
-        raise StudyError([*others, *renamed]) from None
-    if renamed:
-        raise StudyError(renamed)
-    return valid
-
-
-def _camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
-    """Build the camera that a part of a study declares, in the light of its scene.
-
-    Raises
-    ------
-    OutOfRangeError
-        Where the parts do not make a camera.
-    """
-    if not isinstance(part, DepthCameraDeclaration):
-        return part.design(None)
-    return part.design(_picture_law(scene, microlenses=part.camera.pictured_by_microlenses))
-
-
-def _picture_law(scene: ScenePart | None, *, microlenses: bool) -> PictureDisparityError | None:
-    """What a derived disparity error follows; None without a picture."""
-    if scene is None or scene.picture is None:
-        return None
-    settings = scene.picture.settings(scene.wavelength)
-    return PictureDisparityError(settings=settings, models=closed_form_models(settings, microlenses=microlenses))

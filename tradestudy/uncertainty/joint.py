@@ -10,10 +10,10 @@ weak direction can be the one that moves depth.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from math import factorial
 from typing import Self
 
 import numpy as np
-from scipy.special import ndtr
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Distribution, Empirical, FloatArray, Normal, at_scores
@@ -22,6 +22,7 @@ from tradestudy.uncertainty.streams import fixed_order_product
 
 _ROUNDING_OF_EIGENVALUES = 100.0 * np.finfo(float).eps
 _ROUNDING_OF_FILES = 1e-9
+_HERMITE_NODES = 64
 
 
 def _square(what: str, matrix: FloatArray, size: int) -> FloatArray:
@@ -280,25 +281,19 @@ class GaussianCopula(_Joint):
 
     @property
     def covariance(self) -> FloatArray | None:
-        """Covariance of the parameters by Gauss-Hermite quadrature over pairs; None where one has none.
+        """Covariance of the parameters by Mehler's expansion in Hermite polynomials; None where one has none.
 
-        The diagonal is exact; off-diagonal entries are exact for normal marginals, and good to about 1e-4
-        of the two standard deviations for bounded ones.
+        The diagonal is exact, and the matrix is positive semidefinite. Off-diagonal entries are exact for normal and
+        uniform marginals, and good to about 1e-4 of the two standard deviations for others.
         """
         deviations = [marginal.standard_deviation for marginal in self.marginals]
         if any(deviation is None for deviation in deviations):
             return None
-        nodes, weights = np.polynomial.hermite_e.hermegauss(64)
-        weights = weights / np.sum(weights)
-        covariance = np.diag([float(deviation or 0.0) ** 2 for deviation in deviations])
-        for i, first in enumerate(self.marginals):
-            for j in range(i):
-                rho = float(np.clip(self.correlation[i, j], -1.0, 1.0))
-                tied = rho * nodes[:, None] + np.sqrt(1.0 - rho * rho) * nodes[None, :]
-                x = at_scores(first, nodes) - (first.mean or 0.0)
-                y = at_scores(self.marginals[j], tied) - (self.marginals[j].mean or 0.0)
-                covariance[i, j] = covariance[j, i] = float(weights @ (x * (y @ weights)))
-        return covariance
+        coefficients = np.stack([_hermite_coefficients(marginal) for marginal in self.marginals])
+        powers = np.clip(self.correlation, -1.0, 1.0)[..., None] ** np.arange(1, coefficients.shape[1] + 1)
+        spread = np.array(deviations, float)
+        tied = np.einsum("ik,jk,ijk->ij", coefficients, coefficients, powers)
+        return np.asarray(tied * np.outer(spread, spread))
 
     def draw(self, scores: FloatArray) -> FloatArray:
         """Map standard normal scores (dimensions, n) to draws (k, n)."""
@@ -308,6 +303,16 @@ class GaussianCopula(_Joint):
     def marginal(self, index: int) -> Distribution:
         """Return the distribution of one parameter alone."""
         return self.marginals[index]
+
+
+def _hermite_coefficients(marginal: Distribution) -> FloatArray:
+    """Coefficients of Q(Φ(z)) in the orthonormal Hermite polynomials from the first on, scaled to unit length."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(_HERMITE_NODES)
+    norm = np.sqrt([float(factorial(order)) for order in range(_HERMITE_NODES)])
+    polynomials = np.polynomial.hermite_e.hermevander(nodes, _HERMITE_NODES - 1) / norm
+    coefficients = (weights * at_scores(marginal, nodes) @ polynomials)[1:]
+    length = float(np.linalg.norm(coefficients))
+    return np.asarray(coefficients / length if marginal.standard_deviation else np.zeros(coefficients.size))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -379,6 +384,8 @@ class JointDraws(_Joint):
 
     def draw(self, scores: FloatArray) -> FloatArray:
         """Map standard normal scores (1, n) to draws (k, n)."""
+        from scipy.special import ndtr  # a study is checked without it
+
         rows = self._ordered.shape[1]
         index = np.minimum((ndtr(scores[0]) * rows).astype(np.int64), rows - 1)
         return np.asarray(self._ordered[:, index])

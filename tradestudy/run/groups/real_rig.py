@@ -6,22 +6,23 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from tradestudy.calibration.corners.real_rig import depth_of_draws
-from tradestudy.calibration.posteriors import RealRig
+from tradestudy.calibration.corners.real_rig import RigFit, depth_of_draws
+from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.calibration.projection import INTRINSIC_NAMES
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
 
-def rig_rows(rigs: Mapping[str, RealRig]) -> dict[str, list[str]]:
-    """Rows of camera, quantity and value."""
-    rows = [(name, *row) for name, rig in rigs.items() for row in _rows(rig)]
+def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]]:
+    """Rows of camera, quantity and value of those that were calibrated from corners; none without."""
+    rows = [(name, *row) for name, one in inferred.items() if one.fit is not None for row in _rows(one.fit)]
+    if not rows:
+        return {}
     cameras, quantities, values = (list(column) for column in zip(*rows, strict=True))
     return {"rig_camera": cameras, "rig_quantity": quantities, "rig_value": values}
 
 
-def _rows(rig: RealRig) -> Iterator[tuple[str, str]]:
-    fit = rig.fit
+def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     yield "views and corners", f"{len(fit.corners.views)} views, {fit.corners.corner_count} corners"
     for side, camera in (("left", fit.left), ("right", fit.right)):
         yield f"residual of the {side} camera alone", pretty(camera.corner_rms_px, PIXELS)

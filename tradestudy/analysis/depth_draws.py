@@ -1,0 +1,219 @@
+"""Exact propagation: everything that is uncertain about one camera, drawn once and read at any distance."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.distributions import Normal
+from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
+from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
+from tradestudy.uncertainty.quantiles import quantiles_of
+from tradestudy.uncertainty.scores import scramble_scores
+from tradestudy.uncertainty.sources import Group, Source, Sources
+
+SCRAMBLES: Final = 8
+"""Fewer independent scrambles do not give a trustworthy standard error."""
+CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
+    "noise": NOISE,
+    "calibration": CALIBRATION,
+    "both": (*NOISE, *CALIBRATION),
+}
+_FIRST_DRAWS: Final = 2**8  # of each scramble
+_AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
+_WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
+_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances that the first coordinates are aligned with
+
+
+def noise_group() -> Source:
+    """The noise of one measurement, as a standard normal score that the camera's own noise scales."""
+    score = Normal(mean=0.0, standard_deviation=1.0)
+    return Source(name=PIXEL_NOISE, distribution=score, error_class=ErrorClass.MEASUREMENT)
+
+
+def uncertain_groups(camera: DepthCamera, way: str) -> tuple[Group, ...]:
+    """What is drawn: noise, calibration, or both; calibrations and their ageing never average."""
+    noise = (noise_group(),) if ErrorClass.MEASUREMENT in CLASSES[way] else ()
+    return (*noise, *(camera.calibration.groups if way != "noise" else ()))
+
+
+def fixed_errors(camera: DepthCamera, way: str) -> dict[str, FloatArray]:
+    """The errors that are not drawn but have a mean other than zero."""
+    held = camera.calibration.groups if way == "noise" else ()
+    means = {name: mean for group in held for name, mean in zip(group.parameters, group.nominal, strict=True)}
+    return {name: np.full((1, 1), mean) for name, mean in means.items() if mean != 0.0}
+
+
+def read_draws(
+    camera: DepthCamera, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
+) -> FloatArray:
+    """Inverse depths [1/m] that draws (draws, 1) read at distances [m]; NaN where a draw has no rank.
+
+    ``noise`` [m on the sensor] is the standard deviation of the disparity at each distance; shape (draws, distances).
+    """
+    errors = dict(values)
+    if PIXEL_NOISE in errors:
+        errors[PIXEL_NOISE] = errors[PIXEL_NOISE] * noise
+    found = camera.reading(distance, field, errors)
+    return np.where(found.no_overlap | found.out_of_range, np.nan, found.inverse_depth)
+
+
+@lru_cache(maxsize=128)
+def uncertain_sources(camera: DepthCamera, way: str) -> Sources:
+    """See `uncertain_groups`."""
+    return Sources(groups=uncertain_groups(camera, way))
+
+
+def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:
+    """Inverse depths at distances [m] as the engine of propagation asks for them."""
+    fixed, noise = fixed_errors(camera, way), camera.noise(distance)
+
+    def model(values: Mapping[str, FloatArray]) -> Outcome:
+        draws = len(next(iter(values.values()))) if values else 1
+        found = read_draws(camera, {**fixed, **values}, distance, field, noise)
+        return Outcome(values=np.broadcast_to(found, (draws, distance.size)))
+
+    return model
+
+
+@lru_cache(maxsize=64)
+def _alignment(camera: DepthCamera, way: str) -> ScoreAlignment:
+    places = camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+    return alignment_with([outcome_model(camera, places, 0.0, way)], uncertain_sources(camera, way))
+
+
+@lru_cache(maxsize=32)
+def _drawn(camera: DepthCamera, way: str, draws: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Standard normal scores (dimensions, scrambles · draws) of every scramble, and the errors (…, 1) that they are.
+
+    What moves depth most is in the first coordinates.
+    """
+    sources, own = uncertain_sources(camera, way), camera.propagation.scramble
+    scores = [
+        scramble_scores(sources.dimensions, draws, seed=camera.propagation.seed, point="depth", scramble=scramble)
+        for scramble in (range(SCRAMBLES) if own is None else (own,))
+    ]
+    aligned = np.asarray(_alignment(camera, way).apply(np.concatenate(scores, axis=1)))
+    return aligned, sources.draw(aligned)
+
+
+def _read_all(
+    camera: DepthCamera, distance: FloatArray, field: float, way: str, values: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Inverse depths [1/m] of all draws, (distances, draws); many are read on several threads."""
+    fixed, noise = fixed_errors(camera, way), camera.noise(distance)
+    draws = len(next(iter(values.values())))
+    found = np.empty((distance.size, draws))
+    step = max(64, _AT_ONCE // max(distance.size, 1))
+
+    def read(start: int) -> None:
+        batch = {name: value[start : start + step] for name, value in values.items()}
+        found[:, start : start + step] = read_draws(camera, batch | fixed, distance, field, noise).T
+
+    starts = range(0, draws, step)
+    if found.size < _WORTH_THREADS:
+        for start in starts:
+            read(start)
+    else:
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as threads:
+            list(threads.map(read, starts))
+    return found
+
+
+def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
+    """The inverse depth [1/m] that the camera reads with every error at its mean; NaN where it reads none."""
+    values = fixed_errors(camera, "noise")
+    return np.broadcast_to(read_draws(camera, values, distance, field, camera.noise(distance)), (1, distance.size))[0]
+
+
+def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+    """The distribution of depth by draws through the exact reading."""
+    return _of_draws(camera, distance, field, way, settled_draws(replace_scramble(camera, None), field, way))
+
+
+def replace_scramble(camera: DepthCamera, scramble: int | None) -> DepthCamera:
+    """The same camera with the draws of one scramble; None: of all."""
+    if camera.propagation.scramble == scramble:
+        return camera
+    return replace(camera, propagation=replace(camera.propagation, scramble=scramble))
+
+
+def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
+    probabilities = camera.propagation.probabilities
+    scores, values = _drawn(camera, way, draws)
+    inverse = _read_all(camera, distance, field, way, values)
+    scrambles = scores.shape[1] // draws
+    quantiles = np.stack(
+        [_inverse_quantiles(*one, probabilities) for one in zip(
+            np.split(inverse, scrambles, axis=1), _lines(inverse, scores, scrambles), strict=True)]
+    )  # fmt: skip
+    failed = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, scrambles, draws), axis=2).T
+    seen = np.isfinite(nominal_inverse(camera, distance, field))
+    return DepthDistribution(
+        probabilities=probabilities,
+        quantiles=np.where(seen, depth_from_inverse(quantiles), np.nan),
+        failed=np.where(seen, failed, np.nan),
+    )
+
+
+def _lines(inverse: FloatArray, scores: FloatArray, scrambles: int) -> list[tuple[FloatArray, FloatArray]]:
+    """A normal variable that follows inverse depth: of each scramble its draws (distances, draws), and its deviation.
+
+    It is the line in the scores by least squares; 0 where a draw has no rank.
+    """
+    ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
+    centred = scores - scores.mean(axis=1, keepdims=True)
+    slopes = np.linalg.solve(centred @ centred.T, centred @ ranked.T).T
+    deviation = np.linalg.norm(slopes, axis=1)
+    return [(line, deviation) for line in np.split(slopes @ scores, scrambles, axis=1)]
+
+
+def _inverse_quantiles(
+    inverse: FloatArray, line: tuple[FloatArray, FloatArray], probabilities: tuple[float, ...]
+) -> FloatArray:
+    """Inverse depths (probabilities, distances) of the quantiles of depth, of the draws that have a rank.
+
+    The line's own quantiles are known: what its draws miss of them, those of inverse depth miss as well, and it is
+    taken off (a control variate).
+    """
+    from scipy.special import ndtri
+
+    upper = 1.0 - np.array(probabilities)
+    draws, deviation = line
+    missed = quantiles_of(draws, upper) - ndtri(upper)[:, None] * deviation
+    unranked = np.isnan(inverse)
+    if not unranked.any():
+        return quantiles_of(inverse, upper) - missed
+    found = np.full((upper.size, len(inverse)), np.nan)
+    for row, (values, missing) in enumerate(zip(inverse, unranked, strict=True)):
+        if not missing.all():
+            found[:, row] = quantiles_of(values[None, ~missing], upper)[:, 0]
+    return found - missed
+
+
+@lru_cache(maxsize=1024)
+def settled_draws(camera: DepthCamera, field: float, way: str) -> int:
+    """How many draws each scramble takes: doubled until every judged half width is known to the tolerance.
+
+    Judged are intervals that are narrower than their distance, and those that have no far end; what lies between is
+    reported with its larger error.
+    """
+    propagation = camera.propagation
+    judged = np.array(propagation.judged, dtype=np.float64)
+    judged = judged[camera.images(judged)]
+    draws = _FIRST_DRAWS
+    while judged.size and 2 * draws * SCRAMBLES <= propagation.max_draws:
+        if np.all(_of_draws(camera, judged, field, way, draws).converged(propagation.tolerance, widest=judged)):
+            break
+        draws *= 2
+    return draws
