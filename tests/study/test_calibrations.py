@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from tests.calibration.calibration_files import write_calibration
@@ -14,6 +15,7 @@ from tests.study.conftest import STUDIES
 from tradestudy.calibration.calibration_file import CalibrationCovariance, CalibrationDraws
 from tradestudy.calibration.sources import group_of_draws
 from tradestudy.cameras.calibration import ONE_SIGMA, Calibration
+from tradestudy.cameras.stereo.declaration import StereoDeclaration
 from tradestudy.errors import StudyError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
@@ -63,7 +65,7 @@ def test_every_shape_is_drawn_from_its_own_quantiles(written: Written, tmp_path:
     )
     groups = {group.name: group for group in study.case.cameras["rig"].calibration.groups}
     p = np.array([0.03, 0.4, 0.9])
-    expected = {
+    expected: dict[str, ArrayLike] = {
         "yaw": stats.norm(1e-3, np.radians(0.2)).ppf(p),
         "pitch": stats.uniform(-1e-3, 2e-3).ppf(p),
         "roll": stats.triang(0.5, -1e-3, 2e-3).ppf(p),
@@ -128,7 +130,7 @@ def test_what_has_happened_since_is_drawn_for_every_session(written: Written) ->
     calibration = study.case.cameras["rig"].calibration
     since = {g.name: g for g in calibration.groups if g.error_class is ErrorClass.SESSION}
     assert list(since) == ["temperature_change", "pressure_change", "color_shift", "ageing_yaw"]
-    deviations = [group.marginal(0).standard_deviation for group in since.values()]
+    deviations = [group.marginal(0).standard_deviation or 0.0 for group in since.values()]
     np.testing.assert_allclose(deviations, [3.0, 2000 / np.sqrt(3), 6.3e-6, 1e-3])
     assert calibration.environment is not None
     assert (calibration.environment.temperature, calibration.environment.pressure) == (293.15, 101325.0)
@@ -223,7 +225,9 @@ def test_a_camera_that_nothing_changes_is_calibrated_once(written: Written) -> N
 
 def test_the_angle_of_a_target_is_a_slope_to_inference(written: Written) -> None:
     declared = written(target()).file.cameras["rig"]
-    assert declared.calibration.target.half_field == pytest.approx(1.0)  # type: ignore[union-attr]  # a stereo rig
+    assert isinstance(declared, StereoDeclaration)
+    assert declared.calibration.target is not None
+    assert declared.calibration.target.half_field == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(
@@ -261,4 +265,4 @@ def test_several_values_are_varied_together(written: Written) -> None:
     )
     changed = study.with_values(dict.fromkeys(study.file.solve["array"].paths, "3 um"))
     tied = changed.case.cameras["r5"].calibration.groups[0]
-    np.testing.assert_allclose([tied.marginal(i).standard_deviation for i in range(2)], 3e-6)
+    np.testing.assert_allclose([tied.marginal(i).standard_deviation or 0.0 for i in range(2)], 3e-6)
