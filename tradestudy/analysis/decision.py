@@ -18,6 +18,7 @@ from tradestudy.study.definition import Case
 
 _BESIDE: Final = 1e-9  # share of a distance by which what lies on either side of it is told
 _ROUNDING: Final = 1e-9
+_MOST_PLACES: Final = 100  # at which a lead is looked at; two crossings between neighbours are not seen
 
 
 TIED: Final = ", "
@@ -168,13 +169,15 @@ def _changes(case: Case, pair: tuple[str, str], way: str, places: Mapping[float,
 def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[Crossing, ...]:
     """Where the smaller uncertainty passes from one camera to the other, from a lead that is sure to one that is."""
     first, second = (case.cameras[name] for name in pair)
-    ratios = _log_ratios(first, second, case.distance, way)
+    step = max(1, case.distance.size // _MOST_PLACES)
+    distance = np.union1d(case.distance[::step], case.distance[-1:])
+    ratios = _log_ratios(first, second, distance, way)
     lead = _sure_lead(ratios)
     decided = np.flatnonzero(lead)
     turns = np.flatnonzero(lead[decided[1:]] != lead[decided[:-1]])
     found = []
     for before, after in zip(decided[turns], decided[turns + 1], strict=True):
-        grid = case.distance[before : after + 1]
+        grid = distance[before : after + 1]
         place = _turn(first, second, grid, way, begins=lead[before] > 0)
         if place is not None:
             error = _error_of_turn(first, second, place, way, begins=lead[before] > 0)

@@ -105,42 +105,36 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
 
 
 def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth where inverse depth is normal about its line; the ends of intervals mapped back."""
-    line = linear_reading(camera, distance, field, way)
-    return distribution_of_line(line.inverse_depth, line.standard_deviation, camera.propagation.probabilities)
+    """The distribution of depth where every error acts as so many deviations of the noise.
 
-
-def distribution_of_line(
-    inverse_depth: FloatArray, deviation: FloatArray, probabilities: tuple[float, ...]
-) -> DepthDistribution:
-    """Of a normal inverse depth [1/m] of given mean and deviation: ``Z_p = 1/(w + Φ⁻¹(1 − p) u)``."""
-    from scipy.special import ndtr, ndtri
-
-    scores = ndtri(1.0 - np.array(probabilities))[:, None]
-    known = np.where(deviation > 0.0, deviation, 1.0)
-    sure = np.where(inverse_depth > 0.0, 0.0, np.where(np.isnan(inverse_depth), np.nan, 1.0))
-    failed = np.where(deviation > 0.0, ndtr(-inverse_depth / known), sure)
-    return DepthDistribution(
-        probabilities=probabilities,
-        quantiles=depth_from_inverse(inverse_depth + scores * deviation)[None],
-        failed=np.where(np.isnan(deviation), np.nan, failed)[None],
+    Inverse depth is a line in all errors; its deviation over that by noise alone is the scale at which the ends of
+    intervals are read, so that noise acts exactly.
+    """
+    noise = linear_reading(camera, distance, field, "noise").standard_deviation
+    return scaled_noise(
+        camera, distance, field, linear_reading(camera, distance, field, way).standard_deviation / noise
     )
 
 
 def noise_distribution(camera: DepthCamera, distance: FloatArray, field: float) -> DepthDistribution:
-    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map.
+    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map."""
+    return scaled_noise(camera, distance, field, np.ones(distance.shape))
 
-    Infinity is reached at the score of the noise where the reading does, found by bisection to the last digits.
-    """
+
+def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
+    """The distribution of depth under noise that is larger by a scale (distances,)."""
     from scipy.special import ndtr, ndtri
 
     probabilities = camera.propagation.probabilities
-    depths = depth_from_inverse(_under_noise(camera, distance, field, -ndtri(np.array(probabilities))[:, None]))
+    scores = -ndtri(np.array(probabilities))[:, None] * scale
+    depths = depth_from_inverse(_under_noise(camera, distance, field, scores))
     seen = ~np.isnan(depths).any(axis=0)
+    score = _score_of_infinity(camera, distance, field, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
+    failed = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
     return DepthDistribution(
         probabilities=probabilities,
         quantiles=np.where(seen, depths, np.nan)[None],
-        failed=np.where(seen, ndtr(_score_of_infinity(camera, distance, field)), np.nan)[None],
+        failed=np.where(seen, failed, np.nan)[None],
     )
 
 
@@ -150,13 +144,12 @@ def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores
     return read_draws(camera, errors, distance, field, camera.noise(distance))
 
 
-def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
-    """The score of the noise at which infinity is read, by bisection; ∓9 where it lies beyond."""
-    ends = np.array([[-_FARTHEST_SCORE], [_FARTHEST_SCORE]])
-    beyond = _under_noise(camera, distance, field, ends) <= 0.0
-    found = np.where(beyond[1], _FARTHEST_SCORE, -_FARTHEST_SCORE)
+def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
+    """The score of the noise at which infinity is read, by bisection; ∓reach (distances,) where it lies beyond."""
+    beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
+    found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])
-    low, high = np.full(open_.size, -_FARTHEST_SCORE), np.full(open_.size, _FARTHEST_SCORE)
+    low, high = -reach[open_], reach[open_]
     for _ in range(_BISECTIONS if open_.size else 0):
         middle = 0.5 * (low + high)
         lost = _under_noise(camera, distance[open_], field, middle[None])[0] <= 0.0
