@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
-from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, replace_scramble, trial_distribution
+from tradestudy.analysis.depth_draws import exact_distribution, trial_distribution
 from tradestudy.analysis.linear_depth import (
     linear_distribution,
     linear_reading,
@@ -245,13 +245,6 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.
         return {name: np.full(distance.shape, np.nan) for name in names}
     rows = [[k for k, own in enumerate(line.parameters) if parts.get(own, "noise") == name] for name in names]
     return dict(zip(names, shapley_shares(line.sensitivity, line.covariance, rows), strict=True))
-
-
-def scrambles_of(camera: DepthCamera) -> tuple[DepthCamera, ...]:
-    """The camera by each scramble of its draws alone, whose scatter is the error of what follows; itself, if linear."""
-    if camera.propagation.model != "exact":
-        return (camera,)
-    return tuple(replace_scramble(camera, scramble) for scramble in range(SCRAMBLES))
 
 
 def _imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:

@@ -129,12 +129,14 @@ def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale:
     scores = -ndtri(np.array(probabilities))[:, None] * scale
     depths = depth_from_inverse(_under_noise(camera, distance, field, scores))
     seen = ~np.isnan(depths).any(axis=0)
-    score = _score_of_infinity(camera, distance, field, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
-    failed = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
+
+    def failures() -> FloatArray:
+        score = _score_of_infinity(camera, distance, field, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
+        failed = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
+        return np.where(seen, failed, np.nan)[None]
+
     return DepthDistribution(
-        probabilities=probabilities,
-        quantiles=np.where(seen, depths, np.nan)[None],
-        failed=np.where(seen, failed, np.nan)[None],
+        probabilities=probabilities, quantiles=np.where(seen, depths, np.nan)[None], failures=failures
     )
 
 

@@ -87,8 +87,6 @@ class Propagation:
         Contents of the central intervals that are reported; the first is that of the depth uncertainty.
     judged
         Distances [m] at which the number of draws is settled.
-    scramble
-        The one scramble of which the draws are taken; None: all of them.
     """
 
     model: PropagationModel = "linear"
@@ -97,7 +95,6 @@ class Propagation:
     max_draws: int = 2**16
     coverages: tuple[float, ...] = (ONE_SIGMA, 0.95)
     judged: tuple[float, ...] = ()
-    scramble: int | None = None
 
     @property
     def probabilities(self) -> tuple[float, ...]:
