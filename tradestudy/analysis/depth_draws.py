@@ -208,13 +208,12 @@ def _inverse_quantiles(
     upper = 1.0 - np.array(probabilities)
     draws, deviation = line
     missed = quantiles_of(draws, upper) - ndtri(upper)[:, None] * deviation
-    unranked = np.isnan(inverse)
-    if not unranked.any():
-        return quantiles_of(inverse, upper) - missed
+    missing = np.isnan(inverse).sum(axis=1)
     found = np.full((upper.size, len(inverse)), np.nan)
-    for row, (values, missing) in enumerate(zip(inverse, unranked, strict=True)):
-        if not missing.all():
-            found[:, row] = quantiles_of(values[None, ~missing], upper)[:, 0]
+    whole = missing == 0
+    found[:, whole] = quantiles_of(inverse[whole], upper)
+    for row in np.flatnonzero(~whole & (missing < inverse.shape[1])):
+        found[:, row] = quantiles_of(inverse[[row]][:, ~np.isnan(inverse[row])], upper)[:, 0]
     return found - missed
 
 
