@@ -87,7 +87,7 @@ def test_the_posterior_of_a_pair_is_none_of_a_single_camera(tmp_path, camera):
 
 
 def test_unknown_names_are_told(tmp_path):
-    with pytest.raises(CalibrationFileError, match="rig.nc names parameters that the camera does not have: shift_x"):
+    with pytest.raises(CalibrationFileError, match=r"rig\.nc names parameters that the camera does not have: shift_x"):
         posterior_of_file(saved(tmp_path / "rig.nc", names=(*SHARED_NAMES[:-1], "shift_x")), "rig", stereo())
     draws = CalibrationDraws(names=("yaw", "tilt"), draws=np.random.default_rng(0).standard_normal((200, 2)))
     write_posterior(tmp_path / "other.nc", draws)
@@ -110,10 +110,10 @@ def test_damaged_files_are_named(tmp_path):
         data.load()
     data["best"].values[3] = np.nan
     data.to_netcdf(tmp_path / "nan.nc", engine="h5netcdf")
-    with pytest.raises(CalibrationFileError, match="nan.nc holds what is no finite number: 1 cell"):
+    with pytest.raises(CalibrationFileError, match=r"nan\.nc holds what is no finite number: 1 cell"):
         posterior_of_file(tmp_path / "nan.nc", "rig", stereo())
     data.drop_vars("pixels").to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
-    with pytest.raises(CalibrationFileError, match="part.nc cannot be read"):
+    with pytest.raises(CalibrationFileError, match=r"part\.nc cannot be read"):
         posterior_of_file(tmp_path / "part.nc", "rig", stereo())
 
 

@@ -222,10 +222,10 @@ def test_a_contradiction_counts_from_five_percent(measured):
 
 def test_corners_beside_the_declared_sensor_are_told():
     small = webcams(sensor=Sensor(columns=320, rows=240, pixel_pitch=3e-6))
-    with pytest.raises(GeometryContradictionError, match="sensor 320 × 240 px, corners lie between .*sensor.pixels"):
+    with pytest.raises(GeometryContradictionError, match=r"sensor 320 × 240 px, corners lie between .*sensor.pixels"):
         infer(corners(small, MEASURED))
 
 
 def test_a_corner_file_that_does_not_exist_is_named(tmp_path):
-    with pytest.raises(CornerFileError, match="none.csv cannot be read: No such file"):
+    with pytest.raises(CornerFileError, match=r"none\.csv cannot be read: No such file"):
         infer(corners(webcams(), tmp_path / "none.csv"))
