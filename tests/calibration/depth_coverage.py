@@ -161,7 +161,8 @@ def by_target(
         {name: np.full((1, 1), value) for name, value in zip(names, values, strict=True)}
         for values in (truth, draws.mean(axis=0))
     )
-    return _covered(stated, case.plain(true, believed, trial.distances, case.noise * rng.standard_normal((1, 2))))[0]
+    read = case.plain(true, believed, trial.distances, case.noise * rng.standard_normal((1, 2)))
+    return _covered(stated, read)[0, :]
 
 
 def by_corners(rng: np.random.Generator, *, sampled: bool = False) -> BoolArray:
@@ -190,7 +191,7 @@ def by_corners(rng: np.random.Generator, *, sampled: bool = False) -> BoolArray:
     points = np.stack([np.full(2, 0.05), np.zeros(2), distances], axis=-1)
     seen = pictures(truth, points) + 0.1 * rng.standard_normal((2, 1)) * np.array([0.5, 0.0, -0.5, 0.0])
     read = np.array([plain_pair.inverse_depth_read(best, place) for place in seen])
-    return _covered(stated, read[None])[0]
+    return _covered(stated, read[None])[0, :]
 
 
 def _corners(rig: FloatArray, rng: np.random.Generator) -> StereoCorners:
@@ -216,7 +217,7 @@ def _read(
     return camera.read(distances, 0.0, {**errors, "pixel_noise": drawn}).inverse_depth
 
 
-def _covered(stated: FloatArray, read: FloatArray) -> BoolArray:
+def _covered(stated: FloatArray, read: FloatArray) -> np.ndarray[tuple[int, int], np.dtype[np.bool_]]:
     """Whether readings (trials, D) lie in the central intervals of the stated draws, shape (trials, coverages · D)."""
     found = []
     for coverage in COVERAGES:

@@ -1,6 +1,6 @@
 """Depth on the axis by each kind of camera in plain numpy: what a true camera sees, and what a calibration reads of it.
 
-Written from the drawings of thin lenses and pinholes, without the program: the camera that sees and the calibration that
+Written from drawings of thin lenses and pinholes, without the program. The camera that sees and the calibration that
 reads take their own parameters. Everything broadcasts; a parameter that is missing has no error.
 """
 
@@ -26,7 +26,8 @@ def _rotated(errors: Errors, vectors: Numbers, *, back: bool) -> Numbers:
     """Rays of the right camera in the axes of the rig, or back: turned by roll, then pitch, then yaw; (draws, D, 3)."""
     angles = np.stack(np.broadcast_arrays(*(np.ravel(errors.get(n, 0.0)) for n in ("yaw", "pitch", "roll"))), axis=-1)
     matrices = Rotation.from_euler("YXZ", angles * [-1.0, 1.0, 1.0]).as_matrix()  # a yaw turns z towards −x
-    return np.einsum("nji,ndj->ndi" if back else "nij,ndj->ndi", matrices, vectors)
+    rotated: Numbers = np.einsum("nji,ndj->ndi" if back else "nij,ndj->ndi", matrices, vectors)
+    return rotated
 
 
 def stereo(true: Errors, believed: Errors, distance: Numbers, noise: Numbers) -> Numbers:
@@ -37,7 +38,7 @@ def stereo(true: Errors, believed: Errors, distance: Numbers, noise: Numbers) ->
         return (_BASELINE + np.asarray(errors.get("baseline", 0.0))) / 2.0 * np.ones_like(noise)
 
     def lengths(errors: Errors) -> tuple[Numbers, Numbers]:
-        return tuple(_FOCAL + np.asarray(errors.get(f"{side}_focal_length", 0.0)) for side in ("left", "right"))  # type: ignore[return-value]
+        return tuple(_FOCAL + np.asarray(errors.get(f"{side}_focal_length", 0.0)) for side in ("left", "right"))
 
     def centre(errors: Errors) -> Numbers:
         return np.asarray(errors.get("right_principal_point_x", 0.0))
@@ -53,7 +54,8 @@ def stereo(true: Errors, believed: Errors, distance: Numbers, noise: Numbers) ->
         (right_x - noise / 2.0 - centre(believed)) / focal, right_y / focal, np.ones_like(noise)
     )
     traced = _rotated(believed, np.stack(slopes, axis=-1), back=False)
-    return (left_slope - traced[..., 0] / traced[..., 2]) / (2.0 * half(believed))
+    inverse: Numbers = (left_slope - traced[..., 0] / traced[..., 2]) / (2.0 * half(believed))
+    return inverse
 
 
 def _lengths(errors: Errors, *values: float) -> tuple[Numbers, ...]:
@@ -67,7 +69,8 @@ def focused(true: Errors, believed: Errors, distance: Numbers, noise: Numbers) -
     z, f, gap = _lengths(true, *design)
     disparity = apart * gap / (z - f * distance / (distance - f)) + noise
     z, f, gap = _lengths(believed, *design)
-    return 1.0 / f - 1.0 / (z - apart * gap / disparity)
+    inverse: Numbers = 1.0 / f - 1.0 / (z - apart * gap / disparity)
+    return inverse
 
 
 def unfocused(true: Errors, believed: Errors, distance: Numbers, noise: Numbers, *, pixels_apart: float) -> Numbers:
@@ -76,4 +79,5 @@ def unfocused(true: Errors, believed: Errors, distance: Numbers, noise: Numbers,
     z, f, gap = _lengths(true, *design)
     disparity = pixels_apart * z / gap * (1.0 - z * (distance - f) / (f * distance)) + noise
     z, f, gap = _lengths(believed, *design)
-    return 1.0 / f - (1.0 - disparity * gap / (pixels_apart * z)) / z
+    inverse: Numbers = 1.0 / f - (1.0 - disparity * gap / (pixels_apart * z)) / z
+    return inverse
