@@ -155,7 +155,7 @@ def by_target(
         write_posterior(folder / "posterior.nc", CalibrationDraws(names=names, draws=draws))
         calibration = posterior_of_file(folder / "posterior.nc", "camera", case.camera)
     (group,) = calibration.groups
-    errors = dict(zip(names, group.draw(rng.standard_normal((1, DRAWS)))[..., None], strict=True))
+    errors = dict(zip(names, group.draw(rng.standard_normal((group.dimensions, DRAWS)))[..., None], strict=True))
     stated = _read(case.camera, errors, trial.distances, case.noise, rng)
     true, believed = (
         {name: np.full((1, 1), value) for name, value in zip(names, values, strict=True)}
@@ -181,10 +181,8 @@ def by_corners(rng: np.random.Generator, *, sampled: bool = False) -> BoolArray:
     saved = CalibrationDraws(names=SHARED_NAMES, draws=draws, best=best, pixels=(1024, 1024))
     camera = cameras.stereo()
     calibration = rig_calibration(camera, saved, source="corners")
-    distances = np.array([0.6, 500.0])
-    errors = dict(
-        zip(SHARED_NAMES, calibration.groups[0].draw(rng.standard_normal((1, DRAWS)))[..., None], strict=True)
-    )
+    (group,), distances = calibration.groups, np.array([0.6, 500.0])
+    errors = dict(zip(SHARED_NAMES, group.draw(rng.standard_normal((group.dimensions, DRAWS)))[..., None], strict=True))
     errors["pixel_noise"] = 1e-6 * rng.standard_normal((DRAWS, 2))
     assert calibration.reading is not None
     stated = calibration.reading(distances, 0.0, errors, None).inverse_depth

@@ -81,7 +81,7 @@ def test_a_target_shrinks_what_depth_needs(camera, priors, part):
     (group,) = inferred.calibration.groups
     assert inferred.calibration.source == "target"
     at = np.array([part.distances[1]])
-    scores = np.random.default_rng(0).standard_normal((1, 4000))
+    scores = np.random.default_rng(0).standard_normal((group.dimensions, 4000))
     posterior = dict(zip(group.parameters, group.draw(scores)[..., None], strict=True))
     before = {
         prior.name: prior.draw(np.random.default_rng(k).standard_normal((1, 4000)))[0][:, None]
