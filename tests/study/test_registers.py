@@ -94,4 +94,4 @@ def test_two_scales_within_the_accuracy_wanted_are_none(focus: str, named: bool)
 
 
 def test_lenses_that_refocus_have_no_blur_to_contradict() -> None:
-    assert found("principal_distance=focal_length", "focus_distance=every-object") == []
+    assert found("principal_distance=focal_length", "focus_distance=autofocus") == []

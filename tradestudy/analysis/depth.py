@@ -78,7 +78,8 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
     uncertainty, failed = (np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction"))
     if camera.propagation.model == "linear":
         measured = [linear_error(camera, distance, way, field) for way in WAYS]
-        uncertainty_error = np.stack([one.half_width for one in measured]) * uncertainty
+        relative = np.stack([one.half_width for one in measured])
+        uncertainty_error = np.where(np.isinf(uncertainty), np.nan, relative * np.nan_to_num(uncertainty, posinf=0.0))
         failed_error = np.stack([one.failed_fraction for one in measured])
         converged = np.ones(distance.shape, dtype=bool)
     else:

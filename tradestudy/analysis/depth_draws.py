@@ -18,6 +18,7 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
+from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.uncertainty.quantiles import quantiles_of
 from tradestudy.uncertainty.scores import scramble_scores
 from tradestudy.uncertainty.sources import Group, Source, Sources
@@ -70,8 +71,27 @@ def read_draws(
 
 @lru_cache(maxsize=128)
 def uncertain_sources(camera: DepthCamera, way: str) -> Sources:
-    """See `uncertain_groups`."""
-    return Sources(groups=uncertain_groups(camera, way))
+    """See `uncertain_groups`; joint draws stand in the order in which they move depth."""
+    groups = (
+        replace(group, along=_responses(camera, group)) if isinstance(group, JointDraws) else group
+        for group in uncertain_groups(camera, way)
+    )
+    return Sources(groups=tuple(groups))
+
+
+def _responses(camera: DepthCamera, group: JointDraws) -> FloatArray:
+    """Change of inverse depth with each parameter of joint draws, at the nearest and the farthest distance that count."""
+    judged = np.array(camera.propagation.judged) if camera.propagation.judged else _places(camera)
+    places, deviation = judged[[0, -1]], np.std(group.draws, axis=0)
+    steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
+    values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
+    read = read_draws(camera, values, places, 0.0, camera.noise(places))
+    change = np.nan_to_num(read[: deviation.size] - read[deviation.size :]).T
+    return np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0)
+
+
+def _places(camera: DepthCamera) -> FloatArray:
+    return camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
 
 
 def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:
@@ -88,8 +108,7 @@ def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0,
 
 @lru_cache(maxsize=64)
 def _alignment(camera: DepthCamera, way: str) -> ScoreAlignment:
-    places = camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
-    return alignment_with([outcome_model(camera, places, 0.0, way)], uncertain_sources(camera, way))
+    return alignment_with([outcome_model(camera, _places(camera), 0.0, way)], uncertain_sources(camera, way))
 
 
 @lru_cache(maxsize=32)
