@@ -139,7 +139,8 @@ def test_places_without_a_far_end_are_left_out_and_counted(
     assert all(math.isfinite(entry.error) for entry in found.entries)
     # At 2 m r = s Z/f B = 3.75 % of the distance, and half of 1/(1 − r) − 1/(1 + r) is r/(1 − r²).
     said = [
-        "What a run takes, what acts in each camera, a: b, errs most for S at 2 m, where the uncertainty is 3.76 % of the distance."
+        "What a run takes, what acts in each camera, a: b, errs most for S at 2 m, where the uncertainty is 3.76 % of "
+        "the distance."
     ]
     assert [note for note in found.notes if "errs most" in note] == said * bool(found.entries)
 
