@@ -83,8 +83,8 @@ def picture_cost(
     title = f"Picture models: {situation.title}"
     says = (
         f"Depth uncertainty of {situation.title} at {places.size} distances where it is usable, its disparity error "
-        "derived anew and propagated linearly: seconds for all of them, relative error at the worst. Settings name what "
-        "is simpler than the most complete models."
+        "derived anew and propagated linearly: seconds for all of them, relative error at the worst. Settings name "
+        "what is simpler than the most complete models."
     )
     if places.size == 0:
         return nothing_measured(name, title, says, NOWHERE_USABLE)
