@@ -31,6 +31,7 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
     "both": (*NOISE, *CALIBRATION),
 }
 _FIRST_DRAWS: Final = 2**8  # of each scramble
+_TRIAL_DRAWS: Final = 2**9
 _AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
 _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
 _OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances that the first coordinates are aligned with
@@ -155,8 +156,13 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> 
     return np.broadcast_to(read_draws(camera, values, distance, field, camera.noise(distance)), (1, distance.size))[0]
 
 
+def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+    """The same by a few draws, against which a cheaper model is held: their error is stated as well."""
+    return _of_draws(camera, distance, field, way, _TRIAL_DRAWS)
+
+
 def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth by draws through the exact reading."""
+    """The distribution of depth by draws through the exact reading, as many as the tolerance takes."""
     return _of_draws(camera, distance, field, way, settled_draws(replace_scramble(camera, None), field, way))
 
 

@@ -83,7 +83,7 @@ def depth_of_field_cost(
         reference_error=0.0,
         reference_seconds=next(entry.seconds for entry in entries if entry.error == 0.0),
         entries=tuple(entries),
-        ways={title: f"diffraction: {measure_} under depth_of_field.sharp" for measure_, title in TITLES.items()},
+        ways={title: f"diffraction: {measure_} under depth_of_field.criteria" for measure_, title in TITLES.items()},
     )
 
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -16,31 +15,23 @@ from tradestudy.accuracy import QUANTITIES
 from tradestudy.calibration.sources import calibration_of, given_twice, mistakes_of_files
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import Problem, StudyError, TradestudyError
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.models import closed_form_models
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
+from tradestudy.study.building import camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
-from tradestudy.study.reader import validate, with_values
-from tradestudy.study.renamed import is_format_1, renamed_keys
+from tradestudy.study.reader import with_values
+from tradestudy.study.renamed import validated
 from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
 if TYPE_CHECKING:  # whoever infers has loaded it
     from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
-
-# Of a camera, what no posterior depends on: words, and what happens after the calibration.
-_NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
-    "title": True, "note": True, "stated": True, "attributes": True, "calibration": {"stability"},
-}  # fmt: skip
-
 
 _JUDGED: Final = 9  # distances of a study at which draws are settled
 
@@ -106,7 +97,7 @@ class StudyDefinition:
         StudyError
             With every mistake found.
         """
-        definition = cls(document, _validated(document))
+        definition = cls(document, validated(document))
         definition.designs  # noqa: B018 - built here so that an impossible camera is refused before anything runs
         return definition
 
@@ -149,7 +140,7 @@ class StudyDefinition:
                 cameras[name] = known[name]
                 continue
             try:
-                cameras[name] = _camera_of(part, scene)
+                cameras[name] = camera_of(part, scene)
             except TradestudyError as error:
                 path = ("cameras", name)
                 problems.append(self.document.locate(path).problem(path, str(error)))
@@ -276,17 +267,9 @@ class StudyDefinition:
 
         It is the same for all designs and readings of a study that have this camera and its calibration in common.
         """
+        seed = self.file.propagation.seed
         return {
-            name: sha256(
-                "\n".join(
-                    (
-                        name,
-                        str(self.file.propagation.seed),
-                        str(self.calibration_folder(name)),
-                        part.model_dump_json(exclude=_NOT_CALIBRATED),
-                    )
-                ).encode()
-            ).hexdigest()
+            name: posterior_key(name, part, seed=seed, folder=self.calibration_folder(name))
             for name, part in self.file.cameras.items()
             if isinstance(part, DepthCameraDeclaration) and part.calibration.source in ("target", "corners")
         }
@@ -414,40 +397,3 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
-
-
-def _validated(document: Document) -> StudyFile:
-    """The study against the schema; keys of format 1 are told as such, and of a study of format 1 nothing else."""
-    renamed = renamed_keys(document)
-    if renamed and is_format_1(document):
-        raise StudyError([*document.problems, *renamed])
-    told = {(one.file, one.line, one.column) for one in renamed}
-    try:
-        valid = validate(document, StudyFile)
-    except StudyError as error:
-        others = [one for one in error.problems if (one.file, one.line, one.column) not in told]
-        raise StudyError([*others, *renamed]) from None
-    if renamed:
-        raise StudyError(renamed)
-    return valid
-
-
-def _camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
-    """Build the camera that a part of a study declares, in the light of its scene.
-
-    Raises
-    ------
-    OutOfRangeError
-        Where the parts do not make a camera.
-    """
-    if not isinstance(part, DepthCameraDeclaration):
-        return part.design(None)
-    return part.design(_picture_law(scene, microlenses=part.camera.pictured_by_microlenses))
-
-
-def _picture_law(scene: ScenePart | None, *, microlenses: bool) -> PictureDisparityError | None:
-    """What a derived disparity error follows; None without a picture."""
-    if scene is None or scene.picture is None:
-        return None
-    settings = scene.picture.settings(scene.wavelength)
-    return PictureDisparityError(settings=settings, models=closed_form_models(settings, microlenses=microlenses))

@@ -6,8 +6,10 @@ from collections.abc import Iterator
 from typing import Final
 
 from tradestudy.cameras.kinds import DEPTH_PARAMETERS
-from tradestudy.errors import Problem
+from tradestudy.errors import Problem, StudyError
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child, walk
+from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.validation import validate
 
 # Path of the old key, * for any name → what to write instead, with {} for these names in turn.
 _CALLED: Final = {
@@ -70,6 +72,28 @@ _PATTERNS: Final = {
 _UNDER_ERRORS: Final = "calibration errors stand under calibration.errors in format 2"
 _FORMAT: Final = "this is a study of format 1; change what is listed here, and write format: 2"
 _REFOCUSED: Final = "format 1 called this every-object; format 2: autofocus"
+
+
+def validated(document: Document) -> StudyFile:
+    """The study against the schema; keys of format 1 are told as such, and of a study of format 1 nothing else.
+
+    Raises
+    ------
+    StudyError
+        With every mistake found.
+    """
+    renamed = renamed_keys(document)
+    if renamed and is_format_1(document):
+        raise StudyError([*document.problems, *renamed])
+    told = {(one.file, one.line, one.column) for one in renamed}
+    try:
+        valid = validate(document, StudyFile)
+    except StudyError as error:
+        others = [one for one in error.problems if (one.file, one.line, one.column) not in told]
+        raise StudyError([*others, *renamed]) from None
+    if renamed:
+        raise StudyError(renamed)
+    return valid
 
 
 def renamed_keys(document: Document) -> list[Problem]:
