@@ -1,14 +1,13 @@
 """Seconds of propagating the errors of one camera to depth; run by hand: ``python tests/benchmarks/propagation.py``.
 
-Prints seconds of 2²⁰ exact draws at one distance, 8 scrambles of 2¹⁷, against 0.4 s on two idle cores, where they go, and
-how many times longer exact draws to 1 % take than the line at 100 distances. The cameras are those of the shipped
-studies with errors that are usually declared.
+Prints seconds of 2²⁰ exact draws at one distance, 8 scrambles of 2¹⁷, against 0.4 s on two idle cores, and where they
+go; and how many times longer exact draws to 1 % take than the line at 100 distances. The cameras are those of the
+shipped studies with errors that are usually declared.
 """
 
 from __future__ import annotations
 
 import os
-import statistics
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,16 +17,11 @@ import numpy as np
 
 from tests.calibration.cameras import focused, normal, stereo
 from tradestudy.analysis.depth import distribution
-from tradestudy.analysis.depth_draws import (
-    SCRAMBLES,
-    exact_depths,
-    exact_distribution,
-    settled_draws,
-    uncertain_sources,
-)
+from tradestudy.analysis.depth_draws import SCRAMBLES, _of_draws, outcome_model, settled_draws, uncertain_sources
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.measuring import forget
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.scores import scramble_scores
 
@@ -64,47 +58,47 @@ def calibrated(camera: DepthCamera, deviations: dict[str, float]) -> DepthCamera
 
 
 def seconds(task: Callable[[], object]) -> tuple[float, float]:
-    """Median and least of some runs that find every cache empty, after one run for the imports."""
-    taken = []
+    """Least wall and processor seconds of some runs that find every cache empty, after one run for the imports."""
+    wall, processor = [], []
     for _ in range(REPEATS + 1):
         forget()
-        begin = time.perf_counter()
+        begin = time.perf_counter(), time.process_time()
         task()
-        taken.append(time.perf_counter() - begin)
-    return statistics.median(taken[1:]), min(taken[1:])
-
-
-def with_draws(camera: DepthCamera, draws: int) -> DepthCamera:
-    """The camera that takes so many exact draws, which no tolerance ends sooner."""
-    propagation = Propagation(model="exact", tolerance=0.0, max_draws=draws, judged=tuple(PLACE))
-    return replace(camera, propagation=propagation)
+        wall.append(time.perf_counter() - begin[0])
+        processor.append(time.process_time() - begin[1])
+    return min(wall[1:]), min(processor[1:])
 
 
 def report(name: str, camera: DepthCamera) -> None:
     """Print what one camera takes."""
     each = DRAWS // SCRAMBLES
-    exact = with_draws(camera, DRAWS)
-    dimensions = uncertain_sources(exact, "both").dimensions
+    sources = uncertain_sources(camera, "both")
+    wall, processor = seconds(lambda: _of_draws(camera, PLACE, 0.0, "both", each))
+    verdict = "holds" if wall <= LIMIT else "MISSES"
+    print(
+        f"{name}, {sources.dimensions} errors: 2^20 exact draws: {wall:.3f} s, processor {processor:.3f} s: {verdict}"
+    )
 
-    def at_once() -> None:
-        from tradestudy.analysis.depth_draws import _of_draws
+    def scores(scramble: int) -> FloatArray:
+        return scramble_scores(sources.dimensions, each, seed=0, point="depth", scramble=scramble)
 
-        _of_draws(exact, PLACE, 0.0, "both", each)
-
-    median, least = seconds(at_once)
-    verdict = "holds" if least <= LIMIT else "MISSES"
-    print(f"{name}, {dimensions} errors: 2^20 exact draws: median {median:.3f} s, least {least:.3f} s: {verdict}")
-    scores, _ = seconds(lambda: scramble_scores(dimensions, each, seed=0, point="depth", scramble=0))
-    one, _ = seconds(lambda: exact_depths(exact, PLACE, 0.0, "both", 0, each))
-    print(f"  one scramble of 2^17 on one core: {one:.3f} s, {scores:.3f} s of these for its scores")
-    doubled, _ = seconds(lambda: exact_distribution(exact, PLACE, 0.0, "both"))
-    print(f"  doubled up to 2^20 from 2^11: {doubled:.3f} s")
+    drawn = sources.draw(scores(0))
+    model = outcome_model(camera, PLACE)
+    for what, task in {
+        "scores": lambda: scores(0),
+        "scores and errors": lambda: sources.draw(scores(0)),
+        "readings": lambda: model(drawn),
+    }.items():
+        print(f"  {what} of one scramble: {seconds(task)[1]:.3f} s of processor")
     judged = Propagation(model="exact", judged=tuple(MANY))
     to_tolerance = replace(camera, propagation=judged)
-    line, _ = seconds(lambda: distribution(camera, MANY, "both"))
-    drawn, _ = seconds(lambda: distribution(to_tolerance, MANY, "both"))
+    _, line = seconds(lambda: distribution(camera, MANY, "both"))
+    _, exact = seconds(lambda: distribution(to_tolerance, MANY, "both"))
     draws = SCRAMBLES * settled_draws(to_tolerance, 0.0, "both")
-    print(f"  100 distances: line {line:.4f} s, {draws} exact draws {drawn:.3f} s, {drawn / line:.0f} times as long")
+    print(
+        f"  100 distances, processor: line {line:.4f} s, {draws} exact draws {exact:.3f} s, "
+        f"{exact / line:.0f} times as long"
+    )
 
 
 def main() -> None:
