@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +12,8 @@ from tradestudy.results.views.depth import nominal, nominal_is_declared
 from tradestudy.results.views.groups import FloatArray, group, has, records, titles_in
 from tradestudy.wording import distance
 
+TIED = ", "
+"""Between cameras whose difference is below its stated error: one answer."""
 _WAY = "both"  # noise and calibration together
 _SLIVER = 0.01  # of the range of the study
 
@@ -19,6 +21,17 @@ _SLIVER = 0.01  # of the range of the study
 def has_winners(tree: xr.DataTree) -> bool:
     """Whether the results name a best camera for every distance, of the design that the curves show."""
     return has(tree, "decision", "best_camera") and nominal_is_declared(tree)
+
+
+def tied(names: str) -> tuple[str, ...]:
+    """The cameras of one answer: one, several that are alike, or none."""
+    return tuple(name for name in names.split(TIED) if name)
+
+
+def answer_title(titles: Mapping[str, str], names: str, nobody: str = "") -> str:
+    """What one answer is called: a camera, or several that are alike."""
+    found = [titles[name] for name in tied(names)]
+    return f"{', and '.join(found)}, alike" if len(found) > 1 else "".join(found) or nobody
 
 
 def candidates(tree: xr.DataTree) -> tuple[str, ...]:
@@ -30,7 +43,7 @@ def candidates(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
-    """Stretches of distance with one best camera: (from, to, camera), camera "" where none is usable.
+    """Stretches of distance with one answer: (from, to, names), as `tied` reads them, "" where none is usable.
 
     Between two computed distances the stretch ends at the end of a usable range or at the crossover that lies there;
     where neither does, half way (in logarithm).
@@ -80,7 +93,7 @@ class Flips:
     place
         Distance [m].
     more_certain, winner
-        The camera of lower uncertainty, and the better usable one (may be empty), in the study's own reading.
+        The camera of lower uncertainty, and the better usable one, in the study's own reading; as `tied` reads them.
     ratio
         Uncertainty of the pair's first camera over that of the second, in the study's own reading.
     alternatives
@@ -120,16 +133,13 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
         )
 
 
-def handovers(decision: xr.Dataset) -> Iterator[float]:
-    """Distances [m] where one camera of the pair takes over from the other, for one reading and one way."""
-    for place, nearer, farther in zip(
-        decision["change_distance"].values,
-        decision["change_nearer"].values,
-        decision["change_farther"].values,
-        strict=True,
+def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:
+    """Distances [m] where one camera of the pair takes over from the other, with their errors; one reading, one way."""
+    for place, error, nearer, farther in zip(
+        *(decision[f"change_{name}"].values for name in ("distance", "error", "nearer", "farther")), strict=True
     ):
         if np.isfinite(place) and nearer and farther:
-            yield float(place)
+            yield float(place), float(error)
 
 
 def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:
