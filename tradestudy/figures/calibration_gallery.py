@@ -43,8 +43,8 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="sobol-indices",
-        caption="Share of the variance of inverse depth on the axis due to each source, with its interactions (lines) "
-        "and alone (dotted). Inverse depth has a variance where depth has none.",
+        caption="Total (lines) and first-order (dotted) Sobol indices of inverse depth on the axis, over independent "
+        "sources. They tell interactions and are no parts: where sources interact, total indices sum to more than 1.",
         alt="One chart per camera of total Sobol indices against distance; first-order indices lie on them where the "
         "sources do not interact.",
         draw=partial(sensitivity.draw_indices, tree),

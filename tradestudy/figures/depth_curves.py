@@ -158,8 +158,8 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
     by_key = {camera.key: camera for camera in shown}
     titles = {camera.key: camera.title for camera in shown}
     row = len(shown) + 0.25
-    for start, end, names in winners(tree):
-        best = tied(names)
+    for start, end, answer in winners(tree):
+        best = tied(answer)
         for order, key in enumerate(best):  # cameras that are alike share the bar
             height = 0.9 / len(best)
             middle = row - 0.45 + (order + 0.5) * height
@@ -167,7 +167,7 @@ def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ..
         if best:
             letters = int(_LETTERS_PER_DECADE * np.log10(end / start))
             if letters >= _SHORTEST_NAME:
-                name = shortened(answer_title(titles, names), letters)
+                name = shortened(answer_title(titles, answer), letters)
                 axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)
     names = [*(shortened(camera.title) for camera in shown), "best camera"]
     axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))

@@ -188,9 +188,8 @@ def _off_axis(tree: xr.DataTree) -> Drawing:
     last = off.isel(field=-1)
     sentences = []
     for camera in traces(tree):
-        ratio = of_camera(last, "depth_uncertainty", camera.key) / of_camera(
-            nominal(tree), "depth_uncertainty", camera.key
-        )
+        there, axis = (of_camera(one, "depth_uncertainty", camera.key) for one in (last, nominal(tree)))
+        ratio = there[np.isfinite(there)] / axis[np.isfinite(there)]
         known = ratio[np.isfinite(ratio)]
         sentences.append(
             f"{camera.title}: {significant(float(known.min()))} to {significant(float(known.max()))} times as large. "

@@ -50,9 +50,9 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     figure = new_figure(0.6 + 1.75 * rows)
     grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
     largest = float(np.nanmax(data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])))) * MM
-    for axes, camera in zip(grid.flat, shown, strict=False):
-        _bars(axes, data.sel(camera=camera.key), camera)
-        axes.set_xlim(largest * 1e-5, largest * 2.0)
+    bars = [_bars(axes, data.sel(camera=c.key), c) for axes, c in zip(grid.flat, shown, strict=False)]
+    for axes in list(grid.flat)[: len(shown)]:
+        axes.set(ylim=(max(bars) - 0.4, -0.6), xlim=(largest * 1e-5, largest * 2.0))
     for axes in list(grid.flat)[len(shown) :]:
         axes.set_visible(False)
     for axes in grid[-1]:
@@ -68,7 +68,8 @@ def _alpha(order: int) -> float:
     return float(0.4**order)
 
 
-def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
+def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> int:
+    """Draw the bars of one camera, largest first, and say how many there are."""
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
@@ -80,11 +81,11 @@ def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
         middle = rows + (field + 0.5) * height - 0.39
         axes.barh(middle, widths, height=height, color=camera.style.color, alpha=_alpha(field), linewidth=0)
     axes.set_yticks(rows, names, fontsize=6)
-    axes.set_ylim(_MOST_BARS - 0.4, -0.6)
     log_axis(axes, "x", tick=length_tick)
     axes.tick_params(axis="x", labelsize=5.5)
     axes.grid(visible=False, axis="y")
     axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    return len(order)
 
 
 @styled()
@@ -116,7 +117,7 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
         axes.set_ylim(0.0, 1.05)
         axes.set_title(shortened(camera.title, 34), fontsize=7.5)
     for axes in panels[::PANELS_IN_A_ROW]:
-        axes.set_ylabel("share of variance")
+        axes.set_ylabel("Sobol index")
     handles = [line_style(order).handle() for order in range(len(names))]
     handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
     labels = [*(name.replace("_", " ") for name in names), "first order"]
@@ -125,7 +126,7 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
 
 
 def _main_sources(data: xr.Dataset) -> list[str]:
-    """Sources that have a share worth a line somewhere, the largest first."""
+    """Sources that have an index worth a line somewhere, the largest first."""
     values = data["total_index"].transpose("source", ...).values.reshape(data.sizes["source"], -1)
     most = np.max(np.where(np.isfinite(values), values, 0.0), axis=1)
     order = [k for k in np.argsort(-most) if most[k] > _LEAST_INDEX][:_MOST_LINES]

@@ -26,7 +26,7 @@ from tradestudy.results.views.groups import FloatArray
 
 _LEAST = 0.005  # a share that a panel hardly shows
 _NOISE = "#c3c8cf"
-_HATCHES = ("", "////", "....", "\\\\\\\\", "xxxx")
+_HATCHES = ("", "///", "..", "\\\\\\", "xx")
 
 
 def largest_shares(depth: xr.Dataset) -> dict[str, float]:

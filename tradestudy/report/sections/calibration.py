@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
+from tradestudy.report.document import Block, Column, Heading, Table, Text, pictures_of
 from tradestudy.report.sections.posterior import describe_posteriors
 from tradestudy.report.sections.uncertain_decision import describe_ranks
 from tradestudy.results.views.depth import decided_by_calibration, nominal, told_depth, told_places
@@ -17,6 +17,7 @@ from tradestudy.results.views.groups import group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance
 
+_TWO_DIGITS = 100.0
 _SOURCES = ("corners", "target", "posterior")
 
 
@@ -123,7 +124,7 @@ def _readings_worth(noise: float, calibration: float) -> str:
     if calibration == 0.0:
         return "∞"
     worth = (noise / calibration) ** 2
-    return "< 1" if worth < 1.0 else significant(worth, 2)
+    return "< 1" if worth < 1.0 else f"{worth:.0f}" if worth < _TWO_DIGITS else significant(worth, 2)
 
 
 def _refusals(tree: xr.DataTree) -> Iterator[Block]:
@@ -137,7 +138,6 @@ def _refusals(tree: xr.DataTree) -> Iterator[Block]:
         if why:
             rows.append((title, "Sobol indices at some distances", "; ".join(why)))
     if rows:
-        yield Paragraph(say("First-order and total indices need independent errors, and bars by parameter too."))
         yield Table(
             name="refused-table",
             caption="What was refused because it would mislead.",

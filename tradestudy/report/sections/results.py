@@ -127,7 +127,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
             "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
             "and both; ± its error, where that exceeds 1 %. ∞: the interval has no far end. *: not "
-            "converged." + _numerical_error(tree),
+            "converged, sampling left more than the tolerance." + _numerical_error(tree),
         ),
     )
 

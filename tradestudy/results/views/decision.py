@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ TIED = ", "
 """Between cameras whose difference is below its stated error: one answer."""
 _WAY = "both"  # noise and calibration together
 _SLIVER = 0.01  # of the range of the study
+_BRIEF = 0.03  # of it, in logarithm
 
 
 def has_winners(tree: xr.DataTree) -> bool:
@@ -65,10 +67,31 @@ def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
 
 
 def told_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
-    """The stretches of `winners` without slivers: hundredths of the range whose ends read the same in three digits."""
-    found = list(winners(tree))
+    """The stretches of `winners` without slivers: hundredths of the range whose ends read the same in three digits.
+
+    Where the error of a crossover alone makes two cameras alike for a little, they change hands in its middle.
+    """
+    found = _without_brief_ties(list(winners(tree)))
     whole = found[-1][1] - found[0][0]
     return (one for one in found if distance(one[0]) != distance(one[1]) or one[1] - one[0] > _SLIVER * whole)
+
+
+def _without_brief_ties(found: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
+    """Stretches of distance with every brief tie shared between its neighbours, if their cameras are those tied."""
+    longest = np.log(found[-1][1] / found[0][0]) * _BRIEF
+    kept = list(found)
+    for before, (start, end, names), after in zip(found, found[1:], found[2:], strict=False):
+        beside = {*tied(before[2]), *tied(after[2])}
+        between = len(tied(names)) > 1 and before[2] and after[2] and beside <= {*tied(names)}
+        if between and np.log(end / start) <= longest:
+            kept.remove((start, end, names))
+    ends = [found[0][0], *(float(np.sqrt(a[1] * b[0])) for a, b in itertools.pairwise(kept)), found[-1][1]]
+    told = [(start, end, one[2]) for (start, end), one in zip(itertools.pairwise(ends), kept, strict=True)]
+    return [
+        (stretch[0][0], stretch[-1][1], names)
+        for names, group in itertools.groupby(told, key=lambda one: one[2])
+        for stretch in [list(group)]
+    ]
 
 
 def _exact_ends(tree: xr.DataTree) -> FloatArray:
