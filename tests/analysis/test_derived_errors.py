@@ -85,7 +85,7 @@ def test_the_interval_is_that_of_random_draws(study: StudyDefinition) -> None:
 
 
 def test_a_declared_error_is_untouched_by_the_picture(study: StudyDefinition) -> None:
-    other = study.with_values({"scene.picture.texture.contrast": "1 %", "scene.picture.window": "30 px"})
+    other = study.with_values({"scene.picture.texture.contrast": "1 %", "scene.picture.matching_window": "30 px"})
     a = study.case.distance
     np.testing.assert_array_equal(uncertainty(study, "pair-declared", a), uncertainty(other, "pair-declared", a))
     assert np.all(uncertainty(other, "pair-f22", FOCUS)[NOISE] > 3 * uncertainty(study, "pair-f22", FOCUS)[NOISE])
@@ -126,9 +126,9 @@ def test_other_values_of_the_lens_move_the_error(study: StudyDefinition) -> None
     ("change", "place", "words"),
     [
         ("scene.picture=null", "cameras.pair-f9.8.depth.disparity_error", "scene.picture (texture, window, light"),
-        ("scene.picture.window=9 kg", "scene.picture.window", "pixels such as 9 px, or a length"),
-        ("scene.picture.window=0 mm", "scene.picture.window", "above 0 px or 0 m"),
-        ("scene.picture.bits=33", "scene.picture.bits", "32"),
+        ("scene.picture.matching_window=9 kg", "scene.picture.matching_window", "pixels such as 9 px, or a length"),
+        ("scene.picture.matching_window=0 mm", "scene.picture.matching_window", "above 0 px or 0 m"),
+        ("scene.picture.bit_depth=33", "scene.picture.bit_depth", "32"),
         ("scene.picture.stop_separation=3 mm", "scene.picture.stop_separation", "give a field_angle"),
         ("scene.picture.light=null", "scene.picture.light", ""),
         ("pair-f22.depth.error_of=coordinate", "cameras.pair-f22.depth.error_of", "leave error_of out"),

@@ -103,7 +103,7 @@ def coverage(trials: int, sampled: int, seed: int) -> None:
 def rig(seed: int) -> None:
     """The measured pair: fits, explanation of its residual, posterior, depth."""
     begin = time.perf_counter()
-    fit = fit_rig(read_corners(FILE), declared_baseline=0.094)
+    fit = fit_rig(read_corners(FILE))
     print(f"fits: {time.perf_counter() - begin:.2f} s")
     sizes = (fit.left.corner_rms_px, fit.right.corner_rms_px, fit.pair.corner_rms_px)
     print("residuals left, right, pair: {:.4f} {:.4f} {:.4f} px".format(*sizes))

@@ -13,7 +13,7 @@ STUDIES = Path(__file__).parents[2] / "studies"
 KINDS = ("stereo", "focused", "unfocused")
 _FILES = {"stereo": "stereo-100mm", "focused": "raytrix-r5", "unfocused": "r5-unfocused"}
 _BASE = """\
-format: 1
+format: 2
 study: audit-{kind}
 title: One camera of the audit
 question: How far does each omission move its depth uncertainty?
@@ -62,11 +62,11 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
         "scene.temperature.deviation": f"{log(0.1, 30.0)} K",
         "scene.picture.texture.contrast": f"{log(3.0, 40.0)} %",
         "scene.picture.texture.correlation_length": f"{log(0.3, 10.0) * 5.5e-3 * focus / f} mm",
-        "scene.picture.window": f"{rng.integers(9, 31)} px",
+        "scene.picture.matching_window": f"{rng.integers(9, 31)} px",
         "scene.picture.light.electrons": f"{log(300.0, 2e4)} electrons",
         "scene.picture.light.at_f_number": f_number,
         "scene.picture.read_noise": f"{log(1.0, 30.0)} electrons",
-        "scene.picture.bits": int(rng.integers(8, 15)),
+        "scene.picture.bit_depth": int(rng.integers(8, 15)),
         "scene.picture.field_angle": f"{rng.uniform(0.0, 25.0)} deg",
         "scene.picture.spectrum.0.wavelength": f"{wavelength - width / 2.0} nm",
         "scene.picture.spectrum.1.wavelength": f"{wavelength + width / 2.0} nm",
@@ -77,7 +77,7 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
         values |= {
             "cameras.one.focus_distance": f"{focus} mm",
             "cameras.one.baseline": f"{focus * log(0.02, 0.4)} mm",
-            "cameras.one.calibration.yaw.standard_deviation": f"{log(1e-4, 0.3)} deg",
+            "cameras.one.calibration.errors.yaw.standard_deviation": f"{log(1e-4, 0.3)} deg",
         }
     elif kind == "focused":
         values["cameras.one.focus.total_covering_plane"] = f"{focus * rng.uniform(0.6, 1.0)} mm"

@@ -196,13 +196,13 @@ def test_what_does_not_fit_is_left_out_and_named(study: Study) -> None:
 
 
 def test_where_nothing_is_usable_that_is_said(study: Study) -> None:
-    strict = study.with_values({"usable.relative_uncertainty": "0.00001 %"})
+    strict = study.with_values({"usable_range.relative_uncertainty": "0.00001 %"})
     with pytest.raises(OutOfRangeError, match="none of the cameras is usable at any distance of the study"):
         strict.cost(budget=1.0)
 
 
 def test_a_camera_that_is_usable_nowhere_is_left_out_and_named(study: Study) -> None:
-    strict = study.with_values({"usable.relative_uncertainty": "0.5 %"})
+    strict = study.with_values({"usable_range.relative_uncertainty": "0.5 %"})
     found = strict.cost(budget=2.0)
     assert "Stereo 300 mm base at up to" in str(found["says"].values[0])
     assert "Plenoptic 25 mm: usable at no distance of the study" in str(found["left_out"].values[0])
@@ -210,7 +210,7 @@ def test_a_camera_that_is_usable_nowhere_is_left_out_and_named(study: Study) -> 
 
 def test_depth_that_is_measured_nowhere_stands_beside_what_has_a_cost(study: Study) -> None:
     part = {"scene": ["1 m", "2 m"], "sharp": {"one-pixel": {"blur": "1 px"}}}
-    nowhere = study.with_values({"usable.relative_uncertainty": "0.00001 %", "depth_of_field": part})
+    nowhere = study.with_values({"usable_range.relative_uncertainty": "0.00001 %", "depth_of_field": part})
     found = nowhere.cost(budget=2.0)
     left_out = dict(zip(found["cost_quantity"].values.tolist(), found["left_out"].values.tolist(), strict=True))
     assert "usable at no distance" in left_out["depth_uncertainty"]

@@ -98,7 +98,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> StudyDefinition:
     cameras = Path(__file__).parents[2] / "studies" / "cameras"
     (folder / "one.yaml").write_text(
         f"""
-format: 1
+format: 2
 study: one
 title: One pair
 question: What does its picture cost?

@@ -2,9 +2,9 @@
 
     python -m tests.data.simulate_corners
 
-writes ``stereo_65_corners.csv`` beside this file, in the form that ``studies/data/README.md`` describes: two cameras of
-8.0 mm (65.24° across 1024 pixels of 10 µm) 100 mm apart, and 30 views of a board of 9 × 6 corners, 45 mm apart, from 0.5
-to 2.5 m. Nothing of the program takes part.
+writes ``stereo_65_corners.csv`` beside this file, in the form that ``studies/data/README.md`` describes: two cameras
+of 8.0 mm (65.24° across 1024 pixels of 10 µm) 100 mm apart, and 30 views of a board of 9 × 6 corners, 45 mm apart, from
+0.5 to 2.5 m. Nothing of the program takes part.
 """
 
 from __future__ import annotations
@@ -59,7 +59,8 @@ def board() -> Numbers:
 
 def simulate(rng: np.random.Generator) -> list[Numbers]:
     """Corners of every view in both pictures, shape (54, 4) each [px]; boards that leave a picture are shown again."""
-    rig, corners, views = true_rig(), board(), []
+    rig, corners = true_rig(), board()
+    views: list[Numbers] = []
     while len(views) < VIEWS:
         distance = 0.5 * 5.0 ** ((len(views) + rng.random()) / VIEWS)
         turned = Rotation.from_rotvec(rng.normal(0.0, 0.35, 3)).as_matrix()

@@ -32,7 +32,7 @@ from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.execution.steps import DeadlyPointError
 
 SWEEP = """
-format: 1
+format: 2
 study: swept
 title: T
 question: Q
@@ -43,12 +43,12 @@ cameras:
     lenses: {focal_length: 8 mm, f_number: 4}
     sensor: {pixels: [2048, 2048], pixel_pitch: 5.5 um}
     baseline: 100 mm
-    axes_meet_at: 1 m
-    focus_distance: every-object
+    convergence_distance: 1 m
+    focus_distance: autofocus
     depth: {estimator: disparity, disparity_error: 0.1 px, discrimination_step: 1 px}
-    calibration: {yaw: {standard_deviation: 0.2 deg}}
+    calibration: {errors: {yaw: {standard_deviation: 0.2 deg}}}
 scene: {distances: {from: 0.3 m, to: 3 m, points: 12}, wavelength: 550 nm}
-usable: {overlap: 80 %, failed_fraction: 2.5 %, relative_uncertainty: 10 %}
+usable_range: {overlap: 80 %, failed_fraction: 2.5 %, relative_uncertainty: 10 %}
 sweep:
   rig.baseline: {from: 50 mm, to: 200 mm, points: 4}
   rig.lenses.focal_length: {from: 5 mm, to: 20 mm, points: 6}

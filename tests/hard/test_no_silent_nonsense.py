@@ -35,7 +35,7 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
     path = tmp_path_factory.mktemp("starter") / "starter.yaml"
     path.write_text(api.starter("starter"), encoding="utf-8")
     # Far enough for intervals without a far end, and one blur that nothing meets.
-    changed = ("scene.distances.points=30", "scene.distances.to=1 km", "usable.blur=0.01 px")
+    changed = ("scene.distances.points=30", "scene.distances.to=1 km", "usable_range.blur=0.01 px")
     return api.load(path, changed).run().data
 
 
@@ -46,7 +46,7 @@ def test_what_is_not_finite_says_why(starter: xr.DataTree) -> None:
 
 
 def test_what_is_not_sharp_says_why() -> None:
-    changed = ("scene.distances.points=5", "depth_of_field.scene=[20 mm, 10 m]")
+    changed = ("scene.distances.points=5", "depth_of_field.range=[20 mm, 10 m]")
     tree = api.load(STUDIES / "hand_lens.yaml", changed).run().data
     assert unexplained(tree) == []
     data = tree["depth_of_field"].to_dataset()

@@ -1,4 +1,4 @@
-"""A stereo pair has one law from rays to depth: closed form, draws, posteriors and inverse answers go through it."""
+"""A stereo pair has one law from rays to depth: disparity, draws, posteriors and inverse answers go through it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import pytest
 
 import tradestudy
 from tests.cameras.builders import stereo
-from tradestudy.analysis.decision import solve
-from tradestudy.analysis.depth import evaluate_depth
+from tradestudy.analysis.inverse_questions import solve
 from tradestudy.calibration.corners.real_rig import depth_of_draws
 from tradestudy.optics import triangulation
 
@@ -38,10 +37,11 @@ def scaled(monkeypatch: pytest.MonkeyPatch) -> Any:
     return apply
 
 
-def test_the_closed_form_reads_by_it(scaled: Any) -> None:
-    before = evaluate_depth(stereo(), DISTANCES).quantile
+def test_a_disparity_is_read_by_it(scaled: Any) -> None:
+    rig, disparity = stereo(), stereo().disparity(DISTANCES)
+    before = rig.depth_of_disparity(disparity, DISTANCES)
     scaled()
-    np.testing.assert_allclose(evaluate_depth(stereo(), DISTANCES).quantile * SCALE, before, rtol=1e-12)
+    np.testing.assert_allclose(rig.depth_of_disparity(disparity, DISTANCES) * SCALE, before, rtol=1e-12)
 
 
 def test_draws_read_by_it(scaled: Any) -> None:

@@ -117,17 +117,17 @@ def test_what_nothing_can_give_names_the_nearest_accuracy() -> None:
 
 
 def test_a_budget_that_is_too_small_names_what_it_takes() -> None:
-    study = tradestudy.load(STUDIES / "close_range.yaml", ["accuracy.budget=10 ms"])
+    study = tradestudy.load(STUDIES / "close_range.yaml", ["accuracy.time_limit=10 ms"])
     text = r"longer than the budget: .* s \(allowed: 0\.01 s\); with no looser --tolerance it takes less than with "
     with pytest.raises(UnaffordableError, match=text):
         study.plan()
-    whole = tradestudy.load(STUDIES / "close_range.yaml", ["accuracy.budget=10 ms"], tolerance="100 %")
+    whole = tradestudy.load(STUDIES / "close_range.yaml", ["accuracy.time_limit=10 ms"], tolerance="100 %")
     with pytest.raises(UnaffordableError, match=r"\(allowed: 0\.01 s\); raise the budget or ask for less"):
         whole.plan()
 
 
 OWN = f"""\
-format: 1
+format: 2
 study: own
 title: A focused plenoptic camera near by
 question: How long does it take to derive its disparity error?
@@ -174,7 +174,7 @@ def test_the_tolerance_that_is_offered_fits_the_budget_and_the_next_tighter_does
     path = tmp_path / "own.yaml" if name == "own" else STUDIES / f"{name}.yaml"
     free = [tradestudy.load(path, own, tolerance=one).plan().seconds[0] for one in (asked, "100 %")]
     budget = free[1] + share * (free[0] - free[1])
-    wanted = [f"accuracy.relative={asked}", *own, f"accuracy.budget={budget} s"]
+    wanted = [f"accuracy.tolerance={asked}", *own, f"accuracy.time_limit={budget} s"]
     with pytest.raises(UnaffordableError) as error:
         tradestudy.load(path, wanted).plan()
     offer = re.search(r"; ([\d.]+ %) can be had in ([\d.]+) s; ask for that with --tolerance '\1'", str(error.value))
@@ -204,7 +204,7 @@ def test_no_tighter_tolerance_is_passed_over_however_times_jump_from_choice_to_c
     times = sorted(set(table.values()))
     assert len(times) > 5
     for budget in times:
-        study = close_range.with_values({"accuracy.relative": "0.5 %", "accuracy.budget": f"{budget} s"})
+        study = close_range.with_values({"accuracy.tolerance": "0.5 %", "accuracy.time_limit": f"{budget} s"})
         offer = tightest_offer(study.definition, close_plan.situations, seconds)
         assert offer is not None
         assert offer.tolerance == next(text for text, value in table.items() if value <= budget)
@@ -219,7 +219,7 @@ def test_a_light_spot_is_offered_the_tolerance_at_which_a_compared_picture_is_th
     spot = STUDIES / "light_spot.yaml"
     at = {one: tradestudy.load(spot, tolerance=one).plan().seconds[0] for one in ("0.99 %", "1 %", "1.1 %", "1.5 %")}
     assert at["1 %"] < min(at["0.99 %"], at["1.1 %"], at["1.5 %"])
-    study = tradestudy.load(spot, [f"accuracy.budget={1.001 * at['1 %']} s"], tolerance="0.5 %")
+    study = tradestudy.load(spot, [f"accuracy.time_limit={1.001 * at['1 %']} s"], tolerance="0.5 %")
     with pytest.raises(UnaffordableError, match=r"; 1 % can be had in"):
         study.plan()
 
@@ -299,8 +299,8 @@ def test_bounds_hold_between_the_distances_of_a_coarse_study() -> None:
 def test_calibration_is_weighed_beside_the_models_that_are_forced() -> None:
     """Without blur there is less noise, and the same calibration error is a larger share."""
     small = [
-        "cameras.pair-f9.8.calibration.yaw.standard_deviation=0.00003 deg",
-        "cameras.pair-f9.8.calibration.baseline.standard_deviation=0.01 um",
+        "cameras.pair-f9.8.calibration.errors.yaw.standard_deviation=0.00003 deg",
+        "cameras.pair-f9.8.calibration.errors.baseline.standard_deviation=0.01 um",
     ]
     free, forced = (
         tradestudy.load(STUDIES / "close_range.yaml", [*small, *more]).plan()
@@ -321,7 +321,7 @@ def test_calibration_is_weighed_beside_the_models_that_are_forced() -> None:
     [
         ("close_range", "effects.crosstalk=coherent"),
         ("close_range", "effects.main_lens_diffraction=boundary_wave"),
-        ("close_range", "accuracy.relative=0.0001 %"),
+        ("close_range", "accuracy.tolerance=0.0001 %"),
         ("plenoptic_vs_stereo", "effects.spectrum=weighted"),
         ("hand_lens", "effects.sensor_noise=shot"),
         ("light_spot", "effects.calibration=linear"),
@@ -337,7 +337,7 @@ def test_check_refuses_in_the_same_words_what_plan_refuses(study: str, override:
     assert str(by_check.value) == str(by_plan.value)
 
 
-@pytest.mark.parametrize("override", ["effects.main_lens_diffraction=kirchhoff", "accuracy.relative=1 %"])
+@pytest.mark.parametrize("override", ["effects.main_lens_diffraction=kirchhoff", "accuracy.tolerance=1 %"])
 def test_check_passes_what_plan_passes(override: str) -> None:
     loaded = tradestudy.load(STUDIES / "close_range.yaml", [override])
     assert loaded.check() == loaded.check_summary()
@@ -345,7 +345,7 @@ def test_check_passes_what_plan_passes(override: str) -> None:
 
 
 def test_every_piece_that_cannot_be_had_is_named_with_what_it_offers() -> None:
-    study = tradestudy.load(STUDIES / "close_range.yaml").with_values({"accuracy.relative": "0.001 %"})
+    study = tradestudy.load(STUDIES / "close_range.yaml").with_values({"accuracy.tolerance": "0.001 %"})
     with pytest.raises(UnaffordableError) as refused:
         study.plan()
     lines = str(refused.value).splitlines()

@@ -49,8 +49,8 @@ def test_no_speed_is_refused(speed: float) -> None:
     ("study", "override", "step"),
     [
         ("stereo_design", "scene.distances.points=1200", "depth"),
-        ("calibration", "calibration.budget=1048576", "propagation"),
-        ("calibration", "calibration.cameras.stereo-65-calibrated.target.maximum_steps=100000", "calibration"),
+        ("calibration", "propagation.max_draws=1048576", "propagation"),
+        ("calibration", "stereo-65-calibrated.calibration.target.max_steps=100000", "calibration"),
         ("light_spot", "light_spot.tolerance=0.1 %", "image of the spot"),
         ("light_spot", "light_spot.spot.diameter=8 mm", "image of the spot"),
     ],

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
-from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, replace_scramble
+from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, replace_scramble, trial_distribution
 from tradestudy.analysis.linear_depth import (
     distribution_of_line,
     linear_distribution,
@@ -78,7 +78,8 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
     uncertainty, failed = (np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction"))
     if camera.propagation.model == "linear":
         measured = [linear_error(camera, distance, way, field) for way in WAYS]
-        uncertainty_error = np.stack([one.half_width for one in measured]) * uncertainty
+        relative = np.stack([one.half_width for one in measured])
+        uncertainty_error = np.where(np.isinf(uncertainty), np.nan, relative * np.nan_to_num(uncertainty, posinf=0.0))
         failed_error = np.stack([one.failed_fraction for one in measured])
         converged = np.ones(distance.shape, dtype=bool)
     else:
@@ -211,13 +212,12 @@ def linear_error(camera: DepthCamera, distance: FloatArray, way: str = "both", f
 
     Between two of them the larger error of both is taken; the standard error of the draws counts twice.
     """
-    exact = replace(camera, propagation=replace(camera.propagation, model="exact"))
     known = distance[~np.isnan(distance)]
     if not known.size or way == "noise" or not camera.calibration.groups:  # exact in either model
         none = np.where(np.isnan(distance), np.nan, 0.0)
         return LinearError(half_width=none, failed_fraction=none)
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
-    draws = exact_distribution(exact, places, field, way)
+    draws = trial_distribution(camera, places, field, way)
     line = linear_distribution(camera, places, field, way)
     lost = np.isinf(draws.half_width) & np.isinf(line.half_width)
     with np.errstate(invalid="ignore", divide="ignore"):  # what is lost in one only is infinitely wrong

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import lru_cache
 from typing import Final
@@ -16,8 +18,9 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
 from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
+from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.uncertainty.quantiles import quantiles_of
-from tradestudy.uncertainty.scores import each_scramble, scramble_scores
+from tradestudy.uncertainty.scores import scramble_scores
 from tradestudy.uncertainty.sources import Group, Source, Sources
 
 SCRAMBLES: Final = 8
@@ -28,7 +31,9 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
     "both": (*NOISE, *CALIBRATION),
 }
 _FIRST_DRAWS: Final = 2**8  # of each scramble
+_TRIAL_DRAWS: Final = 2**9
 _AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
+_WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
 _OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances that the first coordinates are aligned with
 
 
@@ -67,8 +72,27 @@ def read_draws(
 
 @lru_cache(maxsize=128)
 def uncertain_sources(camera: DepthCamera, way: str) -> Sources:
-    """See `uncertain_groups`."""
-    return Sources(groups=uncertain_groups(camera, way))
+    """See `uncertain_groups`; joint draws stand in the order in which they move depth."""
+    groups = (
+        replace(group, along=_responses(camera, group)) if isinstance(group, JointDraws) else group
+        for group in uncertain_groups(camera, way)
+    )
+    return Sources(groups=tuple(groups))
+
+
+def _responses(camera: DepthCamera, group: JointDraws) -> FloatArray:
+    """Change of inverse depth with each parameter of joint draws, at the nearest and the farthest distance that count."""
+    judged = np.array(camera.propagation.judged) if camera.propagation.judged else _places(camera)
+    places, deviation = judged[[0, -1]], np.std(group.draws, axis=0)
+    steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
+    values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
+    read = read_draws(camera, values, places, 0.0, camera.noise(places))
+    change = np.nan_to_num(read[: deviation.size] - read[deviation.size :]).T
+    return np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0)
+
+
+def _places(camera: DepthCamera) -> FloatArray:
+    return camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
 
 
 def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:
@@ -84,36 +108,46 @@ def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0,
 
 
 @lru_cache(maxsize=64)
-def _scores(camera: DepthCamera, way: str, scramble: int, draws: int) -> FloatArray:
-    """Standard normal scores (dimensions, draws) of one scramble, what moves depth most in the first coordinates."""
-    sources = uncertain_sources(camera, way)
-    scores = scramble_scores(sources.dimensions, draws, seed=camera.propagation.seed, point="depth", scramble=scramble)
-    return np.asarray(_alignment(camera, way).apply(scores.copy()))
-
-
-@lru_cache(maxsize=64)
 def _alignment(camera: DepthCamera, way: str) -> ScoreAlignment:
-    places = camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
-    return alignment_with([outcome_model(camera, places, 0.0, way)], uncertain_sources(camera, way))
+    return alignment_with([outcome_model(camera, _places(camera), 0.0, way)], uncertain_sources(camera, way))
 
 
-def exact_depths(
-    camera: DepthCamera, distance: FloatArray, field: float, way: str, scramble: int, draws: int
+@lru_cache(maxsize=32)
+def _drawn(camera: DepthCamera, way: str, draws: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Standard normal scores (dimensions, scrambles · draws) of every scramble, and the errors (…, 1) that they are.
+
+    What moves depth most is in the first coordinates.
+    """
+    sources, own = uncertain_sources(camera, way), camera.propagation.scramble
+    scores = [
+        scramble_scores(sources.dimensions, draws, seed=camera.propagation.seed, point="depth", scramble=scramble)
+        for scramble in (range(SCRAMBLES) if own is None else (own,))
+    ]
+    aligned = np.asarray(_alignment(camera, way).apply(np.concatenate(scores, axis=1)))
+    return aligned, sources.draw(aligned)
+
+
+def _read_all(
+    camera: DepthCamera, distance: FloatArray, field: float, way: str, values: Mapping[str, FloatArray]
 ) -> FloatArray:
-    """Depths [m] that the draws of one scramble read; shape (distances, draws), +inf beyond infinity, NaN unranked."""
-    sources, fixed = uncertain_sources(camera, way), fixed_errors(camera, way)
-    if not sources.dimensions:  # nothing is uncertain: one reading stands for all
-        return depth_from_inverse(
-            np.broadcast_to(nominal_inverse(camera, distance, field).T[:, None], (distance.size, 1))
-        )
-    values = sources.draw(_scores(camera, way, scramble, draws))
-    noise = camera.noise(distance)
+    """Inverse depths [1/m] of all draws, (distances, draws); many are read on several threads."""
+    fixed, noise = fixed_errors(camera, way), camera.noise(distance)
+    draws = len(next(iter(values.values())))
     found = np.empty((distance.size, draws))
     step = max(64, _AT_ONCE // max(distance.size, 1))
-    for start in range(0, draws, step):
+
+    def read(start: int) -> None:
         batch = {name: value[start : start + step] for name, value in values.items()}
         found[:, start : start + step] = read_draws(camera, batch | fixed, distance, field, noise).T
-    return depth_from_inverse(found)
+
+    starts = range(0, draws, step)
+    if found.size < _WORTH_THREADS:
+        for start in starts:
+            read(start)
+    else:
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as threads:
+            list(threads.map(read, starts))
+    return found
 
 
 def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
@@ -122,8 +156,13 @@ def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> 
     return np.broadcast_to(read_draws(camera, values, distance, field, camera.noise(distance)), (1, distance.size))[0]
 
 
+def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+    """The same by a few draws, against which a cheaper model is held: their error is stated as well."""
+    return _of_draws(camera, distance, field, way, _TRIAL_DRAWS)
+
+
 def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth by draws through the exact reading."""
+    """The distribution of depth by draws through the exact reading, as many as the tolerance takes."""
     return _of_draws(camera, distance, field, way, settled_draws(replace_scramble(camera, None), field, way))
 
 
@@ -135,32 +174,56 @@ def replace_scramble(camera: DepthCamera, scramble: int | None) -> DepthCamera:
 
 
 def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
-    _alignment(camera, way)  # known before threads ask for it
-
-    def of_scramble(scramble: int) -> tuple[FloatArray, FloatArray]:
-        depths = exact_depths(camera, distance, field, way, scramble, draws)
-        return _quantiles(depths, camera.propagation.probabilities), 1.0 - np.mean(np.isfinite(depths), axis=1)
-
-    own = camera.propagation.scramble
-    found = each_scramble(of_scramble, SCRAMBLES) if own is None else [of_scramble(own)]
+    probabilities = camera.propagation.probabilities
+    scores, values = _drawn(camera, way, draws)
+    inverse = _read_all(camera, distance, field, way, values)
+    scrambles = scores.shape[1] // draws
+    quantiles = np.stack(
+        [_inverse_quantiles(*one, probabilities) for one in zip(
+            np.split(inverse, scrambles, axis=1), _lines(inverse, scores, scrambles), strict=True)]
+    )  # fmt: skip
+    failed = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, scrambles, draws), axis=2).T
     seen = np.isfinite(nominal_inverse(camera, distance, field))
     return DepthDistribution(
-        probabilities=camera.propagation.probabilities,
-        quantiles=np.where(seen, np.stack([quantiles for quantiles, _ in found]), np.nan),
-        failed=np.where(seen, np.stack([failed for _, failed in found]), np.nan),
+        probabilities=probabilities,
+        quantiles=np.where(seen, depth_from_inverse(quantiles), np.nan),
+        failed=np.where(seen, failed, np.nan),
     )
 
 
-def _quantiles(depths: FloatArray, probabilities: tuple[float, ...]) -> FloatArray:
-    """Quantiles (probabilities, distances) of the draws that have a rank."""
-    unranked = np.isnan(depths)
+def _lines(inverse: FloatArray, scores: FloatArray, scrambles: int) -> list[tuple[FloatArray, FloatArray]]:
+    """A normal variable that follows inverse depth: of each scramble its draws (distances, draws), and its deviation.
+
+    It is the line in the scores by least squares; 0 where a draw has no rank.
+    """
+    ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
+    centred = scores - scores.mean(axis=1, keepdims=True)
+    slopes = np.linalg.solve(centred @ centred.T, centred @ ranked.T).T
+    deviation = np.linalg.norm(slopes, axis=1)
+    return [(line, deviation) for line in np.split(slopes @ scores, scrambles, axis=1)]
+
+
+def _inverse_quantiles(
+    inverse: FloatArray, line: tuple[FloatArray, FloatArray], probabilities: tuple[float, ...]
+) -> FloatArray:
+    """Inverse depths (probabilities, distances) of the quantiles of depth, of the draws that have a rank.
+
+    The line's own quantiles are known: what its draws miss of them, those of inverse depth miss as well, and it is
+    taken off (a control variate).
+    """
+    from scipy.special import ndtri
+
+    upper = 1.0 - np.array(probabilities)
+    draws, deviation = line
+    missed = quantiles_of(draws, upper) - ndtri(upper)[:, None] * deviation
+    unranked = np.isnan(inverse)
     if not unranked.any():
-        return quantiles_of(depths, probabilities)
-    found = np.full((len(probabilities), len(depths)), np.nan)
-    for row, (values, missing) in enumerate(zip(depths, unranked, strict=True)):
+        return quantiles_of(inverse, upper) - missed
+    found = np.full((upper.size, len(inverse)), np.nan)
+    for row, (values, missing) in enumerate(zip(inverse, unranked, strict=True)):
         if not missing.all():
-            found[:, row] = quantiles_of(values[None, ~missing], probabilities)[:, 0]
-    return found
+            found[:, row] = quantiles_of(values[None, ~missing], upper)[:, 0]
+    return found - missed
 
 
 @lru_cache(maxsize=1024)

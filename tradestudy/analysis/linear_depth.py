@@ -20,8 +20,8 @@ from tradestudy.uncertainty.sources import Sources
 # Central differences over so many standard deviations: far above rounding, and with a truncation error of a
 # millionth of the third-order term.
 _STEP: Final = 1e-3
-_FARTHEST_SCORE: Final = 40.0  # beyond it the probability is below every double
-_BISECTIONS: Final = 60
+_FARTHEST_SCORE: Final = 9.0  # beyond it the probability is below 1e-18
+_BISECTIONS: Final = 50
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,20 +135,31 @@ def noise_distribution(camera: DepthCamera, distance: FloatArray, field: float) 
     from scipy.special import ndtr, ndtri
 
     probabilities = camera.propagation.probabilities
-    fixed, noise = fixed_errors(camera, "noise"), camera.noise(distance)
-
-    def inverse(scores: FloatArray) -> FloatArray:
-        return read_draws(camera, {**fixed, PIXEL_NOISE: scores}, distance, field, noise)
-
-    depths = depth_from_inverse(inverse(-ndtri(np.array(probabilities))[:, None]))
-    low, high = np.full(distance.shape, -_FARTHEST_SCORE), np.full(distance.shape, _FARTHEST_SCORE)
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        beyond = inverse(middle[None])[0] <= 0.0
-        low, high = np.where(beyond, middle, low), np.where(beyond, high, middle)
+    depths = depth_from_inverse(_under_noise(camera, distance, field, -ndtri(np.array(probabilities))[:, None]))
     seen = ~np.isnan(depths).any(axis=0)
     return DepthDistribution(
         probabilities=probabilities,
         quantiles=np.where(seen, depths, np.nan)[None],
-        failed=np.where(seen, ndtr(0.5 * (low + high)), np.nan)[None],
+        failed=np.where(seen, ndtr(_score_of_infinity(camera, distance, field)), np.nan)[None],
     )
+
+
+def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
+    """Inverse depth [1/m] read where the noise has so many of its standard deviations, (scores, distances)."""
+    errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
+    return read_draws(camera, errors, distance, field, camera.noise(distance))
+
+
+def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
+    """The score of the noise at which infinity is read, by bisection; ∓9 where it lies beyond."""
+    ends = np.array([[-_FARTHEST_SCORE], [_FARTHEST_SCORE]])
+    beyond = _under_noise(camera, distance, field, ends) <= 0.0
+    found = np.where(beyond[1], _FARTHEST_SCORE, -_FARTHEST_SCORE)
+    open_ = np.flatnonzero(beyond[0] & ~beyond[1])
+    low, high = np.full(open_.size, -_FARTHEST_SCORE), np.full(open_.size, _FARTHEST_SCORE)
+    for _ in range(_BISECTIONS if open_.size else 0):
+        middle = 0.5 * (low + high)
+        lost = _under_noise(camera, distance[open_], field, middle[None])[0] <= 0.0
+        low, high = np.where(lost, middle, low), np.where(lost, high, middle)
+    found[open_] = 0.5 * (low + high)
+    return np.asarray(found)

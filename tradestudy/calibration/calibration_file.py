@@ -99,6 +99,7 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
             remedy="rename or convert it",
         )
     try:
+        path.open("rb").close()  # the operating system says best what is wrong with a file
         found = _READERS[path.suffix](path)
     except (OSError, UnicodeDecodeError, KeyError) as error:
         raise CalibrationFileError(

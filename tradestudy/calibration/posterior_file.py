@@ -105,7 +105,7 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
         )
     _require_known(path, found.names, RIG_PARAMETERS)
     assert found.best is not None
-    check_geometry(name, camera, found.best, found.draws, says="posterior")
+    check_geometry(name, camera, found.best, found.draws, says="the posterior says")
     return rig_calibration(camera, found, source="posterior")
 
 

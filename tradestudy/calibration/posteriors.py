@@ -218,7 +218,7 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
     fit = fit_rig(corners)
     normal = LaplaceFit(names=SHARED_NAMES, mean=fit.explained.shared, covariance=fit.explained.covariance)
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
-    check_geometry(asked.name, rig, normal.mean, draws, says="corners")
+    check_geometry(asked.name, rig, normal.mean, draws, says="corners say")
     rng = point_generator(seed=asked.seed, point=f"corners/{asked.name}", replicate=0)
     found = sample_relative_pose(fit.explained, corners, rng=rng, maximum_steps=asked.part.max_steps)
     posterior = replace(

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.calibration.calibration_file import (
-    CalibrationCovariance,
-    CalibrationDraws,
-    CalibrationFileError,
-    read_calibration,
-)
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.calibration_declaration import (
     CalibrationPart,
@@ -26,7 +21,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorVocabulary
 from tradestudy.declarations.distributions import AnyDistribution
-from tradestudy.declarations.mistakes import MistakeAt, nearest_name
+from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.error_class import ErrorClass
@@ -46,7 +41,6 @@ def calibration_of(
     *,
     folder: Path,
     wavelength: float,
-    name: str,
     posterior: Calibration | None = None,
 ) -> Calibration:
     """The joint distribution of everything that is uncertain about a camera but the noise of a measurement.
@@ -61,49 +55,35 @@ def calibration_of(
         Where the files that the part names are.
     wavelength
         Of the scene [m].
-    name
-        Of the camera in the study.
     posterior
-        What the source that the part names determines: the groups, and the exact model that these belong to. None
-        where there is no source, or nothing has been inferred yet.
+        What the source of the part says: the groups that it determines, and the exact model that these belong to. None
+        where there is no source, or nothing has been inferred from it yet.
 
     Returns
     -------
     Calibration
         Not ``inferred``, and without groups, where a posterior is needed and there is none.
-
-    Raises
-    ------
-    MistakeAt
-        A file contradicts what is declared, see `mistakes_of_files`.
-    OutOfRangeError
-        The posterior determines a part of errors that are correlated.
     """
-    if mistakes := mistakes_of_files(part, folder):
-        raise MistakeAt.several(mistakes)
-    source = part.source
-    if source in ("target", "corners") and posterior is None:
-        return Calibration(source=source, inferred=False)
-    vocabulary = camera.error_vocabulary
-    groups = declared_groups(part, vocabulary, folder)
-    if posterior is not None:
-        groups = replaced(groups, posterior.groups, name)
-    return Calibration(
-        groups=(*groups, *stability_groups(part.stability, folder)),
-        environment=environment_of(part.stability, wavelength),
-        source=source,
-        reading=None if posterior is None else posterior.reading,
-        vocabulary=None if posterior is None else posterior.vocabulary,
+    if part.source != "errors" and posterior is None:
+        return Calibration(source=part.source, inferred=False)
+    groups = declared_groups(part, camera.error_vocabulary, folder)
+    stability = stability_groups(part.stability, folder)
+    environment = environment_of(part.stability, wavelength)
+    if posterior is None:
+        return Calibration(groups=(*groups, *stability), environment=environment)
+    determined = {name for group in posterior.groups for name in group.parameters}
+    left = [group for group in groups if not determined.intersection(group.parameters)]
+    return replace(
+        posterior,
+        groups=(*left, *posterior.groups, *stability),
+        environment=environment,
+        source=part.source,
     )
 
 
 def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
-    """What is wrong with the files that a calibration names, and between them and what is declared.
-
-    Their places are below the part.
-    """
+    """Files of draws and corners that a calibration names and that cannot be read; their places are below the part."""
     mistakes: list[MistakeAt] = []
-    given = part.errors.given()
     for path, distribution in _distributions(part):
         if distribution.resolved_shape == "empirical":
             try:
@@ -112,21 +92,20 @@ def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
                 mistakes.append(MistakeAt((*path, "file"), str(error)))
     if part.corners is not None and not (folder / part.corners.file).is_file():
         mistakes.append(MistakeAt(("corners", "file"), f"there is no file '{folder / part.corners.file}'"))
-    if part.posterior is not None:
-        try:
-            found = _read(folder / part.posterior.file)
-        except CalibrationFileError as error:
-            return [*mistakes, MistakeAt(("posterior", "file"), str(error))]
-        known = part.camera.error_vocabulary
-        of_rig = isinstance(found, CalibrationDraws) and found.best is not None  # in its own parameters
-        for name in found.names:
-            if name not in known and not of_rig:
-                what = f"{part.posterior.file} names {name!r}, which a {part.kind} camera does not have"
-                mistakes.append(MistakeAt(("posterior", "file"), what + nearest_name(name, known)))
-            elif name in given:
-                what = f"{part.posterior.file} (posterior.file) determines it already; give it once"
-                mistakes.append(MistakeAt(("errors", name), what))
     return mistakes
+
+
+def given_twice(part: CalibrationPart, posterior: Calibration) -> list[MistakeAt]:
+    """Errors that are declared, and that a saved posterior determines; their places are below the part."""
+    assert part.posterior is not None
+    determined = {name for group in posterior.groups for name in group.parameters}
+    of_a_rig = posterior.reading is not None
+    says = "determines every parameter of the rig" if of_a_rig else "determines it already"
+    return [
+        MistakeAt(("errors", name), f"{part.posterior.file} (posterior.file) {says}; give it once")
+        for name in part.errors.given()
+        if of_a_rig or name in determined
+    ]
 
 
 def declared_groups(part: CalibrationPart, vocabulary: ErrorVocabulary, folder: Path) -> tuple[Group, ...]:
@@ -158,8 +137,9 @@ def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
     """What has happened since the calibration: ageing, and changes of temperature, pressure and color."""
     from tradestudy.uncertainty.sources import Source
 
-    given: tuple[AnyDistribution | None, ...] = (part.temperature, part.pressure, part.color)
-    changes = dict(zip(SESSION_PARAMETERS, given, strict=True))
+    changes: dict[str, AnyDistribution | None] = dict(
+        zip(SESSION_PARAMETERS, (part.temperature, part.pressure, part.color), strict=True)
+    )
     changes |= {AGEING + name: error for name, error in part.ageing.given().items()}
     return tuple(
         Source(name=name, distribution=distribution_of(change, folder), error_class=ErrorClass.SESSION)
@@ -227,30 +207,6 @@ def group_of_draws(name: str, parameters: tuple[str, ...], draws: FloatArray) ->
     return JointDraws(name=name, parameters=parameters, draws=draws - draws.mean(axis=0), error_class=ErrorClass.RIG)
 
 
-def replaced(groups: Iterable[Group], determined: tuple[Group, ...], camera: str) -> tuple[Group, ...]:
-    """The groups, those whose parameters a source determines replaced by what it says of them.
-
-    Raises
-    ------
-    OutOfRangeError
-        It determines some errors of a correlated group: what is left would have lost its partner.
-    """
-    kept: list[Group] = []
-    covered = {name for group in determined for name in group.parameters}
-    for group in groups:
-        inside = covered & set(group.parameters)
-        if inside and inside != set(group.parameters):
-            raise OutOfRangeError(
-                f"the calibration of {camera} determines some of the errors that are correlated with others",
-                value=", ".join(sorted(inside)),
-                limit=", ".join(group.parameters),
-                remedy="take the correlation out",
-            )
-        if not inside:
-            kept.append(group)
-    return (*kept, *determined)
-
-
 def _distributions(part: CalibrationPart) -> Iterable[tuple[tuple[str, ...], AnyDistribution]]:
     """Every distribution of a calibration, with its place."""
     stability = part.stability
@@ -260,14 +216,6 @@ def _distributions(part: CalibrationPart) -> Iterable[tuple[tuple[str, ...], Any
         name: getattr(stability, name) for name in ("temperature", "pressure", "color")
     }
     yield from ((("stability", name), change) for name, change in changes.items() if change is not None)
-
-
-def _read(path: Path) -> CalibrationCovariance | CalibrationDraws:
-    try:
-        return read_calibration(path)
-    except (OSError, UnicodeDecodeError) as error:
-        why = getattr(error, "strerror", None) or "no text"
-        raise CalibrationFileError(f"'{path}' cannot be read", value=why) from None
 
 
 def _draws(part: AnyDistribution, folder: Path) -> FloatArray:

@@ -1,10 +1,10 @@
-"""What studies declare of a camera's calibration: its errors, where they are known from, and what has happened since."""
+"""What studies declare of a calibration: the errors of a camera, their source, and what has happened since."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, ClassVar, Final, Self, cast
+from typing import Annotated, Any, ClassVar, Final, Self
 
 import numpy as np
 from pydantic import Field, create_model, model_validator
@@ -33,6 +33,7 @@ from tradestudy.declarations.quantities import (
     quantity,
 )
 from tradestudy.declarations.words import Span, Text
+from tradestudy.uncertainty.error_class import ErrorClass
 
 Correlation = Annotated[float, *quantity(units.NUMBER, at_least=-1.0, at_most=1.0)]
 HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0 * units.DEGREE)]
@@ -146,8 +147,8 @@ class PosteriorPart(Part):
 class CalibrationPart(Part):
     """The calibration of a camera: its errors, at most one source that they are known from, and its stability."""
 
-    camera: ClassVar[type[DepthCamera]] = DepthCamera
-    kind: ClassVar[str] = "depth"
+    camera: ClassVar[type[DepthCamera]]
+    kind: ClassVar[str]
 
     errors: ErrorsPart = Field(
         default_factory=ErrorsPart,
@@ -179,10 +180,12 @@ class CalibrationPart(Part):
         if self.corners is not None and not self.camera.corners_calibrate:
             what = f"corners of two cameras calibrate a stereo rig; a {self.kind} camera takes target or posterior"
             yield MistakeAt(("corners",), what)
-        elif self.corners is not None:
-            for name in self.errors.given():
-                what = "the corners determine every parameter of the rig; what has changed since belongs to stability"
-                yield MistakeAt(("errors", name), what)
+        elif self.corners is not None and self.errors.given():
+            what = (
+                "corners determine every parameter of the rig; leave errors out (null takes inherited ones back), and "
+                "put what has changed since under stability"
+            )
+            yield MistakeAt(("errors",), what)
         if self.target is not None:
             yield from self._mistakes_of_priors()
 
@@ -190,10 +193,18 @@ class CalibrationPart(Part):
         given = self.errors.given()
         if not given:
             yield MistakeAt(("target",), "needs errors: the priors of what it is to determine")
-        for name, error in given.items():
-            if error.resolved_shape not in ("normal", "uniform"):
-                what = f"a prior of a target is normal or uniform, not {error.resolved_shape}"
-                yield MistakeAt(("errors", name), what)
+        known = self.camera.error_vocabulary
+        priors = {name for name in given if known[name].error_class is ErrorClass.RIG}
+        for name in given:
+            shape = given[name].resolved_shape
+            if name in priors and shape not in ("normal", "uniform"):
+                yield MistakeAt(("errors", name), f"a prior of a target is normal or uniform, not {shape}")
+        for name, others in self.correlations.items():
+            if priors & {name, *others}:
+                what = (
+                    "priors of a target are independent, it finds their correlation; null takes an inherited one back"
+                )
+                yield MistakeAt(("correlations", name), what)
 
     def _mistakes_of_correlations(self) -> Iterator[MistakeAt]:
         given, seen = self.errors.given(), set[frozenset[str]]()
@@ -205,7 +216,7 @@ class CalibrationPart(Part):
                     wrong.append(MistakeAt(path, "an error is not correlated with itself"))
                 elif pair in seen:
                     wrong.append(MistakeAt(path, f"{second} with {first} is given already; each pair once"))
-                elif (classes := self._classes(first, second)) is not None and pair <= given.keys():
+                elif pair <= given.keys() and (classes := self._classes(first, second)) is not None:
                     wrong.append(MistakeAt(path, f"what is drawn {classes} cannot be correlated"))
                 seen.add(pair)
         yield from wrong or _indefinite(self.correlations)
@@ -218,10 +229,7 @@ class CalibrationPart(Part):
 
     def _classes(self, first: str, second: str) -> str | None:
         """How often each of two parameters is drawn, where that differs."""
-        known = self.camera.error_vocabulary
-        if first not in known or second not in known:
-            return None
-        one, other = known[first].error_class, known[second].error_class
+        one, other = (self.camera.error_vocabulary[name].error_class for name in (first, second))
         return None if one is other else f"{one.value} and what is drawn {other.value}"
 
 
@@ -292,4 +300,4 @@ def calibration_part(camera: type[DepthCamera], kind: str) -> type[CalibrationPa
         stability=(stability, Field(default_factory=stability)),
     )
     made.camera, made.kind = camera, kind
-    return cast(type[CalibrationPart], made)
+    return made

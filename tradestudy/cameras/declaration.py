@@ -171,9 +171,8 @@ class DepthCameraDeclaration(CameraDeclaration):
     camera: ClassVar[type[DepthCamera]]
 
     depth: DisparityPart
-    calibration: CalibrationPart = Field(
-        default_factory=CalibrationPart, description="Default: nothing is in error but the measured disparity."
-    )
+    calibration: CalibrationPart
+    """Of its kind, see `calibration_part`."""
 
     @abstractmethod
     def design(self, picture_law: DisparityErrorLaw | None) -> DepthCamera:

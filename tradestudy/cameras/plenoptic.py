@@ -62,7 +62,7 @@ class PlenopticCamera(DepthCamera):
     @property
     @abstractmethod
     def geometry(self) -> ArrayGeometry:
-        """What is seen and what is read follow from."""
+        """The design that both what is seen and what is read follow from."""
 
     def geometry_at(self, mla_distance: float) -> ArrayGeometry:
         """The geometry with the array at a distance [m] behind the main lens."""

@@ -64,8 +64,8 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "microlens_center_scatter": ErrorParameter(
         unit="m",
         part="microlens centres",
-        meaning="One coordinate of the centre of one microlens against the regular grid; two lenses measure, so their "
-        "distance is off by √2 of it.",
+        meaning="One coordinate of the centre of one microlens, from which the coordinates under it count; the "
+        "disparity of two lenses is off by √2 of it.",
         error_class=ErrorClass.ELEMENT,
     ),
     PIXEL_NOISE: NOISE_PARAMETER,

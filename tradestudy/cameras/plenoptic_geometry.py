@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.radial_distortion import distort, undistort
@@ -16,6 +18,14 @@ from tradestudy.optics.thin_lens import focus_shift
 
 Observation = tuple[FloatArray, FloatArray, FloatArray]
 """What depth is measured from, and where on the sensor it is seen, x and y [m]."""
+
+
+def disparity_error(errors: Errors) -> FloatArray:
+    """Error of one disparity [m]: its noise, and two lens centres that are each off by the scatter of one.
+
+    Coordinates count from the centre of their own microlens; the baseline is that of the regular grid.
+    """
+    return value_of(errors, PIXEL_NOISE) + math.sqrt(2.0) * value_of(errors, "microlens_center_scatter")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,42 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
-from tradestudy.calibration.sources import calibration_of, mistakes_of_files
-from tradestudy.cameras.calibration import Calibration
+from tradestudy.calibration.sources import calibration_of, given_twice, mistakes_of_files
+from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import Problem, StudyError, TradestudyError
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.models import closed_form_models
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
+from tradestudy.study.building import camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
-from tradestudy.study.reader import validate, with_values
-from tradestudy.study.renamed import renamed_keys
+from tradestudy.study.reader import with_values
+from tradestudy.study.renamed import validated
 from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
 if TYPE_CHECKING:  # whoever infers has loaded it
     from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
 
-# Of a camera, what no posterior depends on: words, and what happens after the calibration.
-_NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
-    "title": True, "note": True, "stated": True, "attributes": True, "calibration": {"stability"},
-}  # fmt: skip
+_JUDGED: Final = 9  # distances of a study at which draws are settled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,9 +97,7 @@ class StudyDefinition:
         StudyError
             With every mistake found.
         """
-        if renamed := renamed_keys(document):
-            raise StudyError([*document.problems, *renamed])
-        definition = cls(document, validate(document, StudyFile))
+        definition = cls(document, validated(document))
         definition.designs  # noqa: B018 - built here so that an impossible camera is refused before anything runs
         return definition
 
@@ -135,7 +128,7 @@ class StudyDefinition:
 
     @cached_property
     def designs(self) -> Mapping[str, Camera]:
-        """The cameras as designed, without their calibrations; every one that cannot be, or cannot be calibrated, is told."""
+        """The cameras without their calibrations; every one that cannot be built, or calibrated, is told."""
         cameras: dict[str, Camera] = {}
         problems = self._problems_of_derived_errors()
         if problems:
@@ -146,15 +139,13 @@ class StudyDefinition:
             if name in known:
                 cameras[name] = known[name]
                 continue
-            if isinstance(part, DepthCameraDeclaration):
-                for mistake in mistakes_of_files(part.calibration, self.calibration_folder(name)):
-                    path: tuple[str | int, ...] = ("cameras", name, "calibration", *mistake.tail)
-                    problems.append(self.document.locate(path).problem(path, mistake.what))
             try:
-                cameras[name] = _camera_of(part, scene)
+                cameras[name] = camera_of(part, scene)
             except TradestudyError as error:
                 path = ("cameras", name)
                 problems.append(self.document.locate(path).problem(path, str(error)))
+                continue
+            problems += self._problems_of_calibration(name, cameras[name])
         if problems:
             raise StudyError(problems)
         return cameras
@@ -162,10 +153,10 @@ class StudyDefinition:
     @cached_property
     def case(self) -> Case:
         """What is computed with: the cameras with their calibrations, as far as these are known."""
-        scene, wanted = self.file.scene, self.file.accuracy.wanted().relative["depth_uncertainty"]
-        propagation = self.file.propagation.propagation(wanted)
+        distance = np.array(() if self.file.scene is None else self.file.scene.distance_values(), dtype=np.float64)
+        propagation = self._propagation(distance)
         cameras = {
-            name: replace(camera, calibration=self._calibration(name, camera), propagation=propagation)
+            name: self._calibrated(name, camera, propagation)
             for name, camera in self.designs.items()
             if isinstance(camera, DepthCamera)
         }
@@ -173,11 +164,46 @@ class StudyDefinition:
             cameras={name: acting(camera, self.models.get(name, {})) for name, camera in cameras.items()},
             all_cameras={**self.designs, **cameras},
             criteria=self.file.usable_range.criteria(),
-            distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
+            distance=distance,
             wavelength=self._wavelength,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
         )
+
+    def _propagation(self, distance: FloatArray) -> Propagation:
+        """How errors are propagated: draws are settled at some of the distances [m], and wherever the study asks."""
+        file = self.file
+        some = (
+            distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
+        )
+        asked = {float(one) for one in some} | set(() if file.decision is None else file.decision.at)
+        asked |= {end for one in file.requirements.values() for end in one.depth_uncertainty.over}
+        return replace(
+            file.propagation.propagation(file.accuracy.wanted().relative["depth_uncertainty"]),
+            judged=tuple(sorted(asked)),
+        )
+
+    def _problems_of_calibration(self, name: str, design: Camera) -> Iterator[Problem]:
+        """What is wrong with the files that the calibration of a camera names."""
+        part = self.file.cameras[name]
+        if not (isinstance(part, DepthCameraDeclaration) and isinstance(design, DepthCamera)):
+            return
+        mistakes = mistakes_of_files(part.calibration, self.calibration_folder(name))
+        if part.calibration.posterior is not None:
+            try:
+                mistakes += given_twice(part.calibration, self._saved(name, part.calibration.posterior.file, design))
+            except TradestudyError as error:
+                mistakes.append(MistakeAt(("posterior", "file"), str(error)))
+        for mistake in mistakes:
+            path = ("cameras", name, "calibration", *mistake.tail)
+            yield self.document.locate(path).problem(path, mistake.what)
+
+    def _saved(self, name: str, file: str, design: DepthCamera) -> Calibration:
+        from tradestudy.calibration.posterior_file import (
+            posterior_of_file,
+        )  # it loads scipy, which `check` seldom needs
+
+        return posterior_of_file(self.calibration_folder(name) / file, name, design)
 
     def _cameras_built_before(self) -> Mapping[str, Camera]:
         """Those of the study that this one was made from whose parts are the same, in the same scene."""
@@ -187,30 +213,28 @@ class StudyDefinition:
         parts = self.file.cameras
         return {name: one for name, one in before.designs.items() if before.file.cameras[name] is parts.get(name)}
 
-    def _calibration(self, name: str, camera: DepthCamera) -> Calibration:
-        part, before = self.file.cameras[name], self.before
-        assert isinstance(part, DepthCameraDeclaration)
-        if (
-            before is not None
-            and (self.file.scene, self.posteriors) == (before.file.scene, before.posteriors)
-            and before.file.cameras.get(name) is part
-        ):
+    def _calibrated(self, name: str, design: DepthCamera, propagation: Propagation) -> DepthCamera:
+        """A camera with its calibration; one that was calibrated before is the same."""
+        before = self.before
+        posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
+        if before is not None and before.designs.get(name) is design:
             known = before.case.all_cameras[name]
             assert isinstance(known, DepthCamera)
-            return known.calibration
-        posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
+            same = before.posteriors.get(before.posterior_keys.get(name, "")) is posterior
+            if same and known.propagation == propagation:
+                return known
+        part = self.file.cameras[name]
+        assert isinstance(part, DepthCameraDeclaration)
         if part.calibration.posterior is not None:
-            from tradestudy.calibration.posterior_file import posterior_of_file  # with scipy; a check does without
-
-            posterior = posterior_of_file(self.calibration_folder(name) / part.calibration.posterior.file, name, camera)
-        return calibration_of(
+            posterior = self._saved(name, part.calibration.posterior.file, design)
+        calibration = calibration_of(
             part.calibration,
-            camera,
+            design,
             folder=self.calibration_folder(name),
             wavelength=self._wavelength,
-            name=name,
             posterior=posterior,
         )
+        return replace(design, calibration=calibration, propagation=propagation)
 
     @property
     def _wavelength(self) -> float:
@@ -243,17 +267,9 @@ class StudyDefinition:
 
         It is the same for all designs and readings of a study that have this camera and its calibration in common.
         """
+        seed = self.file.propagation.seed
         return {
-            name: sha256(
-                "\n".join(
-                    (
-                        name,
-                        str(self.file.propagation.seed),
-                        str(self.calibration_folder(name)),
-                        part.model_dump_json(exclude=_NOT_CALIBRATED),
-                    )
-                ).encode()
-            ).hexdigest()
+            name: posterior_key(name, part, seed=seed, folder=self.calibration_folder(name))
             for name, part in self.file.cameras.items()
             if isinstance(part, DepthCameraDeclaration) and part.calibration.source in ("target", "corners")
         }
@@ -381,24 +397,3 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
-
-
-def _camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
-    """Build the camera that a part of a study declares, in the light of its scene.
-
-    Raises
-    ------
-    OutOfRangeError
-        Where the parts do not make a camera.
-    """
-    if not isinstance(part, DepthCameraDeclaration):
-        return part.design(None)
-    return part.design(_picture_law(scene, microlenses=part.camera.pictured_by_microlenses))
-
-
-def _picture_law(scene: ScenePart | None, *, microlenses: bool) -> PictureDisparityError | None:
-    """What a derived disparity error follows; None without a picture."""
-    if scene is None or scene.picture is None:
-        return None
-    settings = scene.picture.settings(scene.wavelength)
-    return PictureDisparityError(settings=settings, models=closed_form_models(settings, microlenses=microlenses))

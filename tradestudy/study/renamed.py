@@ -6,77 +6,112 @@ from collections.abc import Iterator
 from typing import Final
 
 from tradestudy.cameras.kinds import DEPTH_PARAMETERS
-from tradestudy.errors import Problem
+from tradestudy.errors import Problem, StudyError
 from tradestudy.study.document import Document, Entry, ListEntry, MappingEntry, Path, ScalarEntry, child, walk
+from tradestudy.study.schema.root import StudyFile
+from tradestudy.study.schema.validation import validate
 
-_CAMERA = "cameras.{}.calibration"
-# Path of the old key, * for any name; the message has {} for each of these names in turn, or for the first one.
+# Path of the old key, * for any name → what to write instead, with {} for these names in turn.
+_CALLED: Final = {
+    "cameras.*.axes_meet_at": "convergence_distance",
+    "cameras.*.depth.lenses": "microlenses",
+    "scene.picture.window": "matching_window",
+    "scene.picture.bits": "bit_depth",
+    "scene.picture.pixel_fill": "linear_fill_factor",
+    "accuracy.relative": "tolerance",
+    "accuracy.budget": "time_limit",
+    "usable": "usable_range",
+    "criteria": "relief",
+    "depth_of_field.scene": "range",
+    "depth_of_field.sharp": "criteria",
+    "solve.*.way": "errors",
+    "claims.*.way": "errors",
+    "claims.*.of": "quantity",
+    "light_spot.array_distance": "mla_distance",
+    "light_spot.microlenses.across": "lenses_across",
+    "light_spot.microlenses.gaps": "interstices",
+    "light_spot.published": "published_times",
+    "point_spread.standing_wavelength": "reference_wavelength",
+    "point_spread.elements.*.published_minimum": "published_minimum_f_number",
+    "fresnel_validity.elements.*.published_minimum": "published_minimum_f_number",
+}
 _INSTEAD: Final = {
-    "cameras.*.axes_meet_at": "format 1 called this axes_meet_at; format 2: convergence_distance",
-    "cameras.*.thermal_expansion": f"format 2: housing_expansion of {_CAMERA}.stability, beside its temperature",
-    "cameras.*.depth.lenses": "format 1 called this lenses; format 2: microlenses",
-    "cameras.*.calibration.correlation": f"format 2: {_CAMERA}.correlations: {{{{mla_distance: {{{{focal_length: 0.9}}}}}}}}",
+    "cameras.*.thermal_expansion": "format 2: cameras.{}.calibration.stability.housing_expansion, beside temperature",
+    "cameras.*.calibration.correlation": "format 2: correlations: {{mla_distance: {{focal_length: 0.9}}}}",
     "cameras.*.calibration.errors.pixel_noise": "the noise of one measurement is cameras.{}.depth.disparity_error",
-    "cameras.*.calibration.corners.declared_baseline": "format 2: cameras.{}.baseline, with which the fit is compared",
-    "scene.temperature": f"format 2: temperature of {_CAMERA}.stability, for each camera".replace("{}", "NAME"),
-    "scene.picture.window": "format 1 called this window; format 2: matching_window",
-    "scene.picture.bits": "format 1 called this bits; format 2: bit_depth",
-    "scene.picture.pixel_fill": "format 1 called this pixel_fill; format 2: linear_fill_factor",
-    "accuracy.relative": "format 1 called this relative; format 2: tolerance",
-    "accuracy.budget": "format 1 called this budget; format 2: time_limit",
+    "cameras.*.calibration.errors.*.drawn": "take this out; how often an error is drawn follows from what it is",
+    "cameras.*.calibration.corners.declared_baseline": "format 2 compares the fit with cameras.{}.baseline",
+    "scene.temperature": "format 2: stability.temperature of the calibration of each camera",
     "effects.temperature": "format 2: effects.calibration, of which temperature is a part",
-    "usable": "format 1 called this usable; format 2: usable_range",
-    "criteria": "format 1 called this criteria; format 2: relief",
-    "depth_of_field.scene": "format 1 called this scene; format 2: range",
-    "depth_of_field.sharp": "format 1 called this sharp; format 2: criteria",
-    "solve.*.way": "format 1 called this way; format 2: errors",
-    "claims.*.way": "format 1 called this way; format 2: errors",
-    "claims.*.of": "format 1 called this of; format 2: quantity",
-    "light_spot.array_distance": "format 1 called this array_distance; format 2: mla_distance",
-    "light_spot.microlenses.across": "format 1 called this across; format 2: lenses_across",
-    "light_spot.microlenses.gaps": "format 1 called this gaps; format 2: interstices",
-    "light_spot.published": "format 1 called this published; format 2: published_times",
-    "point_spread.standing_wavelength": "format 1 called this standing_wavelength; format 2: reference_wavelength",
-    "point_spread.elements.*.published_minimum": "format 1 called this so; format 2: published_minimum_f_number",
-    "fresnel_validity.elements.*.published_minimum": "format 1 called this so; format 2: published_minimum_f_number",
-    "calibration.seed": "move this to propagation.seed",
-    "calibration.distances": "take it out: scene.distances are those of every answer, and sensitivity.at of sensitivity",
-    "calibration.edge": "move this to propagation.field_places, a list: [70 %]",
-    "calibration.accuracy": "move this to accuracy.depth_uncertainty, the tolerance of every depth uncertainty",
-    "calibration.budget": "move this to propagation.max_draws",
-    "calibration.compare": "move this to decision.compare",
-    "calibration.questions": "move these to solve: vary is the path of what is varied, between low and high; way is errors",
-    "calibration.surroundings.calibrated_at_temperature": "move this to stability.calibrated_at.temperature of each camera's "
-    "calibration",
-    "calibration.surroundings.calibrated_at_pressure": "move this to stability.calibrated_at.pressure of each camera's "
-    "calibration",
-    "calibration.surroundings.temperature_change": "move this to stability.temperature of each camera's calibration",
-    "calibration.surroundings.pressure_change": "move this to stability.pressure of each camera's calibration",
-    "calibration.cameras.*.errors": f"move these to {_CAMERA}.errors; a normal or uniform error needs no shape",
-    "calibration.cameras.*.joint": f"move these to {_CAMERA}.correlations, for each pair: {{{{yaw: {{{{roll: 0.5}}}}}}}}",
-    "calibration.cameras.*.body": f"move these to {_CAMERA}.stability",
-    "calibration.cameras.*.file": f"move this to {_CAMERA}.posterior.file",
-    "calibration.cameras.*.target": f"move this to {_CAMERA}.target; half_field is half_field_angle, maximum_steps is "
-    "max_steps",
-    "calibration.cameras.*.corners": f"move this to {_CAMERA}.corners; maximum_steps is max_steps",
-}  # fmt: skip
-_PATTERNS: Final = {tuple(pattern.split(".")): message for pattern, message in _INSTEAD.items()}
-_UNDER_ERRORS: Final = "calibration errors stand under {}.calibration.errors in format 2"
+    "calibration.seed": "format 2: propagation.seed",
+    "calibration.distances": "take this out; answers are for scene.distances, sensitivity for sensitivity.at",
+    "calibration.edge": "format 2: propagation.field_places, a list: [70 %]",
+    "calibration.accuracy": "format 2: accuracy.depth_uncertainty",
+    "calibration.budget": "format 2: propagation.max_draws",
+    "calibration.compare": "format 2: decision.compare",
+    "calibration.questions": "format 2: solve, with the path that is to vary, low and high; way is errors",
+    "calibration.surroundings.calibrated_at_temperature": "format 2: stability.calibrated_at of each calibration",
+    "calibration.surroundings.calibrated_at_pressure": "format 2: stability.calibrated_at of each calibration",
+    "calibration.surroundings.temperature_change": "format 2: calibration.stability.temperature of each camera",
+    "calibration.surroundings.pressure_change": "format 2: calibration.stability.pressure of each camera",
+    "calibration.cameras.*.errors": "format 2: cameras.{}.calibration.errors; normal and uniform ones need no shape",
+    "calibration.cameras.*.joint": "format 2: cameras.{}.calibration.correlations, by pairs: {{yaw: {{roll: 0.5}}}}",
+    "calibration.cameras.*.body": "format 2: cameras.{}.calibration.stability",
+    "calibration.cameras.*.file": "format 2: cameras.{}.calibration.posterior.file",
+    "calibration.cameras.*.target": "format 2: cameras.{}.calibration.target; half_field is half_field_angle, "
+    "maximum_steps is max_steps",
+    "calibration.cameras.*.corners": "format 2: cameras.{}.calibration.corners; maximum_steps is max_steps",
+}
+_PATTERNS: Final = {
+    **{
+        tuple(old.split(".")): f"format 1 called this {old.split('.')[-1]}; format 2: {new}"
+        for old, new in _CALLED.items()
+    },
+    **{tuple(old.split(".")): message for old, message in _INSTEAD.items()},
+}
+_UNDER_ERRORS: Final = "calibration errors stand under calibration.errors in format 2"
 _FORMAT: Final = "this is a study of format 1; change what is listed here, and write format: 2"
 _REFOCUSED: Final = "format 1 called this every-object; format 2: autofocus"
 
 
+def validated(document: Document) -> StudyFile:
+    """The study against the schema; keys of format 1 are told as such, and of a study of format 1 nothing else.
+
+    Raises
+    ------
+    StudyError
+        With every mistake found.
+    """
+    renamed = renamed_keys(document)
+    if renamed and is_format_1(document):
+        raise StudyError([*document.problems, *renamed])
+    told = {(one.file, one.line, one.column) for one in renamed}
+    try:
+        valid = validate(document, StudyFile)
+    except StudyError as error:
+        others = [one for one in error.problems if (one.file, one.line, one.column) not in told]
+        raise StudyError([*others, *renamed]) from None
+    if renamed:
+        raise StudyError(renamed)
+    return valid
+
+
 def renamed_keys(document: Document) -> list[Problem]:
-    """Everything that format 1 called otherwise, where it is written; also in paths of readings, sweeps and questions."""
+    """Everything that format 1 called otherwise, where it is written; also in paths of readings, sweeps, questions."""
     found = [*_of_keys(document), *_of_paths(document)]
-    by_place = {(one.file, one.line, one.column, one.what): one for one in reversed(found)}
-    return sorted(by_place.values(), key=lambda one: (one.file, one.line, one.column))
+    by_place = {(one.file, one.line, one.column): one for one in reversed(found)}
+    return [by_place[place] for place in sorted(by_place)]
+
+
+def is_format_1(document: Document) -> bool:
+    """Whether a study says that it is one of format 1."""
+    entry = document.entry("format")
+    return isinstance(entry, ScalarEntry) and entry.text == "1"
 
 
 def _of_keys(document: Document) -> Iterator[Problem]:
-    format_entry = document.entry("format")
-    if isinstance(format_entry, ScalarEntry) and format_entry.text == "1":
-        yield format_entry.place.problem(("format",), _FORMAT)
+    if is_format_1(document):
+        yield document.locate("format").problem(("format",), _FORMAT)
     for path, entry in walk(document.root, ()):
         if (what := _instead(path)) is not None:
             yield document.locate_key(path).problem(path, what)
@@ -111,7 +146,7 @@ def _instead_of_part(path: Path) -> str | None:
 def _instead(path: Path) -> str | None:
     """What to write instead of a key at a path; None where it is none of format 1 alone."""
     if len(path) == 4 and path[::2] == ("cameras", "calibration") and path[3] in DEPTH_PARAMETERS:
-        return _UNDER_ERRORS.format(path[1])
+        return _UNDER_ERRORS
     for pattern, message in _PATTERNS.items():
         if len(pattern) == len(path) and all(a in ("*", b) for a, b in zip(pattern, path, strict=True)):
             return message.format(*(b for a, b in zip(pattern, path, strict=True) if a == "*"))

@@ -319,8 +319,8 @@ def _hermite_coefficients(marginal: Distribution) -> FloatArray:
 class JointDraws(_Joint):
     """Equally weighted joint draws, as a posterior sampler returns them; a draw is one whole row.
 
-    Rows are ordered along their first principal component, so that even a short quasi-random sequence covers
-    them evenly; with n rows each is taken once in n.
+    Rows are ordered along two directions, in stretches along the first and within these along the second, so that even
+    a short quasi-random sequence covers evenly what these move; with n rows each is taken once in n.
 
     Parameters
     ----------
@@ -332,6 +332,9 @@ class JointDraws(_Joint):
         Finite joint draws [unit of each], n >= 2.
     error_class : ErrorClass
         How often the group is drawn anew.
+    along : array, shape (2, k), optional
+        Responses of two outputs to each parameter, along which rows are ordered; left out: their first two principal
+        components.
 
     Raises
     ------
@@ -340,6 +343,7 @@ class JointDraws(_Joint):
     """
 
     draws: FloatArray
+    along: FloatArray | None = None
     _ordered: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -353,10 +357,9 @@ class JointDraws(_Joint):
                 remedy="remove the rows that are not finite, and say so in the study",
             )
         _require_names(self.parameters, draws.shape[1])
-        scale = np.std(draws, axis=0)
-        standard = (draws - np.mean(draws, axis=0)) / np.where(scale > 0.0, scale, 1.0)
-        principal = np.linalg.svd(standard, full_matrices=False)[2][0]
-        order = np.argsort(standard @ principal, kind="stable")
+        first, second = _along_principal(draws) if self.along is None else (draws @ self.along.T).T
+        stretches = np.array_split(np.argsort(first, kind="stable"), max(1, round(len(draws) ** 0.5)))
+        order = np.concatenate([rows[np.argsort(second[rows], kind="stable")] for rows in stretches])
         ordered = np.ascontiguousarray(draws[order].T)
         for key, value in (("draws", draws), ("_ordered", ordered)):
             value.setflags(write=False)
@@ -364,8 +367,8 @@ class JointDraws(_Joint):
 
     @property
     def dimensions(self) -> int:
-        """One: the row."""
-        return 1
+        """Two: the stretch of rows, and the row within it."""
+        return 2
 
     @property
     def nominal(self) -> FloatArray:
@@ -383,13 +386,25 @@ class JointDraws(_Joint):
         return _correlation_of(self.covariance)
 
     def draw(self, scores: FloatArray) -> FloatArray:
-        """Map standard normal scores (1, n) to draws (k, n)."""
+        """Map standard normal scores (2, n) to draws (k, n)."""
         from scipy.special import ndtr  # a study is checked without it
 
         rows = self._ordered.shape[1]
-        index = np.minimum((ndtr(scores[0]) * rows).astype(np.int64), rows - 1)
-        return np.asarray(self._ordered[:, index])
+        ends = np.cumsum([0, *map(len, np.array_split(np.arange(rows), max(1, round(rows**0.5))))])
+        place = np.minimum((ndtr(scores[0]) * rows).astype(np.int64), rows - 1)
+        stretch = np.searchsorted(ends, place, side="right") - 1
+        size = ends[stretch + 1] - ends[stretch]
+        within = np.minimum((ndtr(scores[1]) * size).astype(np.int64), size - 1)
+        return np.asarray(self._ordered[:, ends[stretch] + within])
 
     def marginal(self, index: int) -> Distribution:
         """Return the draws of one parameter alone."""
         return Empirical(draws=self.draws[:, index])
+
+
+def _along_principal(draws: FloatArray) -> FloatArray:
+    """Places of rows along the first two principal components of parameters in their standard deviations, (2, rows)."""
+    scale = np.std(draws, axis=0)
+    standard = (draws - np.mean(draws, axis=0)) / np.where(scale > 0.0, scale, 1.0)
+    components = np.linalg.svd(standard, full_matrices=False)[2]
+    return np.asarray(components[[0, min(1, len(components) - 1)]] @ standard.T)

@@ -71,10 +71,10 @@ def read_corners(path: str | Path) -> StereoCorners:
     Raises
     ------
     CornerFileError
-        It cannot be read; a column is missing; a cell is no number; a corner stands twice; a view has too few corners or all in a line;
-        there are too few views; the board is mirrored, an image is mirrored, or x and y columns are swapped. Left and
-        right exchanged need a fit: see ``bundle_adjustment.check_rig``. Whatever contradicts the declared rig:
-        see ``rig_geometry``.
+        It cannot be read; a column is missing; a cell is no number; a corner stands twice; a view has too few corners
+        or all in a line; there are too few views; the board is mirrored, an image is mirrored, or x and y columns are
+        swapped. Left and right exchanged need a fit: see ``bundle_adjustment.check_rig``; what contradicts the declared
+        rig: see ``rig_geometry``.
     """
     path = Path(path)
     try:

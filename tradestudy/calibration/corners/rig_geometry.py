@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Literal
 
 import numpy as np
 
@@ -16,6 +17,7 @@ LENGTH_LIMIT = 0.05  # of a declared focal length or baseline
 ANGLE_LIMIT = 0.05  # of the field of view
 CENTRE_LIMIT = 0.15  # of the sensor, for the principal point
 _DEVIATIONS = 5.0
+Says = Literal["corners say", "the posterior says"]
 
 
 class GeometryContradictionError(TradestudyError):
@@ -24,7 +26,7 @@ class GeometryContradictionError(TradestudyError):
     exit_status = 2
 
 
-def check_geometry(name: str, rig: StereoRig, best: FloatArray, draws: FloatArray, *, says: str) -> None:
+def check_geometry(name: str, rig: StereoRig, best: FloatArray, draws: FloatArray, *, says: Says) -> None:
     """Refuse a declared pair that contradicts the fitted one, with all contradictions at once.
 
     Parameters
@@ -38,7 +40,7 @@ def check_geometry(name: str, rig: StereoRig, best: FloatArray, draws: FloatArra
     draws : array (K, 18)
         Joint draws about them, which say how well they are known.
     says
-        Where they come from: "corners", "posterior".
+        Where they come from.
 
     Raises
     ------
@@ -52,7 +54,7 @@ def check_geometry(name: str, rig: StereoRig, best: FloatArray, draws: FloatArra
 
 
 def check_inside(name: str, rig: StereoRig, seen: FloatArray) -> None:
-    """Refuse corners (N, 2) [px] beside the declared sensor: they are of another sensor, or of pictures of another size.
+    """Refuse corners (N, 2) [px] beside the declared sensor: they are of pictures of another size.
 
     Raises
     ------
@@ -69,11 +71,11 @@ def check_inside(name: str, rig: StereoRig, seen: FloatArray) -> None:
     )
 
 
-def _contradictions(name: str, rig: StereoRig, best: FloatArray, draws: FloatArray, says: str) -> Iterator[str]:
+def _contradictions(name: str, rig: StereoRig, best: FloatArray, draws: FloatArray, says: Says) -> Iterator[str]:
     """One line for each quantity that is off by more than is allowed."""
     focal, baseline, angle = _geometry(best)
     deviation = np.std(np.stack(_geometry(draws)), axis=-1)
-    instead = "another corner file" if says == "corners" else "another posterior"
+    instead = "another corner file" if says == "corners say" else "another posterior"
     declared = rig.principal_distance / rig.sensor.pixel_pitch
     rows = (
         ("focal length", "lenses", "px", 1.0, declared, focal, LENGTH_LIMIT * declared),
@@ -92,7 +94,7 @@ def _contradictions(name: str, rig: StereoRig, best: FloatArray, draws: FloatArr
         if abs(said - found) > max(allowed, _DEVIATIONS * spread):
             label = unit if unit == "°" else f" {unit}"
             yield (
-                f"declared {what} {significant(said * per_unit, 4)}{label}, {says} say "
+                f"declared {what} {significant(said * per_unit, 4)}{label}, {says} "
                 f"{_with_spread(float(found) * per_unit, float(spread) * per_unit)}{label}; "
                 f"correct cameras.{name}.{key} or take {instead}"
             )
@@ -101,7 +103,7 @@ def _contradictions(name: str, rig: StereoRig, best: FloatArray, draws: FloatArr
         centre, spread = best[first + 2 : first + 4], draws[:, first + 2 : first + 4].std(axis=0)
         if np.any(np.abs(centre - (size - 1) / 2.0) > np.maximum(CENTRE_LIMIT * size, _DEVIATIONS * spread)):
             yield (
-                f"declared sensor {size[0]} × {size[1]} px, {says} say that the {side} axis meets it at "
+                f"declared sensor {size[0]} × {size[1]} px, {says} that the {side} axis meets it at "
                 f"({centre[0]:.0f}, {centre[1]:.0f}) px; correct cameras.{name}.sensor.pixels or take {instead}"
             )
 

@@ -79,9 +79,8 @@ class RigReading:
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
         require_field(field)
-        seen = observe_pair(
-            self._grown(errors, environment), self._points(np.asarray(distance, dtype=np.float64), field)
-        )
+        points = self._points(np.asarray(distance, dtype=np.float64), field)
+        seen = observe_pair(self._grown(errors, environment), points)
         size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
         inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # NaN, behind a camera, is not inside
         half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
@@ -108,12 +107,11 @@ class RigReading:
 
     def _believed(self, errors: Errors) -> FloatArray:
         """The rigs that calibrations in error believe in, shape (draws, 18)."""
-        rigs = self.best + np.stack(np.broadcast_arrays(*(_of_draws(errors, name) for name in SHARED_NAMES)), axis=-1)
+        own = np.broadcast_arrays(*(_of_draws(errors, name) for name in SHARED_NAMES))
+        rigs: FloatArray = self.best + np.stack(own, axis=-1)
         if aged := {name for name in errors if name not in RIG_PARAMETERS and name in self.vocabulary} - {PIXEL_NOISE}:
             rigs = rigs + self._interior(errors)
-            if aged & set(_POSE):
-                rigs = _posed(rigs, errors)
-        return rigs
+        return _posed(rigs, errors) if aged & set(_POSE) else rigs
 
     def _interior(self, errors: Errors) -> FloatArray:
         """Errors of the cameras by the names of a stereo rig, shape (draws, 18)."""

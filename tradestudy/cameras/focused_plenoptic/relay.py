@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
-from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
+from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation, disparity_error
 from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.triangulation import plenoptic_focus_shift
@@ -52,7 +49,7 @@ def relay_inverse_depth(
 ) -> tuple[FloatArray, BoolArray]:
     """The inverse depth that a calibration which is off by ``errors`` reads: eq. 8 from the detector's coordinates.
 
-    ``Δσ = Δu cos φ + noise − Δx``, ``a_L = b_L Δx/Δσ``, ``b = z − a_L``, ``1/a = (b − f)/(f b)``.
+    ``Δσ = Δu cos φ + error − Δx``, ``a_L = b_L Δx/Δσ``, ``b = z − a_L``, ``1/a = (b − f)/(f b)``.
 
     Parameters
     ----------
@@ -74,10 +71,8 @@ def relay_inverse_depth(
     """
     apart, seen_x, seen_y = seen
     f, place = geometry.focal_length_with(errors), geometry.place_seen(errors, seen_x, seen_y)
-    # Two centres are off: their distance by √2 of one.
-    scatter = math.sqrt(2.0) * value_of(errors, "microlens_center_scatter")
-    spacing = np.asarray(baseline) * _grid_scale(geometry, errors) + scatter
-    sigma = apart * np.cos(value_of(errors, "array_rotation")) + value_of(errors, PIXEL_NOISE) - spacing
+    spacing = np.asarray(baseline) * _grid_scale(geometry, errors)
+    sigma = apart * np.cos(value_of(errors, "array_rotation")) + disparity_error(errors) - spacing
     shift = plenoptic_focus_shift(
         sigma,
         spacing,

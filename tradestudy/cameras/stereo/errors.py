@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from tradestudy.cameras.error_vocabulary import NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
+from tradestudy.cameras.stereo.pair import SIDES
 
 _OF_BOTH: Final[ErrorVocabulary] = {
     "baseline": ErrorParameter(
@@ -75,7 +76,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
 
 STEREO_ERRORS: Final[ErrorVocabulary] = {
     **_OF_BOTH,
-    **{f"{side}_{name}": parameter for side in ("left", "right") for name, parameter in _of_one(side)},
+    **{f"{side}_{name}": parameter for side in SIDES for name, parameter in _of_one(side)},
     PIXEL_NOISE: NOISE_PARAMETER,
 }
 """Errors of a stereo rig in the order in which they are drawn; the two pictures share the noise equally."""

@@ -8,13 +8,10 @@ array d' apart, ``d' (1 − a_L/z_p) = N a_L/b_L``. Disparity is d = −d': posi
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
-from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation, PlaceOnArray
+from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation, PlaceOnArray, disparity_error
 from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -75,10 +72,8 @@ def views_inverse_depth(
     """
     shift, seen_x, seen_y = seen
     place = geometry.place_seen(errors, seen_x, seen_y)
-    # Two centres are off: their distance by √2 of one.
-    scatter = math.sqrt(2.0) * value_of(errors, "microlens_center_scatter")
     turned = geometry.pitch_scale(errors) * np.cos(value_of(errors, "array_rotation"))
-    d = shift * turned + scatter + value_of(errors, PIXEL_NOISE)
+    d = shift * turned + disparity_error(errors)
     pupil = _pupil_distance(errors, place)
     opening = pixels_apart / place.gap - d / pupil
     image_times_opening = place.flat_distance * opening + place.stretch * d

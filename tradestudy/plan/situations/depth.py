@@ -359,19 +359,18 @@ def _calibration(variants: Sequence[_Variant], distances: int) -> Slot:
 def _linear_error(variant: _Variant) -> Worst:
     """The largest departure of the linear model from draws, at a few distances of most and of least uncertainty.
 
-    At the ends of what is usable, where the uncertainty is the largest share of the distance, and wherever is asked; of
-    everything that is pictured, for a camera that is usable nowhere.
+    At the ends and in the middle of what is usable, where the uncertainty is the largest share of the distance, and
+    wherever the study asks.
     """
-    camera, distance = variant.as_forced, variant.distance
-    if not camera.calibration.groups:
+    camera, places = variant.as_forced, variant.distance[variant.usable]
+    asked = np.array(variant.asked[:_MOST_ASKED])
+    asked = asked[camera.images(asked)]
+    if not camera.calibration.groups or not (places.size or asked.size):
         return Worst(value=0.0, at=math.nan)
-    usable = variant.usable if variant.usable.any() else camera.images(distance)
-    places = distance[usable]
-    if not places.size:
-        return Worst(value=0.0, at=math.nan)
-    largest = places[int(np.nanargmax(np.nan_to_num(depth_uncertainty(camera, places) / places, posinf=0.0)))]
-    asked = [one for one in variant.asked if places[0] <= one <= places[-1]]
-    tried = np.unique([places[0], places[places.size // 2], places[-1], largest, *asked[:_MOST_ASKED]])
+    tried = np.unique(np.append(asked, places[[0, places.size // 2, -1]])) if places.size else np.unique(asked)
+    if places.size:
+        relative = depth_uncertainty(camera, places) / places
+        tried = np.union1d(tried, places[[int(np.nanargmax(np.where(np.isfinite(relative), relative, 0.0)))]])
     try:
         error = linear_error(camera, tried).half_width
     except OutOfRangeError:  # something has no variance: no line exists

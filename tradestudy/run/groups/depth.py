@@ -67,7 +67,8 @@ def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], st
     return dataset(
         "depth_field",
         values,
-        {name: coordinates[name] for name in ("camera", "distance", "way", "quantile", "part")} | {"field": list(fields)},
+        {name: coordinates[name] for name in ("camera", "distance", "way", "quantile", "part")}
+        | {"field": list(fields)},
     )
 
 
