@@ -113,7 +113,9 @@ def _averaging(tree: xr.DataTree) -> Table:
         rows=tuple(
             (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
         ),
-        notes=("< 1: one reading is already as good as its calibration. ∞: calibration moves no depth there.",),
+        notes=(
+            "< 1: one reading is already as good as its calibration. ∞: calibration moves no depth there, or was left out within the tolerance.",
+        ),
     )
 
 
