@@ -153,7 +153,8 @@ def _read_all(
 def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
     """The inverse depth [1/m] that the camera reads with every error at its mean; NaN where it reads none."""
     values = fixed_errors(camera, "noise")
-    return np.broadcast_to(read_draws(camera, values, distance, field, camera.noise(distance)), (1, distance.size))[0]
+    read = read_draws(camera, values, distance, field, camera.noise(distance))
+    return np.asarray(np.broadcast_to(read, (1, distance.size))[0])
 
 
 def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:

@@ -80,7 +80,7 @@ def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[s
 
 
 def _draws(one: InferredCalibration, most: int) -> FloatArray:
-    """The draws that are propagated, in the parameters of the sample; NaN where it has fewer, or a parameter is none."""
+    """The draws that are propagated, in the parameters of the sample; NaN where there are none."""
     found = np.full((most, len(one.sample.names)), np.nan)
     columns = [one.sample.names.index(name) for name in one.posterior.names]
     found[: len(one.posterior.draws), columns] = one.posterior.draws
