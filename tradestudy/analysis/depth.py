@@ -17,6 +17,7 @@ from tradestudy.analysis.linear_depth import (
     noise_distribution,
     scaled_noise,
 )
+from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -194,9 +195,20 @@ def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "bot
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelError:
-    """How far a model is from draws over distances: the half width relatively, the failed fraction as such."""
+    """How far a model is from draws, over distances.
+
+    Parameters
+    ----------
+    half_width
+        Of the depth uncertainty, relatively.
+    intervals
+        Of the half width of any reported interval, relatively: the largest.
+    failed_fraction
+        Of the failed fraction, as such.
+    """
 
     half_width: FloatArray
+    intervals: FloatArray
     failed_fraction: FloatArray
 
 
@@ -208,21 +220,27 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
     known = distance[~np.isnan(distance)]
     if not known.size or way == "noise" or not camera.calibration.groups:  # exact in every model
         none = np.where(np.isnan(distance), np.nan, 0.0)
-        return ModelError(half_width=none, failed_fraction=none)
+        return ModelError(half_width=none, intervals=none, failed_fraction=none)
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
     draws = trial_distribution(camera, places, field, way)
     line = distribution(camera, places, way, field)
-    lost = np.isinf(draws.half_width) & np.isinf(line.half_width)
-    with np.errstate(invalid="ignore", divide="ignore"):  # what is lost in one only is infinitely wrong
-        relative = np.abs(line.half_width / draws.half_width - 1.0) + 2.0 * np.nan_to_num(
-            draws.half_width_error / draws.half_width
-        )
-    relative = np.where(lost, 0.0, np.where(np.isnan(relative) & ~np.isnan(draws.half_width), np.inf, relative))
+    intervals = [_apart(line, draws, coverage) for coverage in camera.propagation.coverages]
     failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error
     return ModelError(
-        half_width=_larger_neighbour(distance, places, relative),
+        half_width=_larger_neighbour(distance, places, _apart(line, draws, ONE_SIGMA)),
+        intervals=_larger_neighbour(distance, places, np.fmax.reduce(intervals)),
         failed_fraction=_larger_neighbour(distance, places, failed),
     )
+
+
+def _apart(model: DepthDistribution, draws: DepthDistribution, coverage: float) -> FloatArray:
+    """Relative error of the half width of an interval, at most; infinite where only one of the two has a far end."""
+    width, drawn = (np.mean(one.half_widths(coverage), axis=0) for one in (model, draws))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = np.nan_to_num(draws.half_width_errors(coverage) / drawn)
+        relative = np.abs(width / drawn - 1.0) + 2.0 * error
+    lost = np.isinf(width) | np.isinf(drawn)
+    return np.where(np.isinf(width) & np.isinf(drawn), 0.0, np.where(lost, np.inf, relative))
 
 
 def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:

@@ -48,7 +48,11 @@ class DepthDistribution:
     @property
     def half_width_error(self) -> FloatArray:
         """Standard error of `half_width` over scrambles [m]; 0 where nothing is drawn, NaN without a bound."""
-        return _standard_error(self.half_widths(ONE_SIGMA))
+        return self.half_width_errors(ONE_SIGMA)
+
+    def half_width_errors(self, coverage: float) -> FloatArray:
+        """Standard error over scrambles of half the central interval of a coverage [m]."""
+        return _standard_error(self.half_widths(coverage))
 
     @property
     def failed_fraction(self) -> FloatArray:

@@ -20,6 +20,7 @@ from tradestudy.uncertainty.sources import Sources
 # Central differences over so many standard deviations: far above rounding, and with a truncation error of a
 # millionth of the third-order term.
 _STEP: Final = 1e-3
+_LEAST_NOISE_PX: Final = 1e-3  # of the steps of the noise: less would be lost in rounding
 _FARTHEST_SCORE: Final = 9.0  # beyond it the probability is below 1e-18
 _BISECTIONS: Final = 28  # to 1e-7 of a standard deviation
 
@@ -86,16 +87,18 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
     names, mean, covariance = _covariance(camera, way)
     deviation = np.sqrt(np.diag(covariance))
     moving = np.flatnonzero(deviation > 0.0)
-    steps = np.zeros((moving.size, deviation.size))
-    steps[np.arange(moving.size), moving] = _STEP * deviation[moving]
-    points = mean + np.concatenate([steps, -steps])
-    used = [k for k in range(len(names)) if deviation[k] > 0.0 or mean[k] != 0.0]
-    values = {names[k]: points[:, [k]] for k in used} | fixed_errors(camera, way)
+    step = np.broadcast_to(_STEP * deviation[:, None], (deviation.size, distance.size)).copy()
+    noise = camera.noise(distance)
+    for k in (k for k, name in enumerate(names) if name == PIXEL_NOISE):  # counted in its own deviations
+        step[k] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
+    values = fixed_errors(camera, way)
+    for k in np.flatnonzero((deviation > 0.0) | (mean != 0.0)):
+        acts = (moving == k)[:, None] * (step[k] if names[k] == PIXEL_NOISE else step[k, :1])
+        values[names[k]] = mean[k] + np.concatenate([acts, -acts])
     sensitivity = np.zeros((len(names), distance.size))
     if moving.size:
-        read = read_draws(camera, values, distance, field, camera.noise(distance))
-        above, below = read[: moving.size], read[moving.size :]
-        sensitivity[moving] = (above - below) / (2.0 * _STEP * deviation[moving, None])
+        read = read_draws(camera, values, distance, field, noise)
+        sensitivity[moving] = (read[: moving.size] - read[moving.size :]) / (2.0 * step[moving])
     return LinearReading(
         parameters=names,
         covariance=covariance,

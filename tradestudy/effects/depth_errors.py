@@ -44,7 +44,7 @@ def calibration_slot(
     )
     tried = EffectCriterion(
         words="departure from exact draws, over the uncertainty",
-        definition="|u/u₀ − 1|; u the depth uncertainty by the line, u₀ by draws through the exact "
+        definition="|u/u₀ − 1|; u half the width of any reported interval by the line, u₀ by draws through the exact "
         "reading, with twice the standard error of the draws; the largest at the distances tried",
         value=linear_error,
         at=at,
