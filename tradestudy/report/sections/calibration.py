@@ -114,7 +114,8 @@ def _averaging(tree: xr.DataTree) -> Table:
             (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
         ),
         notes=(
-            "< 1: one reading is already as good as its calibration. ∞: calibration moves no depth there, or was left out within the tolerance.",
+            "< 1: one reading is already as good as its calibration. ∞: calibration moves no depth there, or was "
+            "left out within the tolerance.",
         ),
     )
 
