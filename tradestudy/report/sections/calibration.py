@@ -66,7 +66,7 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
             Column(title="Camera", weight=2),
             Column(title="Source", weight=2),
             Column(title="Declared errors", weight=4),
-            Column(title="Changed since", weight=1),
+            Column(title="Changed since", weight=2),
         ),
         rows=tuple(rows),
     )
