@@ -17,6 +17,7 @@ from tradestudy.analysis.linear_depth import (
     linear_reading,
     noise_distribution,
 )
+from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -201,9 +202,20 @@ def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "bot
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinearError:
-    """How far the linear model is from draws over distances: the half width relatively, the failed fraction as such."""
+    """How far the linear model is from draws over distances.
+
+    Parameters
+    ----------
+    half_width
+        Departure of the depth uncertainty, as a share of it.
+    interval
+        The largest such departure of the half widths of all coverages that are reported.
+    failed_fraction
+        Departure as such.
+    """
 
     half_width: FloatArray
+    interval: FloatArray
     failed_fraction: FloatArray
 
 
@@ -216,21 +228,27 @@ def linear_error(camera: DepthCamera, distance: FloatArray, way: str = "both", f
     known = distance[~np.isnan(distance)]
     if not known.size or way == "noise" or not camera.calibration.groups:  # exact in either model
         none = np.where(np.isnan(distance), np.nan, 0.0)
-        return LinearError(half_width=none, failed_fraction=none)
+        return LinearError(half_width=none, interval=none, failed_fraction=none)
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
     draws = exact_distribution(exact, places, field, way)
     line = linear_distribution(camera, places, field, way)
-    lost = np.isinf(draws.half_width) & np.isinf(line.half_width)
-    with np.errstate(invalid="ignore", divide="ignore"):  # what is lost in one only is infinitely wrong
-        relative = np.abs(line.half_width / draws.half_width - 1.0) + 2.0 * np.nan_to_num(
-            draws.half_width_error / draws.half_width
-        )
-    relative = np.where(lost, 0.0, np.where(np.isnan(relative) & ~np.isnan(draws.half_width), np.inf, relative))
+    departures = [_departure(line, draws, coverage) for coverage in camera.propagation.coverages]
     failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error
     return LinearError(
-        half_width=_larger_neighbour(distance, places, relative),
+        half_width=_larger_neighbour(distance, places, _departure(line, draws, ONE_SIGMA)),
+        interval=_larger_neighbour(distance, places, np.max(departures, axis=0)),
         failed_fraction=_larger_neighbour(distance, places, failed),
     )
+
+
+def _departure(line: DepthDistribution, draws: DepthDistribution, coverage: float) -> FloatArray:
+    """Of the half width of one coverage, as a share of it; infinite where one of them alone has no far end."""
+    width, error = draws.mean_half_width(coverage)
+    (of_line,) = line.half_widths(coverage)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative = np.abs(of_line / width - 1.0) + 2.0 * np.nan_to_num(error / width)
+    lost = np.isinf(width) & np.isinf(of_line)
+    return np.where(lost, 0.0, np.where(np.isnan(relative) & ~np.isnan(width), np.inf, relative))
 
 
 def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:

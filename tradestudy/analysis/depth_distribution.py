@@ -37,12 +37,12 @@ class DepthDistribution:
     @property
     def half_width(self) -> FloatArray:
         """The depth uncertainty: half the central 68.27 % interval [m]; +inf where it has no far end."""
-        return _mean(self.half_widths(ONE_SIGMA))
+        return self.mean_half_width(ONE_SIGMA)[0]
 
     @property
     def half_width_error(self) -> FloatArray:
         """Standard error of `half_width` from scramble to scramble [m]; 0 where nothing is drawn, NaN without a bound."""
-        return _standard_error(self.half_widths(ONE_SIGMA))
+        return self.mean_half_width(ONE_SIGMA)[1]
 
     @property
     def failed_fraction(self) -> FloatArray:
@@ -53,6 +53,11 @@ class DepthDistribution:
     def failed_fraction_error(self) -> FloatArray:
         """Standard error from scramble to scramble; 0 where nothing is drawn."""
         return _standard_error(self.failed)
+
+    def mean_half_width(self, coverage: float) -> tuple[FloatArray, FloatArray]:
+        """Half the central interval of a coverage [m], and its standard error from scramble to scramble."""
+        widths = self.half_widths(coverage)
+        return _mean(widths), _standard_error(widths)
 
     def half_widths(self, coverage: float) -> FloatArray:
         """Of each scramble, half the central interval of a coverage [m]; +inf where it has no far end."""
@@ -75,9 +80,8 @@ class DepthDistribution:
         t = float(stdtrit(len(self.failed) - 1, 0.975))
         certain = t * self.failed_fraction_error <= tolerance * self.failed_fraction
         for probability in self.probabilities[: len(self.probabilities) // 2]:
-            widths = self.half_widths(1.0 - 2.0 * probability)
-            width = _mean(widths)
-            bounded = (t * _standard_error(widths) <= tolerance * width) | np.isnan(width)
+            width, error = self.mean_half_width(1.0 - 2.0 * probability)
+            bounded = (t * error <= tolerance * width) | np.isnan(width)
             if widest is not None:
                 bounded |= width >= widest
             met &= np.where(np.isinf(width), certain, bounded)

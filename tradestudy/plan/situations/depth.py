@@ -372,7 +372,7 @@ def _linear_error(variant: _Variant) -> Worst:
         relative = depth_uncertainty(camera, places) / places
         tried = np.union1d(tried, places[[int(np.nanargmax(np.where(np.isfinite(relative), relative, 0.0)))]])
     try:
-        error = linear_error(camera, tried).half_width
+        error = linear_error(camera, tried).interval
     except OutOfRangeError:  # something has no variance: no line exists
         return _NEVER_TRIED
     return worst_at(tried, np.where(np.isnan(error), 0.0, error))
