@@ -18,18 +18,27 @@ study: audit-{kind}
 title: One camera of the audit
 question: How far does each omission move its depth uncertainty?
 cameras:
-  one: {{from: {studies}/cameras/{file}.yaml, depth: {{disparity_error: derived}}{more}}}
+  one:
+    from: {studies}/cameras/{file}.yaml
+    depth: {{disparity_error: derived}}
+    calibration:
+      stability:
+        temperature: {{standard_deviation: 5 K}}
+        calibrated_at: {{temperature: 20 degC, pressure: 1013.25 hPa}}
+        housing_expansion: 23 ppm/K
+        focal_length_expansion: 10 ppm/K
+        glass_index: 1.52
+{more}
 scene:
   distances: {{from: 0.5 m, to: 2 m, points: 21, spacing: log}}
   wavelength: 550 nm
-  temperature: {{deviation: 5 K, expansion: 23e-6 1/K}}
   picture:
     texture: {{contrast: 15 %, correlation_length: 1 mm}}
-    window: 15 px
+    matching_window: 15 px
     light: {{electrons: 4000 electrons, at_f_number: 8}}
     read_noise: 17 electrons
     full_well: 100000 electrons
-    bits: 12
+    bit_depth: 12
     field_angle: 0 deg
     spectrum: [{{wavelength: 500 nm, weight: 1}}, {{wavelength: 600 nm, weight: 1}}]
 """
@@ -37,7 +46,7 @@ scene:
 
 def base_study(kind: str, folder: Path) -> StudyDefinition:
     """The study whose values are replaced; read once for each kind."""
-    more = ", stated: null" if kind == "stereo" else ""
+    more = "    stated: null" if kind == "stereo" else ""
     file = folder / f"{kind}.yaml"
     text = _BASE.format(kind=kind, studies=STUDIES.as_posix(), file=_FILES[kind], more=more)
     file.write_text(text, encoding="utf-8")
@@ -59,7 +68,7 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
         "scene.distances.from": f"{focus * rng.uniform(0.6, 0.95)} mm",
         "scene.distances.to": f"{focus * rng.uniform(1.05, 2.5)} mm",
         "scene.wavelength": f"{wavelength} nm",
-        "scene.temperature.deviation": f"{log(0.1, 30.0)} K",
+        "cameras.one.calibration.stability.temperature.standard_deviation": f"{log(0.1, 30.0)} K",
         "scene.picture.texture.contrast": f"{log(3.0, 40.0)} %",
         "scene.picture.texture.correlation_length": f"{log(0.3, 10.0) * 5.5e-3 * focus / f} mm",
         "scene.picture.matching_window": f"{rng.integers(9, 31)} px",

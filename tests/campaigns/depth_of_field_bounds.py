@@ -50,8 +50,8 @@ scene:
   distances: {{from: 0.5 m, to: 2 m, points: 3, spacing: log}}
   wavelength: 550 nm
 depth_of_field:
-  scene: [0.5 m, 2 m]
-  sharp:
+  range: [0.5 m, 2 m]
+  criteria:
     asked: {{blur: 2 px, diffraction: airy-diameter}}
 """
 COUNTS_FROM = 1e-5  # a thousandth of an accuracy of 1 %
@@ -155,7 +155,7 @@ def _off_the_roots(definition: StudyDefinition, ends: dict[str, np.ndarray]) -> 
     assert isinstance(camera, ConventionalCamera | StereoRig)
     assert asked is not None
     assert camera.focus_distance is not None
-    criterion, focus = asked.sharp["asked"], camera.focus_distance
+    criterion, focus = asked.criteria["asked"], camera.focus_distance
     f, A = camera.lens.focal_length, camera.lens.pupil_diameter
     s = 1.0 / (1.0 / f - 1.0 / focus)
     allowed = criterion.blur * camera.sensor.pixel_pitch

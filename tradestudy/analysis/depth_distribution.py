@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,13 +22,18 @@ class DepthDistribution:
         Of the quantiles, rising and symmetric about the median.
     quantiles
         Depths [m], shape (scrambles, probabilities, distances); +inf beyond infinity, NaN where nothing is measured.
-    failed
-        Share of measurements that end at or beyond infinity or give no depth, shape (scrambles, distances).
+    failures
+        Finds `failed`, for those who ask.
     """
 
     probabilities: tuple[float, ...]
     quantiles: FloatArray
-    failed: FloatArray
+    failures: Callable[[], FloatArray]
+
+    @cached_property
+    def failed(self) -> FloatArray:
+        """Share of measurements that end at or beyond infinity or give no depth, shape (scrambles, distances)."""
+        return self.failures()
 
     @cached_property
     def quantile(self) -> FloatArray:
@@ -37,12 +43,16 @@ class DepthDistribution:
     @property
     def half_width(self) -> FloatArray:
         """The depth uncertainty: half the central 68.27 % interval [m]; +inf where it has no far end."""
-        return self.mean_half_width(ONE_SIGMA)[0]
+        return _mean(self.half_widths(ONE_SIGMA))
 
     @property
     def half_width_error(self) -> FloatArray:
-        """Standard error of `half_width` from scramble to scramble [m]; 0 where nothing is drawn, NaN without a bound."""
-        return self.mean_half_width(ONE_SIGMA)[1]
+        """Standard error of `half_width` over scrambles [m]; 0 where nothing is drawn, NaN without a bound."""
+        return self.half_width_errors(ONE_SIGMA)
+
+    def half_width_errors(self, coverage: float) -> FloatArray:
+        """Standard error over scrambles of half the central interval of a coverage [m]."""
+        return _standard_error(self.half_widths(coverage))
 
     @property
     def failed_fraction(self) -> FloatArray:
@@ -53,11 +63,6 @@ class DepthDistribution:
     def failed_fraction_error(self) -> FloatArray:
         """Standard error from scramble to scramble; 0 where nothing is drawn."""
         return _standard_error(self.failed)
-
-    def mean_half_width(self, coverage: float) -> tuple[FloatArray, FloatArray]:
-        """Half the central interval of a coverage [m], and its standard error from scramble to scramble."""
-        widths = self.half_widths(coverage)
-        return _mean(widths), _standard_error(widths)
 
     def half_widths(self, coverage: float) -> FloatArray:
         """Of each scramble, half the central interval of a coverage [m]; +inf where it has no far end."""
@@ -74,14 +79,15 @@ class DepthDistribution:
         """
         from scipy.special import stdtrit
 
-        met = np.ones(self.failed.shape[1], dtype=bool)
-        if len(self.failed) < 2:
+        met = np.ones(self.quantiles.shape[2], dtype=bool)
+        if len(self.quantiles) < 2:
             return met
-        t = float(stdtrit(len(self.failed) - 1, 0.975))
+        t = float(stdtrit(len(self.quantiles) - 1, 0.975))
         certain = t * self.failed_fraction_error <= tolerance * self.failed_fraction
         for probability in self.probabilities[: len(self.probabilities) // 2]:
-            width, error = self.mean_half_width(1.0 - 2.0 * probability)
-            bounded = (t * error <= tolerance * width) | np.isnan(width)
+            widths = self.half_widths(1.0 - 2.0 * probability)
+            width = _mean(widths)
+            bounded = (t * _standard_error(widths) <= tolerance * width) | np.isnan(width)
             if widest is not None:
                 bounded |= width >= widest
             met &= np.where(np.isinf(width), certain, bounded)

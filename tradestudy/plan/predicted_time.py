@@ -33,7 +33,9 @@ SECONDS: Final[Mapping[str, float]] = {
     "claim about depth": 0.02,
     "camera's depth of field": 0.007,
     "inference step of an ensemble": 2.2e-3,
-    "draw at a distance": 1.5e-7,
+    "distribution": 0.02,  # drawn: what moves it most is found first
+    "draw": 2.5e-6,  # of all errors of a camera
+    "draw at a distance": 2.0e-7,
     "Fresnel against Kirchhoff on axis": 0.095,
     "root of a limit": 0.06,
     "Fresnel against Kirchhoff off axis": 6.0,
@@ -46,6 +48,7 @@ SECONDS: Final[Mapping[str, float]] = {
 }
 
 _WAYS: Final = 2  # with calibration errors, of three; noise alone is not drawn
+_RANK_WAYS: Final = 2
 _RANK_DRAWS: Final = 8 * 2**11
 _RANK_DISTANCES: Final = 30
 _FIRST_DRAWS: Final = 8 * 256  # of an adaptive propagation, over all scrambles
@@ -111,7 +114,6 @@ def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
     if definition.case.cameras:
         yield from _calibrations(definition)
         yield from _depth(definition)
-        yield from _drawn(definition)
     if file.depth_of_field is not None:
         cameras = len(definition.case.all_cameras)
         yield _fixed("depth of field", counted(cameras, "camera"), {"camera's depth of field": cameras})
@@ -139,10 +141,12 @@ def _seconds(counts: Mapping[str, float]) -> float:
 
 
 def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
-    file = definition.file
-    cameras, distances = len(definition.case.cameras), definition.case.distance.size
+    """Depth on the axis and beside it, and what is decided from it; exact cameras draw until they have converged."""
+    file, case = definition.file, definition.case
+    cameras, distances = len(case.cameras), case.distance.size
+    exact = sum(camera.propagation.model == "exact" for camera in case.cameras.values())
     designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
-    yield _fixed(
+    yield _sampled(
         "depth",
         f"{counted(designs, 'design')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
         {
@@ -150,15 +154,62 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
             "camera": designs * cameras,
             "camera at a distance": designs * cameras * distances,
         },
+        *_exact(definition, designs * exact, distances),
     )
+    if places := len(file.propagation.field_places):
+        yield _sampled(
+            "depth off the axis",
+            f"{counted(places, 'place')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
+            {"camera": places * cameras, "camera at a distance": places * cameras * distances},
+            *_exact(definition, places * exact, distances),
+        )
     readings = 1 + len(file.readings)
     pairs = readings if file.decision is not None else 0
     trials = sum(_ROOT_TRIALS) / 2 * len(file.solve)
-    yield _fixed(
+    yield _sampled(
         "decision",
         f"a pair of cameras under {counted(pairs, 'reading')}, {counted(len(file.solve), 'inverse question')}",
         {"pair of cameras": pairs, "trial of an inverse question": trials, "camera": cameras if file.sweep else 0},
+        *_exact(definition, exact and (2 * pairs + trials), 1),
     )
+    if file.decision is not None:
+        compared = len(file.decision.compare or (file.decision.between,))
+        draws = compared * _RANK_WAYS * _RANK_DRAWS
+        yield _fixed(
+            "ranks",
+            counted(compared, "pair"),
+            {"draw": 2 * draws, "draw at a distance": 2 * draws * min(distances, _RANK_DISTANCES)},
+        )
+    if file.sensitivity is not None:
+        asked = len(file.sensitivity.at)
+        sources = _SOURCES * cameras * (1 + len(file.propagation.field_places))
+        yield _sampled(
+            "sensitivity",
+            f"{counted(cameras, 'camera')} at {counted(asked, 'distance')}",
+            {},
+            _draws(sources, _FIRST_DRAWS, asked),
+            _draws(sources, _TORNADO_DRAWS, asked),
+        )
+
+
+def _exact(definition: StudyDefinition, cameras: float, distances: int) -> tuple[Mapping[str, float], ...]:
+    """Fewest and most work of drawing so many exact cameras; how many draws are enough is found at a few distances."""
+    propagation, scene = definition.file.propagation, definition.case.cameras.values()
+    judged = max((len(camera.propagation.judged) for camera in scene), default=0)
+    distributions = _WAYS * cameras
+    return (
+        _draws(distributions, _FIRST_DRAWS, distances + judged),
+        _draws(distributions, 2.0 * max(propagation.max_draws, _FIRST_DRAWS), distances + judged),
+    )
+
+
+def _draws(distributions: float, draws: float, distances: int) -> Mapping[str, float]:
+    """So many draws of each distribution, read at distances."""
+    return {
+        "distribution": distributions,
+        "draw": distributions * draws,
+        "draw at a distance": distributions * draws * distances,
+    }
 
 
 def _calibrations(definition: StudyDefinition) -> Iterator[PredictedStep]:
@@ -167,44 +218,24 @@ def _calibrations(definition: StudyDefinition) -> Iterator[PredictedStep]:
     inferred = [part.calibration.target or part.calibration.corners for part in parts]
     steps = [one.max_steps for one in inferred if one is not None]
     if steps:
-        yield _range(
+        yield _sampled(
             "calibration",
             f"{counted(len(steps), 'posterior')}, {_FIRST_STEPS} to {max(steps)} steps of {_ENSEMBLES} ensembles each",
+            {},
             {"inference step of an ensemble": _ENSEMBLES * len(steps) * _FIRST_STEPS},
             {"inference step of an ensemble": _ENSEMBLES * sum(steps)},
         )
 
 
-def _drawn(definition: StudyDefinition) -> Iterator[PredictedStep]:
-    """What exact cameras draw: on the axis and beside it, for their sensitivity, and ranks of pairs."""
-    file, distances = definition.file, definition.case.distance.size
-    exact = [camera for camera in definition.case.cameras.values() if camera.propagation.model == "exact"]
-    designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
-    places = _WAYS * len(exact) * (designs + len(file.propagation.field_places))
-    if exact:
-        yield _range(
-            "draws",
-            f"{counted(places, 'distribution')} at {counted(distances, 'distance')}, "
-            f"{_FIRST_DRAWS} to {file.propagation.max_draws} draws each",
-            {"draw at a distance": places * distances * _FIRST_DRAWS},
-            {"draw at a distance": places * distances * max(file.propagation.max_draws, _FIRST_DRAWS)},
-        )
-    if file.decision is not None:
-        pairs = len(file.decision.compare or (file.decision.between,))
-        yield _fixed("ranks", counted(pairs, "pair"), {"draw at a distance": pairs * 4 * _RANK_DISTANCES * _RANK_DRAWS})
-    if file.sensitivity is not None:
-        asked = len(file.sensitivity.at)
-        sources = _SOURCES * len(definition.case.cameras) * (1 + len(file.propagation.field_places))
-        yield _range(
-            "sensitivity",
-            f"{counted(len(definition.case.cameras), 'camera')} at {counted(asked, 'distance')}",
-            {"draw at a distance": sources * asked * _FIRST_DRAWS},
-            {"draw at a distance": 3 * sources * asked * _TORNADO_DRAWS},
-        )
-
-
-def _range(name: str, work: str, least: Mapping[str, float], most: Mapping[str, float]) -> PredictedStep:
-    return PredictedStep(name=name, low=_seconds(least) / _UNITS_VARY, high=_seconds(most) * _UNITS_VARY, work=work)
+def _sampled(
+    name: str, work: str, fixed: Mapping[str, float], least: Mapping[str, float], most: Mapping[str, float]
+) -> PredictedStep:
+    """Fixed work, and a range of what stops when it has converged; no range where nothing is drawn."""
+    known = _seconds(fixed)
+    low, high = known + _seconds(least), known + _seconds(most)
+    if low == high:
+        return PredictedStep(name=name, low=known, high=known, work=work)
+    return PredictedStep(name=name, low=low / _UNITS_VARY, high=high * _UNITS_VARY, work=work)
 
 
 def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:

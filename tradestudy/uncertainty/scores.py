@@ -18,10 +18,11 @@ Result = TypeVar("Result")
 BATCH_DRAWS: Final = 2**14
 """Draws that are worked on at a time, a power of two: a few of their arrays fit into a cache."""
 
-_KEPT = 16  # scrambles; 2¹⁷ draws of ten dimensions are 10 MB each
+# Scrambles that are kept: 2¹² draws of ten dimensions are a third of a megabyte each, 2¹⁷ draws ten.
+_FEW_DRAWS: Final = 2**12
+_KEPT_OF_FEW, _KEPT_OF_MANY = 256, 16
 
 
-@lru_cache(maxsize=_KEPT)
 def scramble_scores(dimensions: int, draws: int, *, seed: int, point: str, scramble: int) -> FloatArray:
     """Independent standard normal scores at the points of one scrambled Sobol sequence.
 
@@ -44,6 +45,20 @@ def scramble_scores(dimensions: int, draws: int, *, seed: int, point: str, scram
     OutOfRangeError
         The seed or the number of the scramble is negative.
     """
+    return (_few if draws <= _FEW_DRAWS else _many)(dimensions, draws, seed, point, scramble)
+
+
+@lru_cache(maxsize=_KEPT_OF_FEW)
+def _few(dimensions: int, draws: int, seed: int, point: str, scramble: int) -> FloatArray:
+    return _scores(dimensions, draws, seed, point, scramble)
+
+
+@lru_cache(maxsize=_KEPT_OF_MANY)
+def _many(dimensions: int, draws: int, seed: int, point: str, scramble: int) -> FloatArray:
+    return _scores(dimensions, draws, seed, point, scramble)
+
+
+def _scores(dimensions: int, draws: int, seed: int, point: str, scramble: int) -> FloatArray:
     from scipy.special import ndtri  # a study is checked without it
 
     uniform = scrambled_sobol(dimensions, point_generator(seed=seed, point=point, replicate=scramble))
