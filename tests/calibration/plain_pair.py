@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from tests.data.simulate_corners import Numbers, pictures
 
 
-def depth_read(rig: Numbers, seen: Numbers) -> float:
-    """The depth at which a ray of the left camera is imaged in the right one's seen column: a root in 1/Z [m].
+def inverse_depth_read(rig: Numbers, seen: Numbers) -> float:
+    """The inverse depth at which a ray of the left camera is imaged in the right one's seen column [1/m].
 
     Parameters
     ----------
@@ -31,8 +31,7 @@ def depth_read(rig: Numbers, seen: Numbers) -> float:
         return float(x / z - wanted)
 
     low, high = -5.0, 20.0
-    inverse = brentq(off, low, high, xtol=1e-15, rtol=1e-14)
-    return np.inf if inverse <= 0.0 else 1.0 / inverse
+    return float(brentq(off, low, high, xtol=1e-15, rtol=1e-14))
 
 
 def _undistorted(camera: Numbers, place: Numbers) -> Numbers:
@@ -53,9 +52,10 @@ def depths_read(best: Numbers, rigs: Numbers, points: Numbers, noise_px: Numbers
     seen = pictures(best, points)
     noise = np.zeros((len(rigs), len(points))) if noise_px is None else noise_px
     halves = np.array([0.5, 0.0, -0.5, 0.0])
-    return np.array(
+    inverse = np.array(
         [
-            [depth_read(rig, place + e * halves) for place, e in zip(seen, row, strict=True)]
+            [inverse_depth_read(rig, place + e * halves) for place, e in zip(seen, row, strict=True)]
             for rig, row in zip(rigs, noise, strict=True)
         ]
     )
+    return np.where(inverse > 0.0, 1.0 / inverse, np.inf)

@@ -11,7 +11,7 @@ from tradestudy.calibration.corners.bundle_adjustment import (
     fit_pair,
     marginal_information,
 )
-from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners, read_corners
+from tradestudy.calibration.corners.corner_file import StereoCorners, read_corners
 from tradestudy.calibration.corners.initial_values import first_intrinsics
 from tradestudy.calibration.corners.view_blocks import (
     LEFT,
@@ -25,7 +25,6 @@ from tradestudy.calibration.corners.view_blocks import (
 from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.calibration.projection import move, project
 from tradestudy.calibration.target.synthetic_target import flat_grid, tilted_poses
-from tradestudy.errors import OutOfRangeError
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 IMAGE_SIZE = (640, 360)

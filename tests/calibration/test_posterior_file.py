@@ -18,8 +18,9 @@ from tradestudy.uncertainty.error_class import ErrorClass
 DISTANCES = np.array([0.3, 1.0, 5.0])
 
 
-def errors_of(calibration, scores):
+def errors_of(calibration):
     (group,) = calibration.groups
+    scores = np.random.default_rng(0).standard_normal((group.dimensions, 500))
     return dict(zip(group.parameters, group.draw(scores)[..., None], strict=True))
 
 
@@ -35,10 +36,9 @@ def test_a_rig_of_corners_is_loaded_bit_for_bit(tmp_path, rig):
     loaded = posterior_of_file(path, "rig", stereo())
     assert loaded.source == "posterior"
     assert loaded.vocabulary == rig.calibration.vocabulary
-    scores = np.random.default_rng(0).standard_normal((1, 500))
     for field in (0.0, 0.5):
         found, expected = (
-            calibration.reading(DISTANCES, field, errors_of(calibration, scores), None)
+            calibration.reading(DISTANCES, field, errors_of(calibration), None)
             for calibration in (loaded, rig.calibration)
         )
         assert np.array_equal(found.inverse_depth, expected.inverse_depth)
@@ -52,8 +52,7 @@ def test_a_target_is_loaded_bit_for_bit(tmp_path):
     inferred = infer(asked)
     write_posterior(tmp_path / "rig.nc", inferred.posterior)
     loaded = posterior_of_file(tmp_path / "rig.nc", "rig", stereo())
-    scores = np.random.default_rng(0).standard_normal((1, 500))
-    found, expected = (errors_of(calibration, scores) for calibration in (loaded, inferred.calibration))
+    found, expected = (errors_of(calibration) for calibration in (loaded, inferred.calibration))
     assert list(found) == list(expected)
     assert all(np.array_equal(found[name], expected[name]) for name in found)
     assert loaded.reading is None
@@ -87,7 +86,7 @@ def test_the_posterior_of_a_pair_is_none_of_a_single_camera(tmp_path, camera):
 
 
 def test_unknown_names_are_told(tmp_path):
-    with pytest.raises(CalibrationFileError, match="rig.nc names parameters that the camera does not have: shift_x"):
+    with pytest.raises(CalibrationFileError, match=r"rig\.nc names parameters that the camera does not have: shift_x"):
         posterior_of_file(saved(tmp_path / "rig.nc", names=(*SHARED_NAMES[:-1], "shift_x")), "rig", stereo())
     draws = CalibrationDraws(names=("yaw", "tilt"), draws=np.random.default_rng(0).standard_normal((200, 2)))
     write_posterior(tmp_path / "other.nc", draws)
@@ -110,10 +109,10 @@ def test_damaged_files_are_named(tmp_path):
         data.load()
     data["best"].values[3] = np.nan
     data.to_netcdf(tmp_path / "nan.nc", engine="h5netcdf")
-    with pytest.raises(CalibrationFileError, match="nan.nc holds what is no finite number: 1 cell"):
+    with pytest.raises(CalibrationFileError, match=r"nan\.nc holds what is no finite number: 1 cell"):
         posterior_of_file(tmp_path / "nan.nc", "rig", stereo())
     data.drop_vars("pixels").to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
-    with pytest.raises(CalibrationFileError, match="part.nc cannot be read"):
+    with pytest.raises(CalibrationFileError, match=r"part\.nc cannot be read"):
         posterior_of_file(tmp_path / "part.nc", "rig", stereo())
 
 

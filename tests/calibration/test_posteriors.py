@@ -81,7 +81,7 @@ def test_a_target_shrinks_what_depth_needs(camera, priors, part):
     (group,) = inferred.calibration.groups
     assert inferred.calibration.source == "target"
     at = np.array([part.distances[1]])
-    scores = np.random.default_rng(0).standard_normal((1, 4000))
+    scores = np.random.default_rng(0).standard_normal((group.dimensions, 4000))
     posterior = dict(zip(group.parameters, group.draw(scores)[..., None], strict=True))
     before = {
         prior.name: prior.draw(np.random.default_rng(k).standard_normal((1, 4000)))[0][:, None]
@@ -222,10 +222,10 @@ def test_a_contradiction_counts_from_five_percent(measured):
 
 def test_corners_beside_the_declared_sensor_are_told():
     small = webcams(sensor=Sensor(columns=320, rows=240, pixel_pitch=3e-6))
-    with pytest.raises(GeometryContradictionError, match="sensor 320 × 240 px, corners lie between .*sensor.pixels"):
+    with pytest.raises(GeometryContradictionError, match=r"sensor 320 × 240 px, corners lie between .*sensor.pixels"):
         infer(corners(small, MEASURED))
 
 
 def test_a_corner_file_that_does_not_exist_is_named(tmp_path):
-    with pytest.raises(CornerFileError, match="none.csv cannot be read: No such file"):
+    with pytest.raises(CornerFileError, match=r"none\.csv cannot be read: No such file"):
         infer(corners(webcams(), tmp_path / "none.csv"))

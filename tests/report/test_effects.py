@@ -142,7 +142,9 @@ def test_how_little_noise_makes_is_told_where_calibration_makes_more(tmp_path: P
     tree = compute(plan_of(study))
     depth = tree["depth"].to_dataset().sel(camera="one")
     table = next(block for block in describe_effects(tree, {}) if isinstance(block, Table))
-    found = re.search(r"Of the variance of depth of (.+), noise makes at most ([\d.]+).% where", plain(table.notes[0]))
+    found = re.search(
+        r"Of the variance of inverse depth of (.+), noise makes at most ([\d.]+).% where", plain(table.notes[0])
+    )
     assert (found is not None) == is_told
     if found is not None:
         ways = depth["depth_uncertainty_way"].where(depth["usable"] > 0)

@@ -3,14 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import WAYS, depth_uncertainty, distribution, evaluate_depth, scrambles_of
-from tradestudy.analysis.usable import all_met, boundaries, evaluate_limits, margin, scramble_error, usable_ends
+from tradestudy.analysis.depth import WAYS, depth_uncertainty, distribution, evaluate_depth
+from tradestudy.analysis.usable import (
+    all_met,
+    boundaries,
+    evaluate_limits,
+    margin,
+    places_around,
+    scramble_error,
+    usable_ends,
+)
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -18,6 +26,7 @@ from tradestudy.study.definition import Case
 
 _BESIDE: Final = 1e-9  # share of a distance by which what lies on either side of it is told
 _ROUNDING: Final = 1e-9
+_MOST_PLACES: Final = 100  # at which a lead is looked at; two crossings between neighbours are not seen
 
 
 TIED: Final = ", "
@@ -168,16 +177,18 @@ def _changes(case: Case, pair: tuple[str, str], way: str, places: Mapping[float,
 def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[Crossing, ...]:
     """Where the smaller uncertainty passes from one camera to the other, from a lead that is sure to one that is."""
     first, second = (case.cameras[name] for name in pair)
-    ratios = _log_ratios(first, second, case.distance, way)
+    step = max(1, case.distance.size // _MOST_PLACES)
+    distance = np.union1d(case.distance[::step], case.distance[-1:])
+    ratios = _log_ratios(first, second, distance, way)
     lead = _sure_lead(ratios)
     decided = np.flatnonzero(lead)
     turns = np.flatnonzero(lead[decided[1:]] != lead[decided[:-1]])
     found = []
     for before, after in zip(decided[turns], decided[turns + 1], strict=True):
-        grid = case.distance[before : after + 1]
+        grid = distance[before : after + 1]
         place = _turn(first, second, grid, way, begins=lead[before] > 0)
         if place is not None:
-            error = _error_of_turn(first, second, place, way, begins=lead[before] > 0)
+            error = scramble_error(_log_ratios(first, second, places_around(place), way), place)
             found.append(Crossing(distance=place, error=error, nearer=pair[0] if lead[before] < 0 else pair[1]))
     return tuple(found)
 
@@ -201,21 +212,3 @@ def _turn(first: DepthCamera, second: DepthCamera, grid: FloatArray, way: str, *
     # Between the poles of either camera the ratio is undecided; it counts as "not below one" on both sides alike.
     ends = [end.distance for end in boundaries(below_one, grid) if end.begins == begins]
     return ends[len(ends) // 2] if ends else None
-
-
-def _error_of_turn(first: DepthCamera, second: DepthCamera, place: float, way: str, *, begins: bool) -> float:
-    """Standard error [m] of a crossing, from where each scramble has it."""
-    singles = [scrambles_of(first), scrambles_of(second)]
-    count = max(map(len, singles))
-    if count == 1:
-        return 0.0
-    pairs = zip(*(one * (count // len(one)) for one in singles), strict=True)
-
-    def condition(one: DepthCamera, other: DepthCamera) -> Callable[[FloatArray], FloatArray]:
-        def below_one(points: FloatArray) -> FloatArray:
-            ratio = _log_ratios(one, other, points, way)[0]
-            return margin(ratio < 0.0, ratio)
-
-        return below_one
-
-    return scramble_error([condition(one, other) for one, other in pairs], place, begins=begins)

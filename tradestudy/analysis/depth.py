@@ -10,20 +10,21 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
-from tradestudy.analysis.depth_draws import SCRAMBLES, exact_distribution, replace_scramble, trial_distribution
+from tradestudy.analysis.depth_draws import exact_distribution, trial_distribution
 from tradestudy.analysis.linear_depth import (
-    distribution_of_line,
     linear_distribution,
     linear_reading,
     noise_distribution,
+    scaled_noise,
 )
+from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.shapley import shapley_shares
 
 WAYS: Final = ("noise", "calibration", "both")
-_PILOTS: Final = 9  # distances at which the linear model is held against draws
+_PILOTS: Final = 9  # distances at which a model is held against draws
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -42,7 +43,7 @@ class DepthEvaluation:
         measurements beyond it.
     uncertainty_error, failed_fraction_error
         Estimated errors of these, shape (way, distance): the standard error of the draws, or the measured departure of
-        the linear model from draws.
+        a cheaper model from draws.
     converged
         Whether sampling left no more than the tolerance; always, for the linear model.
     shares
@@ -76,8 +77,8 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
     given, distance = distance, _imaged(camera, distance)
     found = [distribution(camera, distance, way, field) for way in WAYS]
     uncertainty, failed = (np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction"))
-    if camera.propagation.model == "linear":
-        measured = [linear_error(camera, distance, way, field) for way in WAYS]
+    if camera.propagation.model != "exact":
+        measured = [model_error(camera, distance, way, field) for way in WAYS]
         relative = np.stack([one.half_width for one in measured])
         uncertainty_error = np.where(np.isinf(uncertainty), np.nan, relative * np.nan_to_num(uncertainty, posinf=0.0))
         failed_error = np.stack([one.failed_fraction for one in measured])
@@ -108,11 +109,12 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
 def distribution(camera: DepthCamera, distance: FloatArray, way: str, field: float = 0.0) -> DepthDistribution:
     """The distribution of depth at distances [m], by the model of propagation that acts in the camera.
 
-    Noise alone is exact in either model.
+    Noise alone is exact in every model.
     """
-    if way == "noise" or (way == "both" and not camera.calibration.groups):
+    model, groups = camera.propagation.model, camera.calibration.groups
+    if way == "noise" or (way == "both" and (model == "off" or not groups)):
         return noise_distribution(camera, distance, field)
-    if camera.propagation.model == "linear" or not camera.calibration.groups:
+    if model != "exact" or not groups:
         return linear_distribution(camera, distance, field, way)
     return _known_draws(camera, distance.tobytes(), field, way)
 
@@ -163,7 +165,7 @@ class DepthErrors:
     def largest_change(self, change: float) -> FloatArray:
         """Relative change of the uncertainty at most, if the noise changed by up to such a share, either way.
 
-        By the line in inverse depth. More noise changes it by more than less does, for depth falls ever more steeply
+        With calibration linear. More noise changes it by more than less does, for depth falls ever more steeply
         towards its far end. Infinite where that is lost for some of these errors only; NaN where for all, and where no
         image is formed.
         """
@@ -173,25 +175,17 @@ class DepthErrors:
         return np.where(lost & np.isfinite(narrow), np.inf, wide / bounded - 1.0)
 
     @cached_property
-    def _deviations(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Inverse depth, and its standard deviation from noise and from calibration [1/m]."""
+    def _beside_noise(self) -> tuple[float, FloatArray]:
+        """Whether noise acts, and what calibration does in deviations of the noise, shape (distance,)."""
         noise, calibration = (
             linear_reading(self.camera, self.distance, 0.0, way).standard_deviation for way in ("noise", "calibration")
         )
-        none = np.zeros_like(noise)
-        line = linear_reading(self.camera, self.distance, 0.0, "noise")
-        return (
-            line.inverse_depth,
-            none if self.way == "calibration" else noise,
-            none if self.way == "noise" else calibration,
-        )
+        acts = self.way != "noise" and self.camera.propagation.model != "off"
+        return float(self.way != "calibration"), calibration / noise if acts else np.zeros_like(noise)
 
     def _scaled(self, factor: float) -> FloatArray:
-        inverse, noise, calibration = self._deviations
-        line = distribution_of_line(
-            inverse, np.hypot(factor * noise, calibration), self.camera.propagation.probabilities
-        )
-        return line.half_width
+        acts, beside = self._beside_noise
+        return scaled_noise(self.camera, self.distance, 0.0, np.hypot(factor * acts, beside)).half_width
 
 
 def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "both") -> FloatArray:
@@ -200,36 +194,53 @@ def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "bot
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LinearError:
-    """How far the linear model is from draws over distances: the half width relatively, the failed fraction as such."""
+class ModelError:
+    """How far a model is from draws, over distances.
+
+    Parameters
+    ----------
+    half_width
+        Of the depth uncertainty, relatively.
+    intervals
+        Of the half width of any reported interval, relatively: the largest.
+    failed_fraction
+        Of the failed fraction, as such.
+    """
 
     half_width: FloatArray
+    intervals: FloatArray
     failed_fraction: FloatArray
 
 
-def linear_error(camera: DepthCamera, distance: FloatArray, way: str = "both", field: float = 0.0) -> LinearError:
-    """Measure the error of the linear model against exact draws at some of these distances.
+def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", field: float = 0.0) -> ModelError:
+    """Measure the error of the model of propagation that acts in a camera against draws at some of these distances.
 
     Between two of them the larger error of both is taken; the standard error of the draws counts twice.
     """
     known = distance[~np.isnan(distance)]
-    if not known.size or way == "noise" or not camera.calibration.groups:  # exact in either model
+    if not known.size or way == "noise" or not camera.calibration.groups:  # exact in every model
         none = np.where(np.isnan(distance), np.nan, 0.0)
-        return LinearError(half_width=none, failed_fraction=none)
+        return ModelError(half_width=none, intervals=none, failed_fraction=none)
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
     draws = trial_distribution(camera, places, field, way)
-    line = linear_distribution(camera, places, field, way)
-    lost = np.isinf(draws.half_width) & np.isinf(line.half_width)
-    with np.errstate(invalid="ignore", divide="ignore"):  # what is lost in one only is infinitely wrong
-        relative = np.abs(line.half_width / draws.half_width - 1.0) + 2.0 * np.nan_to_num(
-            draws.half_width_error / draws.half_width
-        )
-    relative = np.where(lost, 0.0, np.where(np.isnan(relative) & ~np.isnan(draws.half_width), np.inf, relative))
+    line = distribution(camera, places, way, field)
+    intervals = [_apart(line, draws, coverage) for coverage in camera.propagation.coverages]
     failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error
-    return LinearError(
-        half_width=_larger_neighbour(distance, places, relative),
+    return ModelError(
+        half_width=_larger_neighbour(distance, places, _apart(line, draws, ONE_SIGMA)),
+        intervals=_larger_neighbour(distance, places, np.fmax.reduce(intervals)),
         failed_fraction=_larger_neighbour(distance, places, failed),
     )
+
+
+def _apart(model: DepthDistribution, draws: DepthDistribution, coverage: float) -> FloatArray:
+    """Relative error of the half width of an interval, at most; infinite where only one of the two has a far end."""
+    width, drawn = (np.mean(one.half_widths(coverage), axis=0) for one in (model, draws))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = np.nan_to_num(draws.half_width_errors(coverage) / drawn)
+        relative = np.abs(width / drawn - 1.0) + 2.0 * error
+    lost = np.isinf(width) | np.isinf(drawn)
+    return np.where(np.isinf(width) & np.isinf(drawn), 0.0, np.where(lost, np.inf, relative))
 
 
 def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:
@@ -252,13 +263,6 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.
         return {name: np.full(distance.shape, np.nan) for name in names}
     rows = [[k for k, own in enumerate(line.parameters) if parts.get(own, "noise") == name] for name in names]
     return dict(zip(names, shapley_shares(line.sensitivity, line.covariance, rows), strict=True))
-
-
-def scrambles_of(camera: DepthCamera) -> tuple[DepthCamera, ...]:
-    """The camera by each scramble of its draws alone, whose scatter is the error of what follows; itself, if linear."""
-    if camera.propagation.model == "linear":
-        return (camera,)
-    return tuple(replace_scramble(camera, scramble) for scramble in range(SCRAMBLES))
 
 
 def _imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:

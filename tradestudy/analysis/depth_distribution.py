@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,13 +22,18 @@ class DepthDistribution:
         Of the quantiles, rising and symmetric about the median.
     quantiles
         Depths [m], shape (scrambles, probabilities, distances); +inf beyond infinity, NaN where nothing is measured.
-    failed
-        Share of measurements that end at or beyond infinity or give no depth, shape (scrambles, distances).
+    failures
+        Finds `failed`, for those who ask.
     """
 
     probabilities: tuple[float, ...]
     quantiles: FloatArray
-    failed: FloatArray
+    failures: Callable[[], FloatArray]
+
+    @cached_property
+    def failed(self) -> FloatArray:
+        """Share of measurements that end at or beyond infinity or give no depth, shape (scrambles, distances)."""
+        return self.failures()
 
     @cached_property
     def quantile(self) -> FloatArray:
@@ -41,8 +47,12 @@ class DepthDistribution:
 
     @property
     def half_width_error(self) -> FloatArray:
-        """Standard error of `half_width` from scramble to scramble [m]; 0 where nothing is drawn, NaN without a bound."""
-        return _standard_error(self.half_widths(ONE_SIGMA))
+        """Standard error of `half_width` over scrambles [m]; 0 where nothing is drawn, NaN without a bound."""
+        return self.half_width_errors(ONE_SIGMA)
+
+    def half_width_errors(self, coverage: float) -> FloatArray:
+        """Standard error over scrambles of half the central interval of a coverage [m]."""
+        return _standard_error(self.half_widths(coverage))
 
     @property
     def failed_fraction(self) -> FloatArray:
@@ -69,10 +79,10 @@ class DepthDistribution:
         """
         from scipy.special import stdtrit
 
-        met = np.ones(self.failed.shape[1], dtype=bool)
-        if len(self.failed) < 2:
+        met = np.ones(self.quantiles.shape[2], dtype=bool)
+        if len(self.quantiles) < 2:
             return met
-        t = float(stdtrit(len(self.failed) - 1, 0.975))
+        t = float(stdtrit(len(self.quantiles) - 1, 0.975))
         certain = t * self.failed_fraction_error <= tolerance * self.failed_fraction
         for probability in self.probabilities[: len(self.probabilities) // 2]:
             widths = self.half_widths(1.0 - 2.0 * probability)

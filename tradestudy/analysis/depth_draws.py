@@ -81,14 +81,14 @@ def uncertain_sources(camera: DepthCamera, way: str) -> Sources:
 
 
 def _responses(camera: DepthCamera, group: JointDraws) -> FloatArray:
-    """Change of inverse depth with each parameter of joint draws, at the nearest and the farthest distance that count."""
+    """Change of inverse depth with each parameter of joint draws, at the nearest and the farthest distance judged."""
     judged = np.array(camera.propagation.judged) if camera.propagation.judged else _places(camera)
     places, deviation = judged[[0, -1]], np.std(group.draws, axis=0)
     steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
     values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
     read = read_draws(camera, values, places, 0.0, camera.noise(places))
     change = np.nan_to_num(read[: deviation.size] - read[deviation.size :]).T
-    return np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0)
+    return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
 
 
 def _places(camera: DepthCamera) -> FloatArray:
@@ -118,10 +118,10 @@ def _drawn(camera: DepthCamera, way: str, draws: int) -> tuple[FloatArray, dict[
 
     What moves depth most is in the first coordinates.
     """
-    sources, own = uncertain_sources(camera, way), camera.propagation.scramble
+    sources = uncertain_sources(camera, way)
     scores = [
         scramble_scores(sources.dimensions, draws, seed=camera.propagation.seed, point="depth", scramble=scramble)
-        for scramble in (range(SCRAMBLES) if own is None else (own,))
+        for scramble in range(SCRAMBLES)
     ]
     aligned = np.asarray(_alignment(camera, way).apply(np.concatenate(scores, axis=1)))
     return aligned, sources.draw(aligned)
@@ -153,7 +153,8 @@ def _read_all(
 def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
     """The inverse depth [1/m] that the camera reads with every error at its mean; NaN where it reads none."""
     values = fixed_errors(camera, "noise")
-    return np.broadcast_to(read_draws(camera, values, distance, field, camera.noise(distance)), (1, distance.size))[0]
+    read = read_draws(camera, values, distance, field, camera.noise(distance))
+    return np.asarray(np.broadcast_to(read, (1, distance.size))[0])
 
 
 def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
@@ -163,35 +164,27 @@ def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, 
 
 def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
     """The distribution of depth by draws through the exact reading, as many as the tolerance takes."""
-    return _of_draws(camera, distance, field, way, settled_draws(replace_scramble(camera, None), field, way))
-
-
-def replace_scramble(camera: DepthCamera, scramble: int | None) -> DepthCamera:
-    """The same camera with the draws of one scramble; None: of all."""
-    if camera.propagation.scramble == scramble:
-        return camera
-    return replace(camera, propagation=replace(camera.propagation, scramble=scramble))
+    return _of_draws(camera, distance, field, way, settled_draws(camera, field, way))
 
 
 def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
     probabilities = camera.propagation.probabilities
     scores, values = _drawn(camera, way, draws)
     inverse = _read_all(camera, distance, field, way, values)
-    scrambles = scores.shape[1] // draws
     quantiles = np.stack(
         [_inverse_quantiles(*one, probabilities) for one in zip(
-            np.split(inverse, scrambles, axis=1), _lines(inverse, scores, scrambles), strict=True)]
+            np.split(inverse, SCRAMBLES, axis=1), _lines(inverse, scores), strict=True)]
     )  # fmt: skip
-    failed = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, scrambles, draws), axis=2).T
+    failed = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
     seen = np.isfinite(nominal_inverse(camera, distance, field))
     return DepthDistribution(
         probabilities=probabilities,
         quantiles=np.where(seen, depth_from_inverse(quantiles), np.nan),
-        failed=np.where(seen, failed, np.nan),
+        failures=lambda: np.where(seen, failed, np.nan),
     )
 
 
-def _lines(inverse: FloatArray, scores: FloatArray, scrambles: int) -> list[tuple[FloatArray, FloatArray]]:
+def _lines(inverse: FloatArray, scores: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
     """A normal variable that follows inverse depth: of each scramble its draws (distances, draws), and its deviation.
 
     It is the line in the scores by least squares; 0 where a draw has no rank.
@@ -200,7 +193,7 @@ def _lines(inverse: FloatArray, scores: FloatArray, scrambles: int) -> list[tupl
     centred = scores - scores.mean(axis=1, keepdims=True)
     slopes = np.linalg.solve(centred @ centred.T, centred @ ranked.T).T
     deviation = np.linalg.norm(slopes, axis=1)
-    return [(line, deviation) for line in np.split(slopes @ scores, scrambles, axis=1)]
+    return [(line, deviation) for line in np.split(slopes @ scores, SCRAMBLES, axis=1)]
 
 
 def _inverse_quantiles(
@@ -216,13 +209,12 @@ def _inverse_quantiles(
     upper = 1.0 - np.array(probabilities)
     draws, deviation = line
     missed = quantiles_of(draws, upper) - ndtri(upper)[:, None] * deviation
-    unranked = np.isnan(inverse)
-    if not unranked.any():
-        return quantiles_of(inverse, upper) - missed
+    missing = np.isnan(inverse).sum(axis=1)
     found = np.full((upper.size, len(inverse)), np.nan)
-    for row, (values, missing) in enumerate(zip(inverse, unranked, strict=True)):
-        if not missing.all():
-            found[:, row] = quantiles_of(values[None, ~missing], upper)[:, 0]
+    whole = missing == 0
+    found[:, whole] = quantiles_of(inverse[whole], upper)
+    for row in np.flatnonzero(~whole & (missing < inverse.shape[1])):
+        found[:, row] = quantiles_of(inverse[[row]][:, ~np.isnan(inverse[row])], upper)[:, 0]
     return found - missed
 
 

@@ -20,8 +20,9 @@ from tradestudy.uncertainty.sources import Sources
 # Central differences over so many standard deviations: far above rounding, and with a truncation error of a
 # millionth of the third-order term.
 _STEP: Final = 1e-3
+_LEAST_NOISE_PX: Final = 1e-3  # of the steps of the noise: less would be lost in rounding
 _FARTHEST_SCORE: Final = 9.0  # beyond it the probability is below 1e-18
-_BISECTIONS: Final = 50
+_BISECTIONS: Final = 28  # to 1e-7 of a standard deviation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,16 +87,18 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
     names, mean, covariance = _covariance(camera, way)
     deviation = np.sqrt(np.diag(covariance))
     moving = np.flatnonzero(deviation > 0.0)
-    steps = np.zeros((moving.size, deviation.size))
-    steps[np.arange(moving.size), moving] = _STEP * deviation[moving]
-    points = mean + np.concatenate([steps, -steps])
-    used = [k for k in range(len(names)) if deviation[k] > 0.0 or mean[k] != 0.0]
-    values = {names[k]: points[:, [k]] for k in used} | fixed_errors(camera, way)
+    step = np.broadcast_to(_STEP * deviation[:, None], (deviation.size, distance.size)).copy()
+    noise = camera.noise(distance)
+    for k in (k for k, name in enumerate(names) if name == PIXEL_NOISE):  # counted in its own deviations
+        step[k] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
+    values = fixed_errors(camera, way)
+    for k in np.flatnonzero((deviation > 0.0) | (mean != 0.0)):
+        acts = (moving == k)[:, None] * (step[k] if names[k] == PIXEL_NOISE else step[k, :1])
+        values[names[k]] = mean[k] + np.concatenate([acts, -acts])
     sensitivity = np.zeros((len(names), distance.size))
     if moving.size:
-        read = read_draws(camera, values, distance, field, camera.noise(distance))
-        above, below = read[: moving.size], read[moving.size :]
-        sensitivity[moving] = (above - below) / (2.0 * _STEP * deviation[moving, None])
+        read = read_draws(camera, values, distance, field, noise)
+        sensitivity[moving] = (read[: moving.size] - read[moving.size :]) / (2.0 * step[moving])
     return LinearReading(
         parameters=names,
         covariance=covariance,
@@ -105,42 +108,38 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
 
 
 def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
-    """The distribution of depth where inverse depth is normal about its line; the ends of intervals mapped back."""
-    line = linear_reading(camera, distance, field, way)
-    return distribution_of_line(line.inverse_depth, line.standard_deviation, camera.propagation.probabilities)
+    """The distribution of depth where every error acts as so many deviations of the noise.
 
-
-def distribution_of_line(
-    inverse_depth: FloatArray, deviation: FloatArray, probabilities: tuple[float, ...]
-) -> DepthDistribution:
-    """Of a normal inverse depth [1/m] of given mean and deviation: ``Z_p = 1/(w + Φ⁻¹(1 − p) u)``."""
-    from scipy.special import ndtr, ndtri
-
-    scores = ndtri(1.0 - np.array(probabilities))[:, None]
-    known = np.where(deviation > 0.0, deviation, 1.0)
-    sure = np.where(inverse_depth > 0.0, 0.0, np.where(np.isnan(inverse_depth), np.nan, 1.0))
-    failed = np.where(deviation > 0.0, ndtr(-inverse_depth / known), sure)
-    return DepthDistribution(
-        probabilities=probabilities,
-        quantiles=depth_from_inverse(inverse_depth + scores * deviation)[None],
-        failed=np.where(np.isnan(deviation), np.nan, failed)[None],
+    Inverse depth is a line in all errors; its deviation over that by noise alone is the scale at which the ends of
+    intervals are read, so that noise acts exactly.
+    """
+    noise = linear_reading(camera, distance, field, "noise").standard_deviation
+    return scaled_noise(
+        camera, distance, field, linear_reading(camera, distance, field, way).standard_deviation / noise
     )
 
 
 def noise_distribution(camera: DepthCamera, distance: FloatArray, field: float) -> DepthDistribution:
-    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map.
+    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map."""
+    return scaled_noise(camera, distance, field, np.ones(distance.shape))
 
-    Infinity is reached at the score of the noise where the reading does, found by bisection to the last digits.
-    """
+
+def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
+    """The distribution of depth under noise that is larger by a scale (distances,)."""
     from scipy.special import ndtr, ndtri
 
     probabilities = camera.propagation.probabilities
-    depths = depth_from_inverse(_under_noise(camera, distance, field, -ndtri(np.array(probabilities))[:, None]))
+    scores = -ndtri(np.array(probabilities))[:, None] * scale
+    depths = depth_from_inverse(_under_noise(camera, distance, field, scores))
     seen = ~np.isnan(depths).any(axis=0)
+
+    def failures() -> FloatArray:
+        score = _score_of_infinity(camera, distance, field, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
+        failed = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
+        return np.where(seen, failed, np.nan)[None]
+
     return DepthDistribution(
-        probabilities=probabilities,
-        quantiles=np.where(seen, depths, np.nan)[None],
-        failed=np.where(seen, ndtr(_score_of_infinity(camera, distance, field)), np.nan)[None],
+        probabilities=probabilities, quantiles=np.where(seen, depths, np.nan)[None], failures=failures
     )
 
 
@@ -150,13 +149,12 @@ def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores
     return read_draws(camera, errors, distance, field, camera.noise(distance))
 
 
-def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
-    """The score of the noise at which infinity is read, by bisection; ∓9 where it lies beyond."""
-    ends = np.array([[-_FARTHEST_SCORE], [_FARTHEST_SCORE]])
-    beyond = _under_noise(camera, distance, field, ends) <= 0.0
-    found = np.where(beyond[1], _FARTHEST_SCORE, -_FARTHEST_SCORE)
+def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
+    """The score of the noise at which infinity is read, by bisection; ∓reach (distances,) where it lies beyond."""
+    beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
+    found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])
-    low, high = np.full(open_.size, -_FARTHEST_SCORE), np.full(open_.size, _FARTHEST_SCORE)
+    low, high = -reach[open_], reach[open_]
     for _ in range(_BISECTIONS if open_.size else 0):
         middle = 0.5 * (low + high)
         lost = _under_noise(camera, distance[open_], field, middle[None])[0] <= 0.0

@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import DepthErrors, scrambles_of
+from tradestudy.analysis.depth import DepthErrors, distribution
+from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -27,8 +28,8 @@ LIMIT_NAMES: Final = (
 )
 _OF_DEPTH: Final = frozenset(("failed_fraction", "relative_uncertainty"))
 _OF_ERRORS: Final = _OF_DEPTH | {"saturation", "matching"}  # the others are of the geometry, and known together
-_END_OF_SCRAMBLES: Final = 1e-6  # share of a distance to which its scatter is known
 _REACH: Final = 1.2  # factor of a distance within which its scrambles are sought
+_AROUND: Final = 33  # places
 END_OF_STUDY: Final = "range of the study"
 
 # Each round divides the bracket of every boundary by this number at least, until the last digits are reached.
@@ -253,27 +254,57 @@ def usable_intervals(
 
 def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, name: str) -> float:
     """Standard error [m] of an end that a limit of drawn depths sets; 0 for others."""
-    names = tuple(one for one in name.split(", ") if one in _OF_DEPTH)
+    names = [one for one in name.split(", ") if one in _OF_DEPTH]
     if camera.propagation.model != "exact" or not names:
         return 0.0
-    return scramble_error(
-        [partial(_kept_by, one, criteria, names=names) for one in scrambles_of(camera)], end.distance, begins=end.begins
-    )
+    grid = places_around(end.distance)
+    found = distribution(camera, np.where(camera.images(grid), grid, np.nan), "both")
+    kept = []
+    if "failed_fraction" in names:
+        kept.append((criteria.failed_fraction or 0.0) - found.failed)
+    if "relative_uncertainty" in names:
+        kept.append((criteria.relative_uncertainty or 0.0) - found.half_widths(ONE_SIGMA) / grid)
+    return scramble_error(np.min(kept, axis=0), end.distance)
 
 
-def scramble_error(conditions: Sequence[Callable[[FloatArray], FloatArray]], distance: float, *, begins: bool) -> float:
-    """Standard error [m] of a distance where a condition changes, from where it does in each scramble.
+def places_around(distance: float) -> FloatArray:
+    """Distances [m] around one among which its scrambles are sought."""
+    return np.asarray(distance * np.geomspace(1.0 / _REACH, _REACH, _AROUND))
 
-    Sought within a fifth of the distance; infinite where a scramble has no such change there.
+
+def scramble_error(values: FloatArray, distance: float) -> float:
+    """Standard error [m] of a distance where a value changes its sign, from where it does in each scramble.
+
+    Parameters
+    ----------
+    values
+        Of each scramble at `places_around` that distance, shape (scrambles, places).
+    distance
+        [m].
+
+    Returns
+    -------
+    float
+        0 for one scramble; infinite where a scramble has no change of sign there.
     """
-    grid = distance * np.geomspace(1.0 / _REACH, _REACH, 5)
-    found = []
-    for condition in conditions:
-        ends = [one.distance for one in boundaries(condition, grid, to=_END_OF_SCRAMBLES) if one.begins == begins]
-        if not ends:
+    if len(values) < 2:
+        return 0.0
+    logs, found = np.log(places_around(distance)), []
+    for row in values:
+        with np.errstate(invalid="ignore"):  # an infinite value has a sign
+            turns = np.flatnonzero(np.sign(row[1:]) * np.sign(row[:-1]) <= 0.0)
+            shares = _share_of_zero(row[turns], row[turns + 1])
+        if not turns.size:
             return float("inf")
-        found.append(min(ends, key=lambda end: abs(end - distance)))
-    return float(np.std(found, ddof=1) / np.sqrt(len(found))) if len(found) > 1 else 0.0
+        roots = logs[turns] + shares * (logs[turns + 1] - logs[turns])
+        found.append(float(roots[np.argmin(np.abs(roots - np.log(distance)))]))
+    return float(distance * np.std(found, ddof=1) / np.sqrt(len(found)))
+
+
+def _share_of_zero(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Where between two values of opposite sign a line through both vanishes; the middle where one is infinite."""
+    share = low / (low - high)
+    return np.where(np.isfinite(share), share, 0.5)
 
 
 def _binding(camera: DepthCamera, criteria: UsableCriteria, ends: Sequence[Boundary]) -> list[str]:

@@ -257,7 +257,7 @@ def target_problem(asked: TargetToInfer) -> tuple[TargetProblem, np.random.Gener
         rotation_deviation=part.rotation_known_to or np.inf,
         translation_deviation=part.position_known_to or np.inf,
     )
-    model = _observer(camera, priors.names)
+    model = observer(camera, priors.names)
     truth = priors.draw(rng, 1)[0]
     observed, target = _on_sensor(camera, observe_target(target, model, truth, rng), target)
     return TargetProblem(observed=observed, target=target, model=model, priors=priors), rng
@@ -314,7 +314,7 @@ def _on_sensor(
     return np.where(seen, observed, np.nan)[taken], replace(target, poses=target.poses[taken])
 
 
-def _observer(camera: DepthCamera, names: tuple[str, ...]) -> CameraModel:
+def observer(camera: DepthCamera, names: tuple[str, ...]) -> CameraModel:
     """What a camera with given errors sees of points, as inference takes it: components [px] last."""
     pixel = camera.sensor.pixel_pitch
 

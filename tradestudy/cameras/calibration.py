@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # whoever draws errors has loaded it
 
 Reading = Callable[[FloatArray, float, Errors, Environment | None], InverseDepthReading]
 """Inverse depths that a camera reads at true distances [m], at a place in the field, under given errors."""
-PropagationModel = Literal["linear", "exact"]
+PropagationModel = Literal["off", "linear", "exact"]
 SourceName = Literal["errors", "target", "corners", "posterior"]
 ONE_SIGMA: Final = 0.6826894921370859
 """Content of the central interval whose half width is the depth uncertainty."""
@@ -73,8 +73,10 @@ class Propagation:
     Parameters
     ----------
     model
-        ``linear``: the covariance of all parameters through the Jacobian of the exact reading to inverse depth, the
-        ends of intervals mapped back. ``exact``: scrambled Sobol draws through the exact reading.
+        ``off``: noise alone stands for the whole. ``linear``: the covariance of all parameters through the Jacobian of
+        the exact reading to inverse depth, counted in deviations of the noise, at which the ends of intervals are read.
+        ``exact``: scrambled Sobol draws through the exact reading. Calibration alone is linear where it is left out of
+        the whole.
     seed
         Of the draws.
     tolerance
@@ -85,8 +87,6 @@ class Propagation:
         Contents of the central intervals that are reported; the first is that of the depth uncertainty.
     judged
         Distances [m] at which the number of draws is settled.
-    scramble
-        The one scramble of which the draws are taken; None: all of them.
     """
 
     model: PropagationModel = "linear"
@@ -95,7 +95,6 @@ class Propagation:
     max_draws: int = 2**16
     coverages: tuple[float, ...] = (ONE_SIGMA, 0.95)
     judged: tuple[float, ...] = ()
-    scramble: int | None = None
 
     @property
     def probabilities(self) -> tuple[float, ...]:

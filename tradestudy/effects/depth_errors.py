@@ -12,8 +12,7 @@ EXACT: Final = "exact"
 
 
 def calibration_slot(
-    *, share_of_uncertainty: float, linear_error: float, at: float, linear_seconds: float, exact_seconds: float,
-    are_declared: bool,
+    *, share_of_uncertainty: float, linear_error: float, at: float, exact_seconds: float, are_declared: bool
 ) -> Slot:  # fmt: skip
     """Models of calibration errors for the depth uncertainty of one camera.
 
@@ -26,8 +25,8 @@ def calibration_slot(
         infinite where it cannot be tried.
     at
         Where that is [m]; NaN where it was not tried.
-    linear_seconds, exact_seconds
-        Predicted cost of either [s].
+    exact_seconds
+        Predicted cost of draws [s]; a line costs a few readings, which is nothing beside it.
     are_declared
         Whether the study declares any.
     """
@@ -45,7 +44,7 @@ def calibration_slot(
     )
     tried = EffectCriterion(
         words="departure from exact draws, over the uncertainty",
-        definition="|u/u₀ − 1|; u the depth uncertainty by the line in inverse depth, u₀ by draws through the exact "
+        definition="|u/u₀ − 1|; u half the width of any reported interval by the line, u₀ by draws through the exact "
         "reading, with twice the standard error of the draws; the largest at the distances tried",
         value=linear_error,
         at=at,
@@ -64,7 +63,7 @@ def calibration_slot(
     )
     models = (
         Model(name=OFF, bounds={"depth_uncertainty": off}),
-        Model(name=LINEAR, bounds={"depth_uncertainty": linear}, seconds=linear_seconds),
+        Model(name=LINEAR, bounds={"depth_uncertainty": linear}),
         Model(name=EXACT, bounds={"depth_uncertainty": exact}, seconds=exact_seconds),
     )
     return Slot(name="calibration", models=models)

@@ -64,6 +64,15 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_tail_size": Variable(
         dims=("posterior", "parameter"), units="1", long_name="effective size of the tails of the draws"
     ),
+    "posterior_best": Variable(
+        dims=("posterior", "parameter"),
+        units="mixed",
+        long_name="parameters about which a rig calibrated from corners reads; NaN for others",
+        error="posterior_deviation",
+    ),
+    "posterior_pixels": Variable(
+        dims=("posterior", "side"), units="px", long_name="columns and rows of the pictures of corners; 0 for others"
+    ),
     "posterior_draw": Variable(
         dims=("posterior", "draw", "parameter"), units="mixed", long_name="joint draws, spread over all chains"
     ),

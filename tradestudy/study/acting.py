@@ -40,8 +40,7 @@ def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
     if isinstance(law, PictureDisparityError):
         camera = replace(camera, disparity_error_px=replace(law, models=with_models(law.models, chosen)))
     match chosen.get("calibration"):
-        case "off":
-            return camera.without_calibration_errors()
-        case "linear" | "exact" as model:
+        case "off" | "linear" | "exact" as model:
             return replace(camera, propagation=replace(camera.propagation, model=model))
-    return camera
+        case _:
+            return camera

@@ -11,13 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, linear_error
+from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, model_error
 from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, declared_disparity_error
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot, SlotName
-from tradestudy.effects.depth_errors import EXACT, calibration_slot
+from tradestudy.effects.depth_errors import EXACT, LINEAR, calibration_slot
 from tradestudy.effects.picture_slots import (
     EXTENT_OF_POINTS,
     MARGIN,
@@ -350,7 +350,6 @@ def _calibration(variants: Sequence[_Variant], distances: int) -> Slot:
         share_of_uncertainty=max(map(_share_of_calibration, variants)) if known else math.inf,
         linear_error=tried.value,
         at=tried.at,
-        linear_seconds=distances * _SECONDS_PER_DISTANCE,
         exact_seconds=distances * _SECONDS_PER_DRAWN_DISTANCE,
         are_declared=not known or any(calibration.groups for calibration in calibrations),
     )
@@ -362,7 +361,7 @@ def _linear_error(variant: _Variant) -> Worst:
     At the ends and in the middle of what is usable, where the uncertainty is the largest share of the distance, and
     wherever the study asks.
     """
-    camera, places = variant.as_forced, variant.distance[variant.usable]
+    camera, places = acting(variant.camera, {"calibration": LINEAR}), variant.distance[variant.usable]
     asked = np.array(variant.asked[:_MOST_ASKED])
     asked = asked[camera.images(asked)]
     if not camera.calibration.groups or not (places.size or asked.size):
@@ -372,7 +371,7 @@ def _linear_error(variant: _Variant) -> Worst:
         relative = depth_uncertainty(camera, places) / places
         tried = np.union1d(tried, places[[int(np.nanargmax(np.where(np.isfinite(relative), relative, 0.0)))]])
     try:
-        error = linear_error(camera, tried).half_width
+        error = model_error(camera, tried).intervals
     except OutOfRangeError:  # something has no variance: no line exists
         return _NEVER_TRIED
     return worst_at(tried, np.where(np.isnan(error), 0.0, error))

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from tradestudy.calibration.calibration_file import CalibrationDraws
+from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
@@ -67,6 +69,8 @@ def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[s
         "posterior_r_hat": over_parameters(lambda one: one.sample.diagnostics.r_hat),
         "posterior_bulk_size": over_parameters(lambda one: one.sample.diagnostics.bulk_effective_size),
         "posterior_tail_size": over_parameters(lambda one: one.sample.diagnostics.tail_effective_size),
+        "posterior_best": over_parameters(_best),
+        "posterior_pixels": of_each(lambda one: one.posterior.pixels or (0, 0)),
         "posterior_draw": over_parameters(lambda one: _draws(one, most)),
         "posterior_trace": over_parameters(lambda one: _trace(one, ensembles)),
         "rig_overconfidence": np.stack(
@@ -76,10 +80,18 @@ def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[s
 
 
 def _draws(one: InferredCalibration, most: int) -> FloatArray:
-    """The draws that are propagated, in the parameters of the sample; NaN where it has fewer, or a parameter is none."""
+    """The draws that are propagated, in the parameters of the sample; NaN where there are none."""
     found = np.full((most, len(one.sample.names)), np.nan)
     columns = [one.sample.names.index(name) for name in one.posterior.names]
     found[: len(one.posterior.draws), columns] = one.posterior.draws
+    return found
+
+
+def _best(one: InferredCalibration) -> FloatArray:
+    """What a rig calibrated from corners reads about, in the parameters of the sample; NaN for others."""
+    found = np.full(len(one.sample.names), np.nan)
+    if one.posterior.best is not None:
+        found[[one.sample.names.index(name) for name in one.posterior.names]] = one.posterior.best
     return found
 
 
@@ -96,4 +108,25 @@ def _spread(one: InferredCalibration, names: list[str], values: FloatArray) -> F
     """Values over a calibration's own parameters (last axis) laid into those of all calibrations."""
     found = np.full((*values.shape[:-1], len(names)), np.nan)
     found[..., [names.index(name) for name in one.sample.names]] = values
+    return found
+
+
+def saved_posteriors(tree: xr.DataTree) -> dict[str, CalibrationDraws]:
+    """The posteriors of a run as they are written beside its results, by camera."""
+    if "calibration" not in tree.children:
+        return {}
+    group, found = tree["calibration"].to_dataset(), {}
+    for name in group["posterior"].values:
+        one = group.sel(posterior=name)
+        of_rig = bool(np.isfinite(one["posterior_best"].values).any())
+        drawn = one["parameter"].values[np.isfinite(one["posterior_draw"].values).any(axis=0)]
+        own = one.sel(parameter=list(SHARED_NAMES) if of_rig else drawn)
+        draws = own["posterior_draw"].values
+        columns, rows = (int(count) for count in own["posterior_pixels"].values)
+        found[str(name)] = CalibrationDraws(
+            names=tuple(map(str, own["parameter"].values)),
+            draws=draws[np.isfinite(draws).all(axis=1)],
+            best=own["posterior_best"].values if of_rig else None,
+            pixels=(columns, rows) if of_rig else None,
+        )
     return found
