@@ -203,11 +203,12 @@ def _sure_lead(ratios: FloatArray) -> FloatArray:
 
 
 def _turn(first: DepthCamera, second: DepthCamera, grid: FloatArray, way: str, *, begins: bool) -> float | None:
-    """The distance [m] between two of sure lead where the mean ratio passes one; the middle one of several."""
+    """The distance [m] between two of sure lead where the ratio passes one; the middle one of several."""
 
     def below_one(points: FloatArray) -> FloatArray:
-        ratio = np.mean(_log_ratios(first, second, points, way), axis=0)
-        return margin(ratio < 0.0, ratio)
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+            ratio = depth_uncertainty(first, points, way) / depth_uncertainty(second, points, way)
+        return margin(ratio < 1.0, ratio - 1.0)
 
     # Between the poles of either camera the ratio is undecided; it counts as "not below one" on both sides alike.
     ends = [end.distance for end in boundaries(below_one, grid) if end.begins == begins]

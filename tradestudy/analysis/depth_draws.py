@@ -73,22 +73,22 @@ def read_draws(
 
 
 @lru_cache(maxsize=128)
-def uncertain_sources(camera: DepthCamera, way: str) -> Sources:
-    """See `uncertain_groups`; joint draws stand in the order in which they move depth."""
+def uncertain_sources(camera: DepthCamera, way: str, field: float = 0.0) -> Sources:
+    """See `uncertain_groups`; joint draws stand in the order in which they move depth at a place in the field."""
     groups = (
-        replace(group, along=_responses(camera, group)) if isinstance(group, JointDraws) else group
+        replace(group, along=_responses(camera, group, field)) if isinstance(group, JointDraws) else group
         for group in uncertain_groups(camera, way)
     )
     return Sources(groups=tuple(groups))
 
 
-def _responses(camera: DepthCamera, group: JointDraws) -> FloatArray:
+def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArray:
     """Change of inverse depth with each parameter of joint draws, at the nearest and the farthest distance judged."""
     judged = np.array(camera.propagation.judged) if camera.propagation.judged else _places(camera)
     places, deviation = judged[[0, -1]], np.std(group.draws, axis=0)
     steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
     values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
-    read = read_draws(camera, values, places, 0.0, camera.noise(places))
+    read = read_draws(camera, values, places, field, camera.noise(places))
     change = np.nan_to_num(read[: deviation.size] - read[deviation.size :]).T
     return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
 
@@ -110,17 +110,17 @@ def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0,
 
 
 @lru_cache(maxsize=64)
-def _alignment(camera: DepthCamera, way: str) -> ScoreAlignment:
-    return alignment_with([outcome_model(camera, _places(camera), 0.0, way)], uncertain_sources(camera, way))
+def _alignment(camera: DepthCamera, way: str, field: float) -> ScoreAlignment:
+    return alignment_with([outcome_model(camera, _places(camera), field, way)], uncertain_sources(camera, way, field))
 
 
 @lru_cache(maxsize=32)
-def _drawn(camera: DepthCamera, way: str, draws: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Standard normal scores (dimensions, scrambles · draws) of every scramble, and the errors (…, 1) that they are.
 
     What moves depth most is in the first coordinates.
     """
-    sources, alignment = uncertain_sources(camera, way), _alignment(camera, way)
+    sources, alignment = uncertain_sources(camera, way, field), _alignment(camera, way, field)
 
     def of_scramble(scramble: int) -> tuple[FloatArray, dict[str, FloatArray]]:
         seed = camera.propagation.seed
@@ -177,7 +177,7 @@ def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, 
 
 def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
     probabilities = camera.propagation.probabilities
-    scores, values = _drawn(camera, way, draws)
+    scores, values = _drawn(camera, way, field, draws)
     inverse = _read_all(camera, distance, field, way, values)
     quantiles = np.stack(
         [_inverse_quantiles(*one, probabilities) for one in zip(
