@@ -34,7 +34,7 @@ _FIRST_DRAWS: Final = 2**8  # of each scramble
 _TRIAL_DRAWS: Final = 2**9
 _AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
 _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
-_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances that the first coordinates are aligned with
+_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances, where none is judged
 
 
 def noise_group() -> Source:
@@ -82,8 +82,7 @@ def uncertain_sources(camera: DepthCamera, way: str) -> Sources:
 
 def _responses(camera: DepthCamera, group: JointDraws) -> FloatArray:
     """Change of inverse depth with each parameter of joint draws, at the nearest and the farthest distance judged."""
-    judged = np.array(camera.propagation.judged) if camera.propagation.judged else _places(camera)
-    places, deviation = judged[[0, -1]], np.std(group.draws, axis=0)
+    places, deviation = _places(camera)[[0, -1]], np.std(group.draws, axis=0)
     steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
     values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
     read = read_draws(camera, values, places, 0.0, camera.noise(places))
@@ -92,7 +91,12 @@ def _responses(camera: DepthCamera, group: JointDraws) -> FloatArray:
 
 
 def _places(camera: DepthCamera) -> FloatArray:
-    return camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+    """Near, middle and far of the distances that are judged [m], where pictures are known, or of the focal length."""
+    judged = np.array(camera.propagation.judged, dtype=np.float64)
+    judged = judged[camera.images(judged)]
+    if not judged.size:
+        return camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+    return judged[[0, judged.size // 2, -1]]
 
 
 def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:

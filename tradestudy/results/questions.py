@@ -11,8 +11,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "way"),
         units="",
-        long_name="candidate of lowest depth uncertainty among the usable, with those that differ by less than twice the "
-        "standard error; empty where none is usable",
+        long_name="candidate of lowest depth uncertainty among the usable, with those that differ by no more than both "
+        "may be off by; empty where none is usable",
     ),
     "winner": Variable(
         dims=("reading", "place", "way"),
