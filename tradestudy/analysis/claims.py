@@ -32,7 +32,7 @@ from tradestudy.study.schema.questions import (
 from tradestudy.units import FRACTION, LENGTH, Dimension, parse, pretty
 
 # Enough for a smooth curve over two decades; ends of ranges are always among them.
-_POINTS = 801
+_POINTS = 401
 _NEAREST, _FARTHEST = 1e-3, 1e5
 
 

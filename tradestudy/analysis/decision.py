@@ -208,13 +208,12 @@ def _sure_lead(ratios: FloatArray) -> FloatArray:
 
 
 def _turn(first: DepthCamera, second: DepthCamera, grid: FloatArray, way: str, *, begins: bool) -> float | None:
-    """The distance [m] between two of sure lead where their uncertainties are one; the middle one of several."""
+    """The distance [m] between two of sure lead where the ratio passes one; the middle one of several."""
 
     def below_one(points: FloatArray) -> FloatArray:
-        a, b = (depth_uncertainty(camera, points, way) for camera in (first, second))
         with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
-            ratio = np.log(a) - np.log(b)
-        return margin(ratio < 0.0, ratio)
+            ratio = depth_uncertainty(first, points, way) / depth_uncertainty(second, points, way)
+        return margin(ratio < 1.0, ratio - 1.0)
 
     # Between the poles of either camera the ratio is undecided; it counts as "not below one" on both sides alike.
     ends = [end.distance for end in boundaries(below_one, grid) if end.begins == begins]

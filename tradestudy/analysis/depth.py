@@ -111,18 +111,18 @@ def distribution(camera: DepthCamera, distance: FloatArray, way: str, field: flo
 
     Noise alone is exact in every model.
     """
-    model, groups = camera.propagation.model, camera.calibration.groups
+    return _known(camera, distance.tobytes(), field, way)
+
+
+@lru_cache(maxsize=256)
+def _known(camera: DepthCamera, distances: bytes, field: float, way: str) -> DepthDistribution:
+    """What limits, ratios and tables of one camera ask for again and again."""
+    distance, model, groups = np.frombuffer(distances), camera.propagation.model, camera.calibration.groups
     if way == "noise" or (way == "both" and (model == "off" or not groups)):
         return noise_distribution(camera, distance, field)
     if model != "exact" or not groups:
         return linear_distribution(camera, distance, field, way)
-    return _known_draws(camera, distance.tobytes(), field, way)
-
-
-@lru_cache(maxsize=256)
-def _known_draws(camera: DepthCamera, distance: bytes, field: float, way: str) -> DepthDistribution:
-    """Draws at distances that limits, ratios and tables of one camera ask for again."""
-    return exact_distribution(camera, np.frombuffer(distance), field, way)
+    return exact_distribution(camera, distance, field, way)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

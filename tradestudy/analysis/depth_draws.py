@@ -20,7 +20,7 @@ from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
 from tradestudy.uncertainty.joint import JointDraws
 from tradestudy.uncertainty.quantiles import quantiles_of
-from tradestudy.uncertainty.scores import scramble_scores
+from tradestudy.uncertainty.scores import each_scramble, scramble_scores
 from tradestudy.uncertainty.sources import Group, Source, Sources
 
 SCRAMBLES: Final = 8
@@ -32,6 +32,8 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
 }
 _FIRST_DRAWS: Final = 2**8  # of each scramble
 _TRIAL_DRAWS: Final = 2**9
+_MANY_DRAWS: Final = 2**13  # of each scramble, from which on scrambles are drawn on several threads
+_FOR_A_LINE: Final = 2**14  # draws that a line is fitted to
 _AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
 _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
 _OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances, where none is judged
@@ -71,21 +73,21 @@ def read_draws(
 
 
 @lru_cache(maxsize=128)
-def uncertain_sources(camera: DepthCamera, way: str) -> Sources:
-    """See `uncertain_groups`; joint draws stand in the order in which they move depth."""
+def uncertain_sources(camera: DepthCamera, way: str, field: float = 0.0) -> Sources:
+    """See `uncertain_groups`; joint draws stand in the order in which they move depth at a place in the field."""
     groups = (
-        replace(group, along=_responses(camera, group)) if isinstance(group, JointDraws) else group
+        replace(group, along=_responses(camera, group, field)) if isinstance(group, JointDraws) else group
         for group in uncertain_groups(camera, way)
     )
     return Sources(groups=tuple(groups))
 
 
-def _responses(camera: DepthCamera, group: JointDraws) -> FloatArray:
+def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArray:
     """Change of inverse depth with each parameter of joint draws, at the nearest and the farthest distance judged."""
     places, deviation = _places(camera)[[0, -1]], np.std(group.draws, axis=0)
     steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
     values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
-    read = read_draws(camera, values, places, 0.0, camera.noise(places))
+    read = read_draws(camera, values, places, field, camera.noise(places))
     change = np.nan_to_num(read[: deviation.size] - read[deviation.size :]).T
     return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
 
@@ -112,23 +114,29 @@ def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0,
 
 
 @lru_cache(maxsize=64)
-def _alignment(camera: DepthCamera, way: str) -> ScoreAlignment:
-    return alignment_with([outcome_model(camera, _places(camera), 0.0, way)], uncertain_sources(camera, way))
+def _alignment(camera: DepthCamera, way: str, field: float) -> ScoreAlignment:
+    return alignment_with([outcome_model(camera, _places(camera), field, way)], uncertain_sources(camera, way, field))
 
 
 @lru_cache(maxsize=32)
-def _drawn(camera: DepthCamera, way: str, draws: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[FloatArray, dict[str, FloatArray]]:
     """Standard normal scores (dimensions, scrambles · draws) of every scramble, and the errors (…, 1) that they are.
 
     What moves depth most is in the first coordinates.
     """
-    sources = uncertain_sources(camera, way)
-    scores = [
-        scramble_scores(sources.dimensions, draws, seed=camera.propagation.seed, point="depth", scramble=scramble)
-        for scramble in range(SCRAMBLES)
-    ]
-    aligned = np.asarray(_alignment(camera, way).apply(np.concatenate(scores, axis=1)))
-    return aligned, sources.draw(aligned)
+    sources, alignment = uncertain_sources(camera, way, field), _alignment(camera, way, field)
+
+    def of_scramble(scramble: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+        seed = camera.propagation.seed
+        scores = scramble_scores(sources.dimensions, draws, seed=seed, point="depth", scramble=scramble)
+        aligned = np.asarray(alignment.apply(scores.copy()))
+        return aligned, sources.draw(aligned)
+
+    found = (
+        each_scramble(of_scramble, SCRAMBLES) if draws >= _MANY_DRAWS else [of_scramble(k) for k in range(SCRAMBLES)]
+    )
+    values = {name: np.concatenate([own[name] for _, own in found]) for name in found[0][1]}
+    return np.concatenate([scores for scores, _ in found], axis=1), values
 
 
 def _read_all(
@@ -173,7 +181,7 @@ def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, 
 
 def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
     probabilities = camera.propagation.probabilities
-    scores, values = _drawn(camera, way, draws)
+    scores, values = _drawn(camera, way, field, draws)
     inverse = _read_all(camera, distance, field, way, values)
     quantiles = np.stack(
         [_inverse_quantiles(*one, probabilities) for one in zip(
@@ -194,8 +202,9 @@ def _lines(inverse: FloatArray, scores: FloatArray) -> list[tuple[FloatArray, Fl
     It is the line in the scores by least squares; 0 where a draw has no rank.
     """
     ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
-    centred = scores - scores.mean(axis=1, keepdims=True)
-    slopes = np.linalg.solve(centred @ centred.T, centred @ ranked.T).T
+    some = slice(None, None, max(1, scores.shape[1] // _FOR_A_LINE))
+    centred = scores[:, some] - scores[:, some].mean(axis=1, keepdims=True)
+    slopes = np.linalg.solve(centred @ centred.T, centred @ ranked[:, some].T).T
     deviation = np.linalg.norm(slopes, axis=1)
     return [(line, deviation) for line in np.split(slopes @ scores, SCRAMBLES, axis=1)]
 

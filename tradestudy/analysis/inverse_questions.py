@@ -62,7 +62,10 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     if ends[0] * ends[1] > 0.0:
         between = f"{pretty(low, dimension)} and {pretty(high, dimension)}"
         return Solved(
-            value=math.nan, error=math.nan, dimension=dimension, answer=_nowhere(question, between, ends[0] < 0.0)
+            value=math.nan,
+            error=math.nan,
+            dimension=dimension,
+            answer=_nowhere(definition, question, between, ends[0] < 0.0),
         )
     count = max(len(log_ratios(log)) for log in logs)
     roots = [_root(_one_scramble(log_ratios, k), logs, question.says) for k in range(count)]
@@ -108,13 +111,14 @@ def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     return distribution(asked, np.array([question.at]), question.errors).half_widths(ONE_SIGMA)[:, 0]
 
 
-def _nowhere(question: SolvePart, between: str, first_is_certain: bool) -> str:
+def _nowhere(definition: StudyDefinition, question: SolvePart, between: str, first_is_certain: bool) -> str:
+    titles = {name: part.title for name, part in definition.file.cameras.items()}
     if question.equal is not None:
         certain = question.equal[0 if first_is_certain else 1]
-        return f"nowhere between {between}: {certain} is more certain throughout"
+        return f"nowhere between {between}: {titles[certain]} is more certain throughout"
     wanted = f"{pretty(question.relative or 0.0, FRACTION)} at {pretty(question.at, LENGTH)}"
     met = "certain enough" if first_is_certain else "not certain enough"
-    return f"nowhere between {between}: {question.camera} is {met} throughout for {wanted}"
+    return f"nowhere between {between}: {titles[question.camera or '']} is {met} throughout for {wanted}"
 
 
 def _answer(definition: StudyDefinition, question: SolvePart, value: float, error: float) -> str:

@@ -89,8 +89,8 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
     moving = np.flatnonzero(deviation > 0.0)
     step = np.broadcast_to(_STEP * deviation[:, None], (deviation.size, distance.size)).copy()
     noise = camera.noise(distance)
-    for k in (k for k, name in enumerate(names) if name == PIXEL_NOISE):  # counted in its own deviations
-        step[k] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
+    if PIXEL_NOISE in names:  # which is counted in its own deviations
+        step[names.index(PIXEL_NOISE)] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
     values = fixed_errors(camera, way)
     for k in np.flatnonzero((deviation > 0.0) | (mean != 0.0)):
         acts = (moving == k)[:, None] * (step[k] if names[k] == PIXEL_NOISE else step[k, :1])

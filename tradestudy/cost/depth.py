@@ -96,8 +96,8 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
         DepthCase(
             name=one,
             title=titles[one],
-            model=outcome_model(camera, places[one]),
-            sources=uncertain_sources(camera, "both"),
+            model=outcome_model(camera, places[one], way=_way(camera)),
+            sources=uncertain_sources(camera, _way(camera)),
             distance=places[one],
         )
         for one, camera in usable.items()
@@ -122,12 +122,17 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
     )
 
 
+def _way(camera: DepthCamera) -> str:
+    """Which errors act in a camera."""
+    return "noise" if camera.propagation.model == "off" else "both"
+
+
 def _taken(cameras: Mapping[str, DepthCamera], cases: Sequence[DepthCase]) -> Taken:
     """What the models that were chosen make of these cameras; which is which where they differ."""
     models = {
         case.title: NOISE_ALONE
         if not camera.calibration.groups
-        else {"linear": INVERSE, "exact": SOBOL}[camera.propagation.model]
+        else {"off": NOISE_ALONE, "linear": INVERSE, "exact": SOBOL}[camera.propagation.model]
         for case, camera in zip(cases, cameras.values(), strict=True)
     }
     different = dict.fromkeys(models.values())

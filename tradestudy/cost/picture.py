@@ -76,7 +76,7 @@ def picture_cost(
     declared = definition.case.cameras[situation.name]
     taken = acting(declared, {slot: model.name for slot, model in selection.chosen.items()})
     places = usable_places(definition, taken)
-    camera = _by_line(replace(declared, calibration=taken.calibration))
+    camera = declared.without_calibration_errors() if taken.propagation.model == "off" else _by_line(declared)
     chosen = acting(camera, _names(selection))
     step = f"cost: {name}"
     progress(step, 0.0)

@@ -24,12 +24,13 @@ _UNITS_VARY: Final = 1.5
 # was measured does not count. `python tests/benchmarks/step_costs.py` measures them through runs of the shipped
 # studies and holds every prediction against its run.
 SECONDS: Final[Mapping[str, float]] = {
-    "libraries": 1.9,
+    "libraries": 2.6,
     "study read again": 0.020,  # a reading, a design of a sweep, a trial of an inverse question
-    "camera": 0.010,
+    "camera": 0.015,
     "camera at a distance": 4e-5,
     "pair of cameras": 0.13,
-    "trial of an inverse question": 0.025,
+    "pair of cameras, ranked": 0.7,
+    "trial of an inverse question": 0.040,
     "claim about depth": 0.02,
     "camera's depth of field": 0.007,
     "inference step of an ensemble": 2.2e-3,
@@ -48,15 +49,13 @@ SECONDS: Final[Mapping[str, float]] = {
 }
 
 _WAYS: Final = 2  # with calibration errors, of three; noise alone is not drawn
-_RANK_WAYS: Final = 2
-_RANK_DRAWS: Final = 8 * 2**11
-_RANK_DISTANCES: Final = 30
 _FIRST_DRAWS: Final = 8 * 256  # of an adaptive propagation, over all scrambles
 _FIRST_STEPS: Final = 1000  # of an ensemble, before the first look
 _ENSEMBLES: Final = 4
 _TORNADO_DRAWS: Final = 2**14
-_SOURCES: Final = 4  # that are worth as much as one propagation each
-_ROOT_TRIALS: Final = (8, 40)  # of a root finder
+_MORE_SOURCES: Final = 2  # of a camera: the noise of a measurement, and what is inferred during the run
+_ROOT_TRIALS: Final = 24  # of a root finder
+_MOST_WEIGHED: Final = 64  # designs of a sweep that models are chosen for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,11 +104,11 @@ def predicted_seconds(definition: StudyDefinition, speed: float) -> tuple[Predic
 def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
     """In the order of a run, on the reference machine."""
     file = definition.file
-    readings = len(file.readings)
+    readings, designs = len(file.readings), _designs(definition)
     yield _fixed(
         "start",
         f"libraries, the study and {counted(readings, 'reading')} of it",
-        {"libraries": 1, "study read again": readings},
+        {"libraries": 1, "study read again": readings + (min(designs, _MOST_WEIGHED) if file.sweep else 0)},
     )
     if definition.case.cameras:
         yield from _calibrations(definition)
@@ -145,7 +144,7 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
     file, case = definition.file, definition.case
     cameras, distances = len(case.cameras), case.distance.size
     exact = sum(camera.propagation.model == "exact" for camera in case.cameras.values())
-    designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
+    designs = _designs(definition)
     yield _sampled(
         "depth",
         f"{counted(designs, 'design')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
@@ -165,24 +164,19 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
         )
     readings = 1 + len(file.readings)
     pairs = readings if file.decision is not None else 0
-    trials = sum(_ROOT_TRIALS) / 2 * len(file.solve)
-    yield _sampled(
+    trials = _ROOT_TRIALS * len(file.solve)
+    yield _fixed(
         "decision",
         f"a pair of cameras under {counted(pairs, 'reading')}, {counted(len(file.solve), 'inverse question')}",
         {"pair of cameras": pairs, "trial of an inverse question": trials, "camera": cameras if file.sweep else 0},
-        *_exact(definition, exact and (2 * pairs + trials), 1),
     )
     if file.decision is not None:
         compared = len(file.decision.compare or (file.decision.between,))
-        draws = compared * _RANK_WAYS * _RANK_DRAWS
-        yield _fixed(
-            "ranks",
-            counted(compared, "pair"),
-            {"draw": 2 * draws, "draw at a distance": 2 * draws * min(distances, _RANK_DISTANCES)},
-        )
+        yield _fixed("ranks", counted(compared, "pair"), {"pair of cameras, ranked": compared})
     if file.sensitivity is not None:
         asked = len(file.sensitivity.at)
-        sources = _SOURCES * cameras * (1 + len(file.propagation.field_places))
+        groups = sum(_MORE_SOURCES + len(camera.calibration.groups) for camera in case.cameras.values())
+        sources = groups * (1 + len(file.propagation.field_places))
         yield _sampled(
             "sensitivity",
             f"{counted(cameras, 'camera')} at {counted(asked, 'distance')}",
@@ -190,6 +184,10 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
             _draws(sources, _FIRST_DRAWS, asked),
             _draws(sources, _TORNADO_DRAWS, asked),
         )
+
+
+def _designs(definition: StudyDefinition) -> int:
+    return math.prod(len(axis.values) for axis in sweep_axes(definition))
 
 
 def _exact(definition: StudyDefinition, cameras: float, distances: int) -> tuple[Mapping[str, float], ...]:

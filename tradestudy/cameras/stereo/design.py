@@ -221,11 +221,9 @@ class StereoRig(DepthCamera):
         return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Overlap of the two views."""
-        if criteria.overlap is None:
-            return {}
-        value = self.overlap(distance)
-        return {"overlap": Limit(value=value, bound=criteria.overlap, met=value >= criteria.overlap)}
+        """Overlap of the two views; where they have none, both cameras see no point and there is no depth."""
+        value, bound = self.overlap(distance), criteria.overlap or 0.0
+        return {"overlap": Limit(value=value, bound=bound, met=(value >= bound) & (value > 0.0))}
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """Both pictures alike, through one lens; the window is as large as the sensor."""

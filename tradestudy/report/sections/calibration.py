@@ -66,7 +66,7 @@ def _sources(tree: xr.DataTree, inputs: Mapping[str, str]) -> Table:
             Column(title="Camera", weight=2),
             Column(title="Source", weight=2),
             Column(title="Declared errors", weight=4),
-            Column(title="Changed since", weight=1),
+            Column(title="Changed since", weight=2),
         ),
         rows=tuple(rows),
     )
@@ -114,7 +114,8 @@ def _averaging(tree: xr.DataTree) -> Table:
             (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
         ),
         notes=(
-            "< 1: one reading is already as good as its calibration. ∞: calibration moves no depth there, or was left out within the tolerance.",
+            "< 1: one reading is already as good as its calibration. ∞: calibration moves no depth there, or was "
+            "left out within the tolerance.",
         ),
     )
 

@@ -88,7 +88,8 @@ def _noise_shares(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str
         own = depth.sel(camera=name)
         largest = float(own["variance_share"].sel(part="noise").where(own["usable"] > 0).max())
         if largest < _LITTLE:
-            yield f"Of the variance of inverse depth of {title}, noise makes at most {_share(largest)} where it is usable."
+            most = _share(largest)
+            yield f"Of the variance of inverse depth of {title}, noise makes at most {most} where it is usable."
 
 
 def _wanted(data: xr.Dataset) -> Iterator[str]:

@@ -52,7 +52,6 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows.append(
             (
                 titles[name],
-                str(there["posterior_kind"].item()),
                 "yes" if bool(there["posterior_converged"]) else "no",
                 significant(float(there["posterior_lengths"])),
                 f"{np.nanmax(there['posterior_r_hat'].values):.4f}",
@@ -68,7 +67,6 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         caption="Whether the chains can be believed: the worst parameter of each.",
         columns=(
             Column(title="Camera", weight=1),
-            Column(title="from", weight=1),
             Column(title="converged"),
             Column(title="N/τ", align="right"),
             Column(title="R-hat", align="right"),
