@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from tradestudy.calibration.sources import CALIBRATION, group_of_draws
 from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
-from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.sources import Group
@@ -34,13 +35,16 @@ def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
     posterior
         Its draws, and what the reading of a rig calibrated from corners takes.
     """
-    import xarray as xr
+    import h5netcdf
 
-    data = xr.Dataset({"draws": (("draw", "parameter"), posterior.draws)}, coords={"parameter": list(posterior.names)})
-    if posterior.best is not None:
-        data["best"] = (("parameter",), posterior.best)
-        data["pixels"] = (("side",), np.array(posterior.pixels, dtype=np.int64))
-    path.write_bytes(data.to_netcdf(engine="h5netcdf"))
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"draw": len(posterior.draws), "parameter": len(posterior.names)}
+        file.create_variable("parameter", ("parameter",), data=np.array(posterior.names, dtype=np.bytes_))
+        file.create_variable("draws", ("draw", "parameter"), data=posterior.draws)
+        if posterior.best is not None:
+            file.dimensions["side"] = 2
+            file.create_variable("best", ("parameter",), data=posterior.best)
+            file.create_variable("pixels", ("side",), data=np.array(posterior.pixels, dtype=np.int64))
 
 
 def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration:
@@ -69,7 +73,7 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     return Calibration(groups=(_group(found),), source="posterior")
 
 
-def rig_calibration(camera: StereoRig, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
+def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
     """The calibration of a rig by the posterior of its 18 parameters, which brings its own reading.
 
     Parameters
@@ -96,7 +100,7 @@ def rig_calibration(camera: StereoRig, posterior: CalibrationDraws, *, source: S
 
 def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:
     """The saved posterior of corners, for a stereo rig alone."""
-    if not isinstance(camera, StereoRig):
+    if not camera.corners_calibrate:
         raise CalibrationFileError(
             f"{path.name} holds the posterior of a stereo rig",
             value=f"{name} is none",
@@ -105,8 +109,9 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
         )
     _require_known(path, found.names, RIG_PARAMETERS)
     assert found.best is not None
-    check_geometry(name, camera, found.best, found.draws, says="the posterior says")
-    return rig_calibration(camera, found, source="posterior")
+    pair = cast(PairGeometry, camera)
+    check_geometry(name, pair, found.best, found.draws, says="the posterior says")
+    return rig_calibration(pair, found, source="posterior")
 
 
 def _group(found: CalibrationCovariance | CalibrationDraws) -> Group:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -30,7 +31,7 @@ from tradestudy.calibration.target.target_inference import TargetProblem, fit_ta
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.cameras.calibration_declaration import CalibrationPart, CornersPart, TargetPart
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal, Uniform
@@ -211,8 +212,7 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
     NotConvergedError
         The views do not determine the parameters.
     """
-    rig = asked.camera
-    assert isinstance(rig, StereoRig)  # the schema lets no other kind in
+    rig = cast(PairGeometry, asked.camera)  # the schema lets no other kind in
     corners = read_corners(asked.folder / asked.part.file)
     check_inside(asked.name, rig, np.concatenate([corners.left[corners.present], corners.right[corners.present]]))
     fit = fit_rig(corners)

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from tradestudy.calibration.projection import rotation_matrix
-from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.units import significant
@@ -26,7 +26,7 @@ class GeometryContradictionError(TradestudyError):
     exit_status = 2
 
 
-def check_geometry(name: str, rig: StereoRig, best: FloatArray, draws: FloatArray, *, says: Says) -> None:
+def check_geometry(name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, *, says: Says) -> None:
     """Refuse a declared pair that contradicts the fitted one, with all contradictions at once.
 
     Parameters
@@ -53,7 +53,7 @@ def check_geometry(name: str, rig: StereoRig, best: FloatArray, draws: FloatArra
         raise GeometryContradictionError("\n".join(found))
 
 
-def check_inside(name: str, rig: StereoRig, seen: FloatArray) -> None:
+def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
     """Refuse corners (N, 2) [px] beside the declared sensor: they are of pictures of another size.
 
     Raises
@@ -71,7 +71,7 @@ def check_inside(name: str, rig: StereoRig, seen: FloatArray) -> None:
     )
 
 
-def _contradictions(name: str, rig: StereoRig, best: FloatArray, draws: FloatArray, says: Says) -> Iterator[str]:
+def _contradictions(name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, says: Says) -> Iterator[str]:
     """One line for each quantity that is off by more than is allowed."""
     focal, baseline, angle = _geometry(best)
     deviation = np.std(np.stack(_geometry(draws)), axis=-1)
