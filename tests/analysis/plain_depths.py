@@ -75,7 +75,9 @@ def yaw_and_noise_quantile(distance: float, p: float, *, noise: float, half: flo
     nodes, weights = np.polynomial.legendre.leggauss(80)
 
     def noise_of(z: float, yaw: float) -> float:
-        return float(brentq(lambda n: F / stereo_depth(distance, {"pixel_noise": n, "yaw": yaw}) - F / z, -F / 2, F / 2))
+        return float(
+            brentq(lambda n: F / stereo_depth(distance, {"pixel_noise": n, "yaw": yaw}) - F / z, -F / 2, F / 2)
+        )
 
     def below(z: float) -> float:
         scores = np.array([noise_of(z, half * node) for node in nodes]) / noise

@@ -10,7 +10,7 @@ import pytest
 
 from tests.analysis.plain_depths import CENTRAL, B, of_rig, stereo_depth
 from tests.cameras.builders import stereo
-from tradestudy.analysis.depth import linear_error
+from tradestudy.analysis.depth import model_error
 from tradestudy.analysis.linear_depth import linear_distribution, linear_reading
 from tradestudy.cameras.calibration import Calibration
 from tradestudy.plan.plan import plan_of
@@ -78,15 +78,15 @@ def test_the_measured_error_of_the_line_is_its_true_one(spread: float) -> None:
     """Half widths of all coverages that are reported, against the closed form."""
     rig, places = with_one("baseline", spread * B), np.array([1.0, 3.0])
     line = linear_distribution(rig, places, 0.0, "calibration")
-    found = linear_error(rig, places, "calibration")
+    found = model_error(rig, places, "calibration")
     for k, distance in enumerate(places.tolist()):
         missed = []
         for coverage in (0.6827, 0.95):
             near, far = ends(distance, "baseline", spread * B, coverage)
             missed.append(abs(line.half_widths(coverage)[0, k] / ((far - near) / 2.0) - 1.0))
         assert found.half_width[k] == pytest.approx(missed[0], abs=2e-3)
-        assert found.interval[k] == pytest.approx(max(missed), abs=6e-3)
-        assert found.interval[k] >= found.half_width[k]
+        assert found.intervals[k] == pytest.approx(max(missed), abs=6e-3)
+        assert found.intervals[k] >= found.half_width[k]
 
 
 @pytest.mark.parametrize(

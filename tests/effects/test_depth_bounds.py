@@ -34,7 +34,7 @@ def test_an_omission_is_bounded_where_the_far_end_of_depth_runs_away(tmp_path: P
         "scene.distances.from": "156.6 mm",
         "scene.distances.to": f"{end} mm",
         "scene.wavelength": "464.7 nm",
-        "scene.temperature.deviation": "12.3 K",
+        "cameras.one.calibration.stability.temperature.standard_deviation": "12.3 K",
         "scene.picture.texture.contrast": "9 %",
         "scene.picture.texture.correlation_length": "1.5 mm",
         "scene.picture.matching_window": "23 px",

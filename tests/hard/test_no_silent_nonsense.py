@@ -42,7 +42,7 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
 def test_what_is_not_finite_says_why(starter: xr.DataTree) -> None:
     assert unexplained(starter) == []
     assert np.isinf(starter["depth"]["depth_uncertainty"].values).any()
-    assert np.isnan(starter["depth"]["depth_uncertainty_part"].values).any()
+    assert np.isnan(starter["depth"]["variance_share"].values).any()
 
 
 def test_what_is_not_sharp_says_why() -> None:

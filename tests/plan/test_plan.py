@@ -6,19 +6,21 @@ import math
 import re
 import zlib
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.accuracy import Accuracy
+from tradestudy.accuracy import QUANTITIES, Accuracy
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.api import Study
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.effects.selection import Selection
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.plan.affordable import tightest_offer
+from tradestudy.plan.choice import _selections
 from tradestudy.plan.plan import Plan
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -106,10 +108,10 @@ def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
 
 
 def test_what_nothing_can_give_names_the_nearest_accuracy() -> None:
-    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects=null"], tolerance="0.01 %")
+    study = tradestudy.load(STUDIES / "light_spot.yaml", tolerance="0.01 %")
     text = (
-        r"R5 Keplerian: the accuracy wanted of the depth uncertainty cannot be had; even the most accurate models "
-        r"leave: [\d.]+ %, of which calibration \(linear\) [\d.]+ % \(allowed: 0\.01 %\); "
+        r"Picture of the light spot: the accuracy wanted of the pixel intensity cannot be had; even the most accurate "
+        r"models leave: [\d.]+ %, of which sampling \([\d.]+ %\) [\d.]+ % \(allowed: 0\.01 %\); "
         r"[\d.]+ % can be had; ask for that"
     )
     with pytest.raises(UnaffordableError, match=text):
@@ -138,11 +140,11 @@ scene:
   wavelength: 550 nm
   picture:
     texture: {{contrast: 15 %, correlation_length: 1 mm}}
-    window: 15 px
+    matching_window: 15 px
     light: {{electrons: 4000 electrons, at_f_number: 8}}
     read_noise: 17 electrons
     full_well: 100000 electrons
-    bits: 12
+    bit_depth: 12
 """
 
 
@@ -238,12 +240,17 @@ def test_the_same_study_has_the_same_plan_whatever_the_machine(
 
 
 def test_bounds_are_the_worst_of_every_reading_and_design() -> None:
-    """The yaw of a tenth that one reading assumes makes the closed form less exact than the study's own."""
+    """One reading takes the yaw for a uniform one, for which a line is no good."""
     study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml")
-    alone = study.with_values({"readings": None, "claims": None, "solve": None})
-    whole, part = study.plan(), alone.plan()
-    bound = [p.selections["stereo-65-across"].bounds["depth_uncertainty"] for p in (whole, part)]
-    assert bound[0] > 2.0 * bound[1]
+    whole, part = (
+        next(one for one in plan.situations if one.name == "stereo-65-across")
+        for plan in (study.plan(), study.with_values({"readings": None, "claims": None, "solve": None}).plan())
+    )
+    bound = [
+        next(slot for slot in one.slots if slot.name == "calibration").model("linear").change_of("depth_uncertainty")
+        for one in (whole, part)
+    ]
+    assert bound[0] > 2.0 * bound[1] > 0.0
 
 
 def test_a_declared_error_tells_the_largest_blur_of_usable_distances_and_where_it_is(close_plan: Plan) -> None:
@@ -321,7 +328,7 @@ def test_calibration_is_weighed_beside_the_models_that_are_forced() -> None:
     [
         ("close_range", "effects.crosstalk=coherent"),
         ("close_range", "effects.main_lens_diffraction=boundary_wave"),
-        ("close_range", "accuracy.tolerance=0.0001 %"),
+        ("light_spot", "accuracy.tolerance=0.01 %"),
         ("plenoptic_vs_stereo", "effects.spectrum=weighted"),
         ("hand_lens", "effects.sensor_noise=shot"),
         ("light_spot", "effects.calibration=linear"),
@@ -344,11 +351,19 @@ def test_check_passes_what_plan_passes(override: str) -> None:
     assert loaded.plan().selections
 
 
+def test_depth_can_be_had_to_any_accuracy() -> None:
+    """Draws simplify nothing: even where no line through the errors is good enough."""
+    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", tolerance="0.01 %")
+    for selection in study.plan().selections.values():
+        assert selection.name_of("calibration") == "exact"
+        assert selection.bounds["depth_uncertainty"] == 0.0
+
+
 def test_every_piece_that_cannot_be_had_is_named_with_what_it_offers() -> None:
-    study = tradestudy.load(STUDIES / "close_range.yaml").with_values({"accuracy.tolerance": "0.001 %"})
+    spot = next(one for one in tradestudy.load(STUDIES / "light_spot.yaml").plan().situations if "spot" in one.title)
+    pieces = (spot, replace(spot, name="another", title="Another spot"))
     with pytest.raises(UnaffordableError) as refused:
-        study.plan()
+        _selections(pieces, Accuracy(relative=dict.fromkeys(QUANTITIES, 1e-5)), {})
     lines = str(refused.value).splitlines()
-    assert len(lines) > 1
-    assert len({line.split(":")[0] for line in lines}) == len(lines)
+    assert [line.split(":")[0] for line in lines] == [spot.title, "Another spot"]
     assert all("even the most accurate models leave" in line and "can be had; ask for that" in line for line in lines)

@@ -76,8 +76,8 @@ def test_yaw_that_equals_the_r5_at_half_a_metre(headline: Study, headline_result
     ).run()
     table = depth.data["decision"].to_dataset()
     assert float(table["uncertainty_ratio"].sel(reading="as declared", place=0.5, way="both")) == pytest.approx(
-        1, rel=1e-6
-    )
+        1, rel=1e-3
+    )  # draws are settled at other distances for a question than for a run
     # By hand: u ≈ Z²/B ψ (1 + (B/2Z)²) for yaw alone must equal the R5's 25.8 mm.
     by_hand = 25.8e-3 * 0.1 / 0.25 / (1 + 0.01)
     assert solved == pytest.approx(by_hand, rel=0.02)
@@ -94,19 +94,25 @@ def test_every_variable_has_units_and_name(headline_result: Result) -> None:
 
 def test_every_nan_and_infinity_of_depth_has_its_reason(headline_result: Result) -> None:
     depth = headline_result.data["depth"].to_dataset()
-    assert not np.isnan(depth["depth_uncertainty"]).any()
-    assert not np.isnan(depth["depth_quantile"]).any()
+    stereo = depth["camera"].str.startswith("stereo")
+    # Unknown exactly where the two views of a rig have nothing in common.
+    seen = ~stereo | (depth["limit_value"].sel(limit="overlap") > 0.0)
+    assert seen.sel(camera=~stereo).all()
+    assert 0.9 < float(seen.mean()) < 1.0
+    assert (np.isnan(depth["depth_uncertainty"]) == ~seen).all()
+    assert (np.isnan(depth["depth_quantile"]) == ~seen).all()
+    assert (np.isnan(depth["failed_fraction"]) == ~seen).all()
     # Infinite exactly where the far end of the interval is beyond the pole.
     beyond = depth["failed_fraction"].sel(way="both") >= 0.15865525393145707
     assert (np.isinf(depth["depth_uncertainty"]) == beyond).all()
-    stereo = depth["camera"].str.startswith("stereo")
     assert np.isnan(depth["virtual_depth"].sel(camera=stereo)).all()
     assert not np.isnan(depth["virtual_depth"].sel(camera=~stereo)).any()
 
 
 def test_calibration_of_the_plenoptic_camera_is_never_zero(headline_result: Result) -> None:
     way = headline_result.data["depth"].to_dataset()["depth_uncertainty_way"].sel(way="calibration")
-    assert (way > 0).all()
+    assert ((way > 0) | np.isnan(way)).all()
+    assert (way.sel(camera=~way["camera"].str.startswith("stereo")) > 0).all()
 
 
 def test_flips_are_counted_against_the_study_as_declared(headline_result: Result) -> None:

@@ -31,7 +31,9 @@ _MOST_PLACES: Final = 100  # at which a lead is looked at; two crossings between
 
 TIED: Final = ", "
 """Between the names of cameras whose difference is below its stated error: one answer."""
-_SURE: Final = 2.0  # standard errors of a difference that decides
+# Standard errors of a difference that decides: one in a thousand exceeds them by chance, over eight scrambles. Fewer
+# would let some of many distances pass, and answers alternate between cameras that are alike.
+_SURE: Final = 5.4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,12 +82,17 @@ def is_usable(case: Case, name: str, distance: FloatArray) -> BoolArray:
     return all_met(evaluate_limits(case.cameras[name], case.criteria, distance), distance.shape)
 
 
+def stated_error(camera: DepthCamera, error: FloatArray) -> FloatArray:
+    """What a depth uncertainty may be off by [m], from its error: standard of draws, measured of another model."""
+    return _SURE * error if camera.propagation.model == "exact" else error
+
+
 def best_cameras(
     usable: Mapping[str, BoolArray], uncertainty: Mapping[str, FloatArray], error: Mapping[str, FloatArray]
 ) -> list[str]:
     """The usable camera of lowest uncertainty at each distance; empty where none is usable.
 
-    Every camera that is worse by less than twice the standard error of the difference is tied with it and named too.
+    Every camera that is worse by no more than both may be off by (see `stated_error`) is tied with it and named too.
     """
     names = list(usable)
     table = np.stack([np.where(usable[name], uncertainty[name], np.inf) for name in names])
@@ -94,7 +101,7 @@ def best_cameras(
     best = np.argmin(table, axis=0)
     lowest, of_lowest = (np.take_along_axis(rows, best[None], axis=0) for rows in (table, errors))
     with np.errstate(invalid="ignore"):  # infinite less infinite: neither is usable
-        tied = table - lowest <= _SURE * np.hypot(errors, of_lowest)
+        tied = table - lowest <= np.hypot(errors, of_lowest)
     tied[best, np.arange(best.size)] = True
     return [
         TIED.join(name for name, one in zip(names, tied[:, k], strict=True) if one)
@@ -110,7 +117,8 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
     usable = {name: is_usable(case, name, places) for name in pair}
     winners, certain, ratios = [], [], []
     for number in range(len(WAYS)):
-        uncertainty, error = ({n: getattr(one, of)[number] for n, one in found.items()} for of in _OF_WIDTHS)
+        uncertainty = {name: one.uncertainty[number] for name, one in found.items()}
+        error = {name: stated_error(case.cameras[name], one.uncertainty_error[number]) for name, one in found.items()}
         winners.append(best_cameras(usable, uncertainty, error))
         everywhere = {name: np.ones(places.shape, dtype=bool) for name in pair}
         certain.append([name if name in pair else "" for name in best_cameras(everywhere, uncertainty, error)])
@@ -127,9 +135,6 @@ def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVe
             way: _changes(case, pair, way, ends | {one.distance: one.error for one in crossings[way]}) for way in WAYS
         },
     )
-
-
-_OF_WIDTHS: Final = ("uncertainty", "uncertainty_error")
 
 
 def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> FloatArray:
@@ -194,7 +199,7 @@ def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[Crossing, .
 
 
 def _sure_lead(ratios: FloatArray) -> FloatArray:
-    """−1 where the first camera is more certain by more than twice the standard error, +1 the second, 0 undecided."""
+    """−1 where the first camera is more certain by more than its error can explain, +1 the second, 0 undecided."""
     with np.errstate(invalid="ignore"):  # NaN: both are unbounded
         mean = np.mean(ratios, axis=0)
         spread = np.std(ratios, axis=0, ddof=1) / math.sqrt(len(ratios)) if len(ratios) > 1 else np.zeros_like(mean)

@@ -37,7 +37,7 @@ _DIRECTIONS: Final = 6  # in which a posterior is looked at for what it does to 
 _MANY_DRAWS: Final = 2**13  # of each scramble, from which on scrambles are drawn on several threads
 _AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
 _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
-_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances that the first coordinates are aligned with
+_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances, where none is judged
 
 
 def noise_group() -> Source:
@@ -85,7 +85,7 @@ def uncertain_sources(camera: DepthCamera, way: str, field: float = 0.0) -> Sour
 
 def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArray:
     """Change of inverse depth with each parameter of joint draws, from the nearest to the farthest distance seen."""
-    judged = np.array(camera.propagation.judged) if camera.propagation.judged else _places(camera)
+    judged = _judged(camera)
     seen = judged[np.isfinite(nominal_inverse(camera, judged, field))]
     seen = seen if seen.size else judged
     places = seen[np.linspace(0, seen.size - 1, _DIRECTIONS).round().astype(int)]
@@ -97,8 +97,17 @@ def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArr
     return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
 
 
+def _judged(camera: DepthCamera) -> FloatArray:
+    """Distances [m] at which draws are judged and pictures formed; multiples of the focal length where there are none."""
+    judged = np.array(camera.propagation.judged, dtype=np.float64)
+    judged = judged[camera.images(judged)]
+    return judged if judged.size else camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+
+
 def _places(camera: DepthCamera) -> FloatArray:
-    return camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+    """Near, middle and far of these [m]."""
+    judged = _judged(camera)
+    return judged[[0, judged.size // 2, -1]]
 
 
 def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:

@@ -8,6 +8,7 @@ from typing import Final
 from tradestudy.results.variable import Variable
 
 _REPLICATES = "standard error over independent scrambles"
+_ESTIMATE = "an estimate of an error"
 
 CALIBRATION: Final[Mapping[str, Variable]] = {
     "posterior_converged": Variable(
@@ -99,7 +100,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
         error="source_uncertainty_error",
     ),
     "source_uncertainty_error": Variable(
-        dims=("camera", "field", "distance", "source"), units="m", long_name=_REPLICATES
+        dims=("camera", "field", "distance", "source"), units="m", long_name=_REPLICATES, error=_ESTIMATE
     ),
     "source_class": Variable(
         dims=("camera", "source"), units="", long_name="how often the source is drawn anew; empty where absent"
@@ -114,7 +115,7 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
         error="parameter_uncertainty_error",
     ),
     "parameter_uncertainty_error": Variable(
-        dims=("camera", "field", "distance", "parameter"), units="m", long_name=_REPLICATES
+        dims=("camera", "field", "distance", "parameter"), units="m", long_name=_REPLICATES, error=_ESTIMATE
     ),
     "parameter_refused": Variable(
         dims=("camera",), units="", long_name="why there is no tornado by parameter; empty where there is one"
@@ -126,7 +127,9 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
         symbol="S_i",
         error="first_index_error",
     ),
-    "first_index_error": Variable(dims=("camera", "field", "distance", "source"), units="1", long_name=_REPLICATES),
+    "first_index_error": Variable(
+        dims=("camera", "field", "distance", "source"), units="1", long_name=_REPLICATES, error=_ESTIMATE
+    ),
     "total_index": Variable(
         dims=("camera", "field", "distance", "source"),
         units="1",
@@ -134,7 +137,9 @@ SENSITIVITY: Final[Mapping[str, Variable]] = {
         symbol="S_Ti",
         error="total_index_error",
     ),
-    "total_index_error": Variable(dims=("camera", "field", "distance", "source"), units="1", long_name=_REPLICATES),
+    "total_index_error": Variable(
+        dims=("camera", "field", "distance", "source"), units="1", long_name=_REPLICATES, error=_ESTIMATE
+    ),
     "index_refused": Variable(
         dims=("camera", "field", "distance"), units="", long_name="why there are no indices; empty where there are"
     ),
@@ -147,7 +152,9 @@ RANKS: Final[Mapping[str, Variable]] = {
         long_name="probability that the depth error of the first camera is the smaller one",
         error="rank_first_error",
     ),
-    "rank_first_error": Variable(dims=("pair", "rank_way", "rank_distance"), units="1", long_name=_REPLICATES),
+    "rank_first_error": Variable(
+        dims=("pair", "rank_way", "rank_distance"), units="1", long_name=_REPLICATES, error=_ESTIMATE
+    ),
     "rank_second": Variable(
         dims=("pair", "rank_way", "rank_distance"),
         units="1",

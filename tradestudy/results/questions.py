@@ -11,8 +11,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "way"),
         units="",
-        long_name="candidate of lowest depth uncertainty among the usable, with those that differ by less than "
-        "twice the standard error; empty where none is usable",
+        long_name="candidate of lowest depth uncertainty among the usable, with those that differ by no more than both "
+        "may be off by; empty where none is usable",
     ),
     "winner": Variable(
         dims=("reading", "place", "way"),
@@ -49,7 +49,10 @@ DECISION: Final[Mapping[str, Variable]] = {
         error="change_error; its range over readings stands beside it",
     ),
     "change_error": Variable(
-        dims=("reading", "way", "change"), units="m", long_name="standard error over independent scrambles"
+        dims=("reading", "way", "change"),
+        units="m",
+        long_name="standard error over independent scrambles",
+        error="an estimate of an error",
     ),
     "change_nearer": Variable(dims=("reading", "way", "change"), units="", long_name="winner nearer than the change"),
     "change_farther": Variable(dims=("reading", "way", "change"), units="", long_name="winner farther than the change"),
@@ -60,7 +63,10 @@ DECISION: Final[Mapping[str, Variable]] = {
         error="crossover_error; its range over readings stands beside it",
     ),
     "crossover_error": Variable(
-        dims=("reading", "way", "crossing"), units="m", long_name="standard error over independent scrambles"
+        dims=("reading", "way", "crossing"),
+        units="m",
+        long_name="standard error over independent scrambles",
+        error="an estimate of an error",
     ),
     "crossover_nearer": Variable(
         dims=("reading", "way", "crossing"), units="", long_name="camera that is more certain nearer than the crossing"
@@ -73,7 +79,10 @@ DECISION: Final[Mapping[str, Variable]] = {
         error="solved_error",
     ),
     "solved_error": Variable(
-        dims=("question",), units="mixed", long_name="standard error over independent scrambles, in solved_units"
+        dims=("question",),
+        units="mixed",
+        long_name="standard error over independent scrambles, in solved_units",
+        error="an estimate of an error",
     ),
     "solved_units": Variable(dims=("question",), units="", long_name="SI unit of the solved value"),
     "solved_says": Variable(dims=("question",), units="", long_name="the inverse question"),

@@ -9,7 +9,8 @@ weak direction can be the one that moves depth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from math import factorial
 from typing import Self
 
@@ -114,6 +115,18 @@ class _Joint:
     name: str
     parameters: tuple[str, ...]
     error_class: ErrorClass
+
+    @cached_property
+    def _content(self) -> tuple[object, ...]:
+        values = (getattr(self, one.name) for one in fields(self) if one.init)
+        return tuple((one.shape, one.tobytes()) if isinstance(one, np.ndarray) else one for one in values)
+
+    def __eq__(self, other: object) -> bool:
+        """The same numbers of the same kind, so that cameras of two designs can be told to be one."""
+        return isinstance(other, type(self)) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
 
     def under(self, prefix: str) -> Self:
         """Return the same group with a prefix to its own name and to those of its parameters."""

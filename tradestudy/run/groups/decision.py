@@ -17,7 +17,7 @@ from tradestudy.analysis.claims import (
     is_met,
     verdict_over_readings,
 )
-from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair
+from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair, stated_error
 from tradestudy.analysis.depth import WAYS
 from tradestudy.analysis.inverse_questions import solve
 from tradestudy.execution.steps import Progress
@@ -41,16 +41,13 @@ def decision_group(
     names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
     attributes["candidates"] = ", ".join(names)
     usable = {name: nominal["usable"].values[rows[name]] for name in names}
+    widths, errors = (nominal[f"depth_uncertainty_way{of}"].values for of in ("", "_error"))
     values["best_camera"] = np.stack(
         [
-            np.array(
-                best_cameras(
-                    usable,
-                    *(
-                        {name: nominal[of].values[rows[name], :, w] for name in names}
-                        for of in ("depth_uncertainty_way", "depth_uncertainty_way_error")
-                    ),
-                )
+            best_cameras(
+                usable,
+                {name: widths[rows[name], :, w] for name in names},
+                {name: stated_error(case.cameras[name], errors[rows[name], :, w]) for name in names},
             )
             for w in range(len(WAYS))
         ],
