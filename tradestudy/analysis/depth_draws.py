@@ -98,7 +98,7 @@ def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArr
 
 
 def _judged(camera: DepthCamera) -> FloatArray:
-    """Distances [m] at which draws are judged and pictures formed; multiples of the focal length where there are none."""
+    """Distances [m] at which draws are judged and pictures formed; where there are none, some focal lengths away."""
     judged = np.array(camera.propagation.judged, dtype=np.float64)
     judged = judged[camera.images(judged)]
     return judged if judged.size else camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
