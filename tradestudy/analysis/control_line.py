@@ -13,6 +13,7 @@ from tradestudy.uncertainty.quantiles import quantiles_of
 _FOR_A_LINE: Final = 2**14  # draws that a line is fitted to
 _ROWS: Final = 512  # quantiles that stand for the rows of a posterior
 _BISECTIONS: Final = 30
+_ALIKE: Final = 1e-12
 _REACH: Final = 9.0  # standard deviations, beyond which a probability is below 1e-18
 
 
@@ -65,8 +66,9 @@ def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
     centred = known[:, some] - known[:, some].mean(axis=1, keepdims=True)
     size = np.linalg.norm(centred, axis=1, keepdims=True)
     unit = centred / np.where(size > 0.0, size, 1.0)
-    found = np.linalg.lstsq(unit.T, inverse[:, some].T - inverse[:, some].T.mean(axis=0), rcond=1e-9)[0]
-    return np.asarray(found.T / np.where(size > 0.0, size, 1.0)[:, 0])
+    # Directions of a posterior are nearly alike: what their products cannot tell apart is left out.
+    inverted = np.linalg.pinv(unit @ unit.T, rcond=_ALIKE, hermitian=True)
+    return np.asarray((inverse[:, some] @ unit.T @ inverted) / np.where(size > 0.0, size, 1.0)[:, 0])
 
 
 def _quantiles_of_line(rows: FloatArray, deviation: FloatArray, probabilities: FloatArray) -> FloatArray:
