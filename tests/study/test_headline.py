@@ -11,7 +11,7 @@ from tradestudy.errors import StudyError
 from tradestudy.study.sweep import sweep_axes
 
 # A study that is asked for nothing but depth and its decision.
-ALONE = {"readings": "{}", "claims": "{}", "solve": "{}", "requirements": "{}"}
+ALONE = dict.fromkeys(("readings", "claims", "solve", "requirements"))
 
 
 def value(result: Result, claim: str, reading: str = "as declared") -> float:
