@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.analysis.control_line import Drivers, missed_quantiles
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
@@ -32,8 +33,8 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
 }
 _FIRST_DRAWS: Final = 2**8  # of each scramble
 _TRIAL_DRAWS: Final = 2**9
+_DIRECTIONS: Final = 6  # in which a posterior is looked at for what it does to depth
 _MANY_DRAWS: Final = 2**13  # of each scramble, from which on scrambles are drawn on several threads
-_FOR_A_LINE: Final = 2**14  # draws that a line is fitted to
 _AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
 _WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
 _OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances, where none is judged
@@ -76,15 +77,19 @@ def read_draws(
 def uncertain_sources(camera: DepthCamera, way: str, field: float = 0.0) -> Sources:
     """See `uncertain_groups`; joint draws stand in the order in which they move depth at a place in the field."""
     groups = (
-        replace(group, along=_responses(camera, group, field)) if isinstance(group, JointDraws) else group
+        replace(group, along=_responses(camera, group, field)[[0, -1]]) if isinstance(group, JointDraws) else group
         for group in uncertain_groups(camera, way)
     )
     return Sources(groups=tuple(groups))
 
 
 def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArray:
-    """Change of inverse depth with each parameter of joint draws, at the nearest and the farthest distance judged."""
-    places, deviation = _places(camera)[[0, -1]], np.std(group.draws, axis=0)
+    """Change of inverse depth with each parameter of joint draws, from the nearest to the farthest distance seen."""
+    judged = _judged(camera)
+    seen = judged[np.isfinite(nominal_inverse(camera, judged, field))]
+    seen = seen if seen.size else judged
+    places = seen[np.linspace(0, seen.size - 1, _DIRECTIONS).round().astype(int)]
+    deviation = np.std(group.draws, axis=0)
     steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
     values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
     read = read_draws(camera, values, places, field, camera.noise(places))
@@ -92,12 +97,16 @@ def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArr
     return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
 
 
-def _places(camera: DepthCamera) -> FloatArray:
-    """Near, middle and far of the distances that are judged [m], where pictures are known, or of the focal length."""
+def _judged(camera: DepthCamera) -> FloatArray:
+    """Distances [m] at which draws are judged and pictures formed; where there are none, some focal lengths away."""
     judged = np.array(camera.propagation.judged, dtype=np.float64)
     judged = judged[camera.images(judged)]
-    if not judged.size:
-        return camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+    return judged if judged.size else camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+
+
+def _places(camera: DepthCamera) -> FloatArray:
+    """Near, middle and far of these [m]."""
+    judged = _judged(camera)
     return judged[[0, judged.size // 2, -1]]
 
 
@@ -119,8 +128,8 @@ def _alignment(camera: DepthCamera, way: str, field: float) -> ScoreAlignment:
 
 
 @lru_cache(maxsize=32)
-def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[FloatArray, dict[str, FloatArray]]:
-    """Standard normal scores (dimensions, scrambles · draws) of every scramble, and the errors (…, 1) that they are.
+def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[Drivers, dict[str, FloatArray]]:
+    """The errors (scrambles · draws, 1) of every scramble, and what drives depth in them.
 
     What moves depth most is in the first coordinates.
     """
@@ -136,7 +145,25 @@ def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[Flo
         each_scramble(of_scramble, SCRAMBLES) if draws >= _MANY_DRAWS else [of_scramble(k) for k in range(SCRAMBLES)]
     )
     values = {name: np.concatenate([own[name] for _, own in found]) for name in found[0][1]}
-    return np.concatenate([scores for scores, _ in found], axis=1), values
+    scores = np.concatenate([scores for scores, _ in found], axis=1)
+    return _drivers(camera, field, sources, scores, values), values
+
+
+def _drivers(
+    camera: DepthCamera, field: float, sources: Sources, scores: FloatArray, values: Mapping[str, FloatArray]
+) -> Drivers:
+    """Scores, and in place of those of a posterior what its rows do to depth."""
+    posterior = next((group for group in sources.active_groups if isinstance(group, JointDraws)), None)
+    if posterior is None:
+        none = np.zeros((0, scores.shape[1]))
+        return Drivers(scores=scores, responses=none, rows=np.zeros((0, 0)))
+    drawn = np.concatenate([values[name] for name in posterior.parameters], axis=1)
+    along = _responses(camera, posterior, field)
+    return Drivers(
+        scores=np.delete(scores, sources.coordinates()[posterior.name], axis=0),
+        responses=along @ drawn.T,
+        rows=along @ posterior.draws.T,
+    )
 
 
 def _read_all(
@@ -181,54 +208,31 @@ def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, 
 
 def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
     probabilities = camera.propagation.probabilities
-    scores, values = _drawn(camera, way, field, draws)
-    inverse = _read_all(camera, distance, field, way, values)
-    quantiles = np.stack(
-        [_inverse_quantiles(*one, probabilities) for one in zip(
-            np.split(inverse, SCRAMBLES, axis=1), _lines(inverse, scores), strict=True)]
-    )  # fmt: skip
+    drivers, values = _drawn(camera, way, field, draws)
+    inverse, upper = _read_all(camera, distance, field, way, values), 1.0 - np.array(probabilities)
+    missed = missed_quantiles(inverse, drivers, SCRAMBLES, upper)
+    quantiles = [
+        _ranked_quantiles(one, upper) - off
+        for one, off in zip(np.split(inverse, SCRAMBLES, axis=1), missed, strict=True)
+    ]
     failed = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
     seen = np.isfinite(nominal_inverse(camera, distance, field))
     return DepthDistribution(
         probabilities=probabilities,
-        quantiles=np.where(seen, depth_from_inverse(quantiles), np.nan),
+        quantiles=np.where(seen, depth_from_inverse(np.stack(quantiles)), np.nan),
         failures=lambda: np.where(seen, failed, np.nan),
     )
 
 
-def _lines(inverse: FloatArray, scores: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
-    """A normal variable that follows inverse depth: of each scramble its draws (distances, draws), and its deviation.
-
-    It is the line in the scores by least squares; 0 where a draw has no rank.
-    """
-    ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
-    some = slice(None, None, max(1, scores.shape[1] // _FOR_A_LINE))
-    centred = scores[:, some] - scores[:, some].mean(axis=1, keepdims=True)
-    slopes = np.linalg.solve(centred @ centred.T, centred @ ranked[:, some].T).T
-    deviation = np.linalg.norm(slopes, axis=1)
-    return [(line, deviation) for line in np.split(slopes @ scores, SCRAMBLES, axis=1)]
-
-
-def _inverse_quantiles(
-    inverse: FloatArray, line: tuple[FloatArray, FloatArray], probabilities: tuple[float, ...]
-) -> FloatArray:
-    """Inverse depths (probabilities, distances) of the quantiles of depth, of the draws that have a rank.
-
-    The line's own quantiles are known: what its draws miss of them, those of inverse depth miss as well, and it is
-    taken off (a control variate).
-    """
-    from scipy.special import ndtri
-
-    upper = 1.0 - np.array(probabilities)
-    draws, deviation = line
-    missed = quantiles_of(draws, upper) - ndtri(upper)[:, None] * deviation
+def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatArray:
+    """Quantiles (probabilities, distances) of the draws that have a rank."""
     missing = np.isnan(inverse).sum(axis=1)
-    found = np.full((upper.size, len(inverse)), np.nan)
+    found = np.full((probabilities.size, len(inverse)), np.nan)
     whole = missing == 0
-    found[:, whole] = quantiles_of(inverse[whole], upper)
+    found[:, whole] = quantiles_of(inverse[whole], probabilities)
     for row in np.flatnonzero(~whole & (missing < inverse.shape[1])):
-        found[:, row] = quantiles_of(inverse[[row]][:, ~np.isnan(inverse[row])], upper)[:, 0]
-    return found - missed
+        found[:, row] = quantiles_of(inverse[[row]][:, ~np.isnan(inverse[row])], probabilities)[:, 0]
+    return found
 
 
 @lru_cache(maxsize=1024)
