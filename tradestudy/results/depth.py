@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from tradestudy.results.variable import PAPER, ROUNDING, SEE_ERROR, Variable
 
+_UNSEEN: Final = "NaN where it is not seen"
 DEPTH_ROUNDING: Final = "closed form; rounding only, see the condition number of eq. 8"
 _EIGHT = f"{PAPER}, eqs. 4 and 8"
 _MATCHING = "Carter, Proc. IEEE 75, 236 (1987)"
@@ -29,7 +30,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="m",
         long_name="half the central 68.27 % interval of one measured depth, noise and calibration; "
-        "infinite where the interval has no far end",
+        f"infinite where the interval has no far end, {_UNSEEN}",
         symbol="u(a)",
         reference="JCGM 101:2008, 7.7",
         error=SEE_ERROR,
@@ -45,7 +46,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance", "way"),
         units="m",
         long_name="depth uncertainty from noise only, calibration only, and both; "
-        "infinite where the interval has no far end",
+        f"infinite where the interval has no far end, {_UNSEEN}",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
@@ -67,21 +68,21 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_quantile": Variable(
         dims=("camera", "distance", "way", "quantile"),
         units="m",
-        long_name="quantile of one measured depth; infinite beyond the pole",
+        long_name=f"quantile of one measured depth; infinite beyond the pole, {_UNSEEN}",
         symbol="a_p",
         error=SEE_ERROR,
     ),
     "failed_fraction": Variable(
         dims=("camera", "distance", "way"),
         units="1",
-        long_name="share of measurements that end beyond infinity",
+        long_name=f"share of measurements that end beyond infinity; {_UNSEEN}",
         symbol="P(a = ∞)",
         error="failed_fraction_error",
     ),
     "failed_fraction_error": Variable(
         dims=("camera", "distance", "way"),
         units="1",
-        long_name="of failed_fraction, as depth_uncertainty_error",
+        long_name=f"of failed_fraction, as depth_uncertainty_error; {_UNSEEN}",
         error="an estimate of an error",
     ),
     "converged": Variable(
@@ -164,7 +165,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_near_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error over scrambles of the draws; 0 where none decide",
+        long_name="standard error over scrambles of the draws; 0 where none decide, infinite where not all have "
+        "the end, NaN where a camera has fewer intervals",
         error="an estimate of an error",
     ),
     "usable_far": Variable(
@@ -176,7 +178,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "usable_far_error": Variable(
         dims=("camera", "interval"),
         units="m",
-        long_name="standard error over scrambles of the draws; 0 where none decide",
+        long_name="standard error over scrambles of the draws; 0 where none decide, infinite where not all have "
+        "the end, NaN where a camera has fewer intervals",
         error="an estimate of an error",
     ),
     "near_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the near end"),

@@ -51,7 +51,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "change_error": Variable(
         dims=("reading", "way", "change"),
         units="m",
-        long_name="standard error over independent scrambles",
+        long_name="standard error over independent scrambles; infinite where not all have the change, "
+        "NaN where there is none",
         error="an estimate of an error",
     ),
     "change_nearer": Variable(dims=("reading", "way", "change"), units="", long_name="winner nearer than the change"),
@@ -65,7 +66,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "crossover_error": Variable(
         dims=("reading", "way", "crossing"),
         units="m",
-        long_name="standard error over independent scrambles",
+        long_name="standard error over independent scrambles; infinite where not all have the crossing, "
+        "NaN where there is none",
         error="an estimate of an error",
     ),
     "crossover_nearer": Variable(
