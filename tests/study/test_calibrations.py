@@ -252,7 +252,7 @@ def test_the_interval_of_one_standard_deviation_is_always_stated_first(
     exact = study.with_models({"rig": {"calibration": "exact"}}).case.cameras["rig"]
     assert exact.propagation.model == "exact"
     perfect = study.with_models({"rig": {"calibration": "off"}}).case.cameras["rig"]
-    assert perfect.calibration.groups == ()
+    assert perfect.propagation.model == "off"
 
 
 def test_several_values_are_varied_together(written: Written) -> None:
