@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import reduce
 from operator import or_
-from typing import TYPE_CHECKING, Annotated, Final, get_args
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
@@ -30,8 +30,3 @@ if TYPE_CHECKING:
     CameraPart = CameraDeclaration
 else:
     CameraPart = Annotated[reduce(or_, KINDS), Field(discriminator="kind")]
-
-
-def kind_name(kind: type[CameraDeclaration]) -> str:
-    """What studies call a kind."""
-    return str(get_args(kind.model_fields["kind"].annotation)[0])
