@@ -195,7 +195,7 @@ def test_shares_are_those_of_the_errors_alone_where_they_are_independent() -> No
         "noise": np.full(3, (0.1 * PIXEL / (F * B)) ** 2),
         "relative rotation": (YAW / math.sqrt(3) / B * (1.0 + (B / 2 / places) ** 2)) ** 2,
         "relative position": (0.2e-3 / B / places) ** 2,
-        "interior": (20e-6 / F / places) ** 2,
+        "interior orientation": (20e-6 / F / places) ** 2,
     }
     assert set(found) == set(each)
     for part, value in each.items():
@@ -217,7 +217,7 @@ def test_tied_array_distance_and_focal_length_have_the_published_shares() -> Non
     assert apart["mla_distance"][0] == pytest.approx(0.476, abs=5e-4)
     assert apart["focal_length"][0] == pytest.approx(0.524, abs=5e-4)
     together = variance_shares(r5(calibration=Calibration(groups=(tied,))), place)
-    assert set(together) == {"noise", "interior"}
+    assert set(together) == {"noise", "interior orientation"}
     assert sum(share[0] for share in together.values()) == pytest.approx(1.0, rel=1e-12)
 
 

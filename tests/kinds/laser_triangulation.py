@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 ERRORS: Final[ErrorVocabulary] = {
     "baseline": ErrorParameter(unit="m", part="relative position", meaning="Distance from camera to projector."),
     "projector_angle": ErrorParameter(unit="rad", part="relative rotation", meaning="Turn of the sheet of light."),
-    "focal_length": ErrorParameter(unit="m", part="interior", meaning="Principal distance of the camera."),
+    "focal_length": ErrorParameter(unit="m", part="interior orientation", meaning="Principal distance of the camera."),
     PIXEL_NOISE: NOISE_PARAMETER,
 }
 

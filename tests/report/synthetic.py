@@ -18,7 +18,7 @@ from tradestudy.results import dataset
 DISTANCE = np.geomspace(0.05, 10.0, 160)
 WAYS = ["noise", "calibration", "both"]
 QUANTILES = [0.025, 0.15865525393145707, 0.5, 0.8413447460685429, 0.975]
-PARTS = ["noise", "relative rotation", "relative position", "interior", "array"]
+PARTS = ["noise", "relative rotation", "relative position", "interior orientation", "array"]
 READINGS = {
     "as declared": "the study as declared",
     "least-squares-all": "every lens that sees the point, all types sharp",

@@ -20,7 +20,7 @@ class ErrorParameter:
     unit
         SI unit, or px.
     part
-        The group of causes that it is reported under: "noise", "interior", "relative rotation", "array".
+        The group of causes that it is reported under: "noise", "interior orientation", "relative rotation", "array".
     meaning
         One sentence for whoever declares it.
     error_class

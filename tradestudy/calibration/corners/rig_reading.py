@@ -30,7 +30,7 @@ def _unit_of(name: str) -> Unit:
 RIG_PARAMETERS: Final[ErrorVocabulary] = {
     **{
         f"{side}_{name}": ErrorParameter(
-            unit=_unit_of(name), part="interior", meaning=f"The {side} camera's {name.replace('_', ' ')}, by the fit."
+            unit=_unit_of(name), part="interior orientation", meaning=f"The {side} camera's {name.replace('_', ' ')}, by the fit."
         )
         for side in SIDES
         for name in INTRINSIC_NAMES

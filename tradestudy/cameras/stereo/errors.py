@@ -37,12 +37,12 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     ),
     "focal_length": ErrorParameter(
         unit="m",
-        part="interior",
+        part="interior orientation",
         meaning="Principal distance of both cameras together, which a calibration in pixels calls the focal length.",
     ),
     "principal_point": ErrorParameter(
         unit="m",
-        part="interior",
+        part="interior orientation",
         meaning="Right principal point less the left one along the baseline, on the sensor; each takes half of it.",
     ),
 }
@@ -53,14 +53,14 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
     yield (
         "focal_length",
         ErrorParameter(
-            unit="m", part="interior", meaning=f"Principal distance of the {side} camera, beyond what both share."
+            unit="m", part="interior orientation", meaning=f"Principal distance of the {side} camera, beyond what both share."
         ),
     )
     for axis, where in (("x", "along the baseline"), ("y", "across the baseline")):
         yield (
             f"principal_point_{axis}",
             ErrorParameter(
-                unit="m", part="interior", meaning=f"Principal point of the {side} camera {where}, on its sensor."
+                unit="m", part="interior orientation", meaning=f"Principal point of the {side} camera {where}, on its sensor."
             ),
         )
     for name, power in (("k1", "square"), ("k2", "fourth power")):
@@ -68,7 +68,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             f"distortion_{name}",
             ErrorParameter(
                 unit="1",
-                part="interior",
+                part="interior orientation",
                 meaning=f"Radial distortion of the {side} lens with the {power} of the slope against its axis.",
             ),
         )
