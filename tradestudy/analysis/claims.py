@@ -221,6 +221,7 @@ def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> Requ
     value = float(values[worst])
     error = float(evaluate_depth(camera, points[worst : worst + 1]).uncertainty_error[-1, 0] / scale[worst])
     usable = is_usable(case, name, points)
+    certain = bool(usable.all()) and error > 0.0 and math.isfinite(value)
     reason = f"worst {pretty(value, dimension)} at {pretty(float(points[worst]), LENGTH)}"
     if not usable.all():
         reason = f"not usable at {pretty(float(points[np.argmin(usable)]), LENGTH)}; {reason}"
@@ -229,6 +230,6 @@ def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> Requ
         camera=name,
         # A camera that cannot be used misses by all of the bound.
         margin_percent=(bound.limit / value - 1.0) * 100.0 if usable.all() else -100.0,
-        margin_sigma=(bound.limit - value) / error if error > 0.0 and math.isfinite(value) else math.nan,
+        margin_sigma=(bound.limit - value) / error if certain else math.nan,
         reason=reason,
     )

@@ -258,7 +258,7 @@ def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.
     parts = {name: camera.parameter(name).part for group in camera.calibration.groups for name in group.parameters}
     names = ("noise", *dict.fromkeys(parts.values()))
     try:
-        line = linear_reading(camera, distance, field)
+        line = linear_reading(camera, distance, field, "noise" if camera.propagation.model == "off" else "both")
     except OutOfRangeError:
         return {name: np.full(distance.shape, np.nan) for name in names}
     rows = [[k for k, own in enumerate(line.parameters) if parts.get(own, "noise") == name] for name in names]

@@ -62,5 +62,7 @@ SESSION_PARAMETERS: Final[ErrorVocabulary] = {
     ),
 }
 """What changes since the calibration; the camera changes by it, its calibration does not."""
+INTERIOR: Final = "interior orientation"
+"""The part of what is inside a camera: focal length, principal point, distortion, distances behind the lens."""
 AGEING: Final = "ageing_"
 """Before the name of a parameter: what has been added to its error since the calibration."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Final
 
-from tradestudy.cameras.error_vocabulary import NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
+from tradestudy.cameras.error_vocabulary import INTERIOR, NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
 from tradestudy.uncertainty.error_class import ErrorClass
 
 PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
-    "mla_distance": ErrorParameter(unit="m", part="interior orientation", meaning="Distance from the main lens to the array."),
-    "focal_length": ErrorParameter(unit="m", part="interior orientation", meaning="Focal length of the main lens."),
-    "microlens_gap": ErrorParameter(unit="m", part="interior orientation", meaning="Distance from the array to the sensor."),
+    "mla_distance": ErrorParameter(unit="m", part=INTERIOR, meaning="Distance from the main lens to the array."),
+    "focal_length": ErrorParameter(unit="m", part=INTERIOR, meaning="Focal length of the main lens."),
+    "microlens_gap": ErrorParameter(unit="m", part=INTERIOR, meaning="Distance from the array to the sensor."),
     "microlens_pitch": ErrorParameter(
         unit="m", part="array", meaning="Mean distance of neighbouring microlens centres."
     ),
@@ -30,36 +30,40 @@ PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
     "array_offset_y": ErrorParameter(unit="m", part="array", meaning="Centre of the array on the sensor along y."),
     "pupil_distance": ErrorParameter(
         unit="m",
-        part="interior orientation",
+        part=INTERIOR,
         meaning="Exit pupil to array less main lens to array; it tells microlens centres from their white images.",
     ),
     "principal_point_x": ErrorParameter(
         unit="m",
-        part="interior orientation",
+        part=INTERIOR,
         meaning="Where the axis of the main lens meets the array along x; distortion and curvature are centred there.",
     ),
     "principal_point_y": ErrorParameter(
         unit="m",
-        part="interior orientation",
+        part=INTERIOR,
         meaning="Where the axis of the main lens meets the array along y; distortion and curvature are centred there.",
     ),
     "field_curvature": ErrorParameter(
         unit="m",
-        part="interior orientation",
+        part=INTERIOR,
         meaning="How much farther from the main lens its image lies in the corner than the known field curvature says; "
         "it grows with the square of the distance from the axis.",
     ),
     "depth_distortion": ErrorParameter(
         unit="1",
-        part="interior orientation",
+        part=INTERIOR,
         meaning="Relative stretch of the distance from image to array in the corner; it grows with the square of the "
         "distance from the axis.",
     ),
     "distortion_k1": ErrorParameter(
-        unit="1", part="interior orientation", meaning="Radial distortion of the main lens with the square of the slope."
+        unit="1",
+        part=INTERIOR,
+        meaning="Radial distortion of the main lens with the square of the slope.",
     ),
     "distortion_k2": ErrorParameter(
-        unit="1", part="interior orientation", meaning="Radial distortion of the main lens with the fourth power of the slope."
+        unit="1",
+        part=INTERIOR,
+        meaning="Radial distortion of the main lens with the fourth power of the slope.",
     ),
     "microlens_center_scatter": ErrorParameter(
         unit="m",

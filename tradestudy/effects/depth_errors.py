@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot
+from tradestudy.effects.base import COMPLETE, OFF, Bound, EffectCriterion, Model, Slot
 
 LINEAR: Final = "linear"
 EXACT: Final = "exact"
@@ -52,18 +52,14 @@ def calibration_slot(
     linear = Bound(
         relative_change=linear_error,
         criterion=tried,
-        reason="tried against exact draws where the uncertainty is the largest and at the ends of the usable range"
+        reason="tried against exact draws at the ends and in the middle of the usable range, where the uncertainty "
+        "is the largest share of the distance, and wherever the study asks"
         if math.isfinite(linear_error)
         else "its calibration is inferred during the run, or depth is lost: how far a line misses it is not known",
-    )
-    exact = Bound(
-        relative_change=0.0,
-        criterion=tried,
-        reason="nothing is simplified; the sampling error is driven below the tolerance and stated with every number",
     )
     models = (
         Model(name=OFF, bounds={"depth_uncertainty": off}),
         Model(name=LINEAR, bounds={"depth_uncertainty": linear}),
-        Model(name=EXACT, bounds={"depth_uncertainty": exact}, seconds=exact_seconds),
+        Model(name=EXACT, bounds={"depth_uncertainty": COMPLETE}, seconds=exact_seconds),
     )
     return Slot(name="calibration", models=models)

@@ -245,5 +245,6 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
 
 
 def distances_without_decision(distance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Four distances from end to end of a study's, where no decision declares any to be told in tables."""
-    return np.geomspace(distance[0], distance[-1], 4)
+    """Four of a study's distances from end to end, where no decision declares any to be told in tables."""
+    wanted = np.geomspace(distance[0], distance[-1], 4)
+    return np.asarray(distance[np.unique(np.abs(np.log(distance[:, None] / wanted)).argmin(axis=0))])

@@ -37,7 +37,8 @@ _CALLED: Final = {
 }
 _INSTEAD: Final = {
     "cameras.*.thermal_expansion": "format 2: cameras.{}.calibration.stability.housing_expansion, beside temperature",
-    "cameras.*.calibration.correlation": "format 2: correlations: {{mla_distance: {{focal_length: 0.9}}}}",
+    "cameras.*.calibration.correlation": "format 2: correlations beside errors, {{mla_distance: {{focal_length: …}}}} "
+    "with this value; 0 is left out",
     "cameras.*.calibration.errors.pixel_noise": "the noise of one measurement is cameras.{}.depth.disparity_error",
     "cameras.*.calibration.errors.*.drawn": "take this out; how often an error is drawn follows from what it is",
     "cameras.*.calibration.corners.declared_baseline": "format 2 compares the fit with cameras.{}.baseline",
@@ -46,10 +47,11 @@ _INSTEAD: Final = {
     "calibration.seed": "format 2: propagation.seed",
     "calibration.distances": "take this out; answers are for scene.distances, sensitivity for sensitivity.at",
     "calibration.edge": "format 2: propagation.field_places, a list: [70 %]",
-    "calibration.accuracy": "format 2: accuracy.depth_uncertainty",
+    "calibration.accuracy": "format 2: accuracy.depth_uncertainty, the tighter of the two where both stand",
     "calibration.budget": "format 2: propagation.max_draws",
     "calibration.compare": "format 2: decision.compare",
-    "calibration.questions": "format 2: solve, with the path that is to vary, low and high; way is errors",
+    "calibration.questions": "format 2: solve; parameter is the path in vary, sought between low and high; way is "
+    "errors; camera, equal, relative and at stay",
     "calibration.surroundings.calibrated_at_temperature": "format 2: stability.calibrated_at of each calibration",
     "calibration.surroundings.calibrated_at_pressure": "format 2: stability.calibrated_at of each calibration",
     "calibration.surroundings.temperature_change": "format 2: calibration.stability.temperature of each camera",
@@ -59,6 +61,7 @@ _INSTEAD: Final = {
     "calibration.cameras.*.body": "format 2: cameras.{}.calibration.stability",
     "calibration.cameras.*.file": "format 2: cameras.{}.calibration.posterior.file",
     "calibration.cameras.*.target": "format 2: cameras.{}.calibration.target; half_field is half_field_angle, "
+    "the angle of which it was the tangent (16.7 deg for 0.3), "
     "maximum_steps is max_steps",
     "calibration.cameras.*.corners": "format 2: cameras.{}.calibration.corners; maximum_steps is max_steps",
 }

@@ -11,7 +11,7 @@ from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair
 from tradestudy.calibration.corners.view_blocks import RELATIVE_POSE_NAMES, SHARED_NAMES
 from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
 from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.error_vocabulary import PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
+from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
 from tradestudy.optics.arrays import FloatArray
 
@@ -30,7 +30,9 @@ def _unit_of(name: str) -> Unit:
 RIG_PARAMETERS: Final[ErrorVocabulary] = {
     **{
         f"{side}_{name}": ErrorParameter(
-            unit=_unit_of(name), part="interior orientation", meaning=f"The {side} camera's {name.replace('_', ' ')}, by the fit."
+            unit=_unit_of(name),
+            part=INTERIOR,
+            meaning=f"The {side} camera's {name.replace('_', ' ')}, by the fit.",
         )
         for side in SIDES
         for name in INTRINSIC_NAMES

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from tradestudy.cameras.error_vocabulary import NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
+from tradestudy.cameras.error_vocabulary import INTERIOR, NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.stereo.pair import SIDES
 
 _OF_BOTH: Final[ErrorVocabulary] = {
@@ -37,12 +37,12 @@ _OF_BOTH: Final[ErrorVocabulary] = {
     ),
     "focal_length": ErrorParameter(
         unit="m",
-        part="interior orientation",
+        part=INTERIOR,
         meaning="Principal distance of both cameras together, which a calibration in pixels calls the focal length.",
     ),
     "principal_point": ErrorParameter(
         unit="m",
-        part="interior orientation",
+        part=INTERIOR,
         meaning="Right principal point less the left one along the baseline, on the sensor; each takes half of it.",
     ),
 }
@@ -53,14 +53,18 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
     yield (
         "focal_length",
         ErrorParameter(
-            unit="m", part="interior orientation", meaning=f"Principal distance of the {side} camera, beyond what both share."
+            unit="m",
+            part=INTERIOR,
+            meaning=f"Principal distance of the {side} camera, beyond what both share.",
         ),
     )
     for axis, where in (("x", "along the baseline"), ("y", "across the baseline")):
         yield (
             f"principal_point_{axis}",
             ErrorParameter(
-                unit="m", part="interior orientation", meaning=f"Principal point of the {side} camera {where}, on its sensor."
+                unit="m",
+                part=INTERIOR,
+                meaning=f"Principal point of the {side} camera {where}, on its sensor.",
             ),
         )
     for name, power in (("k1", "square"), ("k2", "fourth power")):
@@ -68,7 +72,7 @@ def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
             f"distortion_{name}",
             ErrorParameter(
                 unit="1",
-                part="interior orientation",
+                part=INTERIOR,
                 meaning=f"Radial distortion of the {side} lens with the {power} of the slope against its axis.",
             ),
         )

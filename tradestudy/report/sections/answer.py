@@ -98,12 +98,11 @@ def _why_none(tree: xr.DataTree, depth: xr.Dataset, start: float, end: float) ->
 
 def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
     """The uncertainty at both ends of a stretch, absolute and relative, and what decides it there."""
-    sigma = depth["depth_uncertainty"].sel(camera=camera)
-    inside = sigma.where((sigma["distance"] >= start) & (sigma["distance"] <= end), drop=True)
-    places = inside["distance"].values[[0, -1]]
-    near, far = (
-        f"{length(float(s))} ({share(float(s / z))})" for s, z in zip(inside.values[[0, -1]], places, strict=True)
-    )
+    sigma, places = depth["depth_uncertainty"].sel(camera=camera), (start, end)
+    known = np.isfinite(sigma.values)
+    logs = (np.log(sigma["distance"].values[known]), np.log(sigma.values[known]))  # a smooth curve between its points
+    ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
+    near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
     first, last = (in_words(largest_part(depth, camera, float(place)) or "nothing") for place in places)
     cause = f"set by {first}" if first == last else f"set first by {first}, then by {last}"
     return f"±{near} near to ±{far} far, {cause}"

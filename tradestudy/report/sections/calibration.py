@@ -85,7 +85,7 @@ def _source(tree: xr.DataTree, key: str, own: Mapping[str, str], errors: list[st
             else "a simulated target"
         )
     if found == "corners":
-        return f"corners of a real board, {own.get('corners.file', '')}".removesuffix(", ")
+        return f"corners of a board, {own.get('corners.file', '')}".removesuffix(", ")
     if found == "posterior":
         return f"a saved posterior, {own.get('posterior.file', '')}".removesuffix(", ")
     if errors:

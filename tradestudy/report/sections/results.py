@@ -113,7 +113,7 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             )
     return Table(
         name="depth-table",
-        caption="Depth discrimination and uncertainty at the declared distances.",
+        caption="Depth discrimination and uncertainty at the distances that the study asks about.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Usable"),
