@@ -37,10 +37,19 @@ class Drivers:
     rows: FloatArray
 
 
-def missed_quantiles(
-    inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities: FloatArray
-) -> list[FloatArray]:
-    """By how much quantiles of a line that follows inverse depth are off in each scramble, (probabilities, distances).
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Missed:
+    """What the draws of each scramble miss of a line: of its quantiles, and of its share that is at infinity or beyond.
+
+    Shapes (scrambles, probabilities, distances) and (scrambles, distances).
+    """
+
+    quantiles: FloatArray
+    failed: FloatArray
+
+
+def missed(inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities: FloatArray) -> Missed:
+    """By how much quantiles and the failed share of a line that follows inverse depth are off in each scramble.
 
     Parameters
     ----------
@@ -54,11 +63,18 @@ def missed_quantiles(
         Of the quantiles.
     """
     known = np.concatenate([drivers.scores, drivers.responses])
-    slopes = _slopes(np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse), known)
+    ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
+    slopes = _slopes(ranked, known)
     of_scores, of_rows = slopes[:, : len(drivers.scores)], slopes[:, len(drivers.scores) :]
     deviation = np.linalg.norm(of_scores, axis=1)
-    exact = _quantiles_of_line(of_rows @ drivers.rows, deviation, probabilities)
-    return [quantiles_of(line, probabilities) - exact for line in np.split(slopes @ known, scrambles, axis=1)]
+    rows = of_rows @ drivers.rows
+    exact, lines = _quantiles_of_line(rows, deviation, probabilities), np.split(slopes @ known, scrambles, axis=1)
+    infinity = -ranked.mean(axis=1, keepdims=True)
+    beyond = _share_below(rows, deviation, infinity)
+    return Missed(
+        quantiles=np.stack([quantiles_of(line, probabilities) - exact for line in lines]),
+        failed=np.stack([np.mean(line <= infinity, axis=1) - beyond for line in lines]),
+    )
 
 
 def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
@@ -69,6 +85,16 @@ def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
     # Directions of a posterior are nearly alike: what their products cannot tell apart is left out.
     inverted = np.linalg.pinv(unit @ unit.T, rcond=_ALIKE, hermitian=True)
     return np.asarray((inverse[:, some] @ unit.T @ inverted) / np.where(size > 0.0, size, 1.0)[:, 0])
+
+
+def _share_below(rows: FloatArray, deviation: FloatArray, limit: FloatArray) -> FloatArray:
+    """Probability that a row (distances, rows), drawn with equal weight, plus a normal error is at most a limit."""
+    from scipy.special import ndtr
+
+    own = rows if rows.shape[1] else np.zeros_like(limit)
+    spread = deviation[:, None]
+    smooth = ndtr((limit - own) / np.where(spread > 0.0, spread, 1.0))
+    return np.asarray(np.mean(np.where(spread > 0.0, smooth, own <= limit), axis=1))
 
 
 def _quantiles_of_line(rows: FloatArray, deviation: FloatArray, probabilities: FloatArray) -> FloatArray:

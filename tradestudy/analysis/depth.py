@@ -12,6 +12,7 @@ import numpy as np
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.analysis.depth_draws import exact_distribution, trial_distribution
 from tradestudy.analysis.linear_depth import (
+    has_covariance,
     linear_distribution,
     linear_reading,
     noise_distribution,
@@ -120,7 +121,7 @@ def _known(camera: DepthCamera, distances: bytes, field: float, way: str) -> Dep
     distance, model, groups = np.frombuffer(distances), camera.propagation.model, camera.calibration.groups
     if way == "noise" or (way == "both" and (model == "off" or not groups)):
         return noise_distribution(camera, distance, field)
-    if model != "exact" or not groups:
+    if not groups or (model != "exact" and has_covariance(camera)):
         return linear_distribution(camera, distance, field, way)
     return exact_distribution(camera, distance, field, way)
 
@@ -200,9 +201,9 @@ class ModelError:
     Parameters
     ----------
     half_width
-        Of the depth uncertainty, relatively.
+        Of the depth uncertainty, over what the model makes of it.
     intervals
-        Of the half width of any reported interval, relatively: the largest.
+        Of the half width of any reported interval, over what draws make of it: the largest.
     failed_fraction
         Of the failed fraction, as such.
     """
@@ -227,17 +228,17 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
     intervals = [_apart(line, draws, coverage) for coverage in camera.propagation.coverages]
     failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error
     return ModelError(
-        half_width=_larger_neighbour(distance, places, _apart(line, draws, ONE_SIGMA)),
+        half_width=_larger_neighbour(distance, places, _apart(draws, line, ONE_SIGMA)),
         intervals=_larger_neighbour(distance, places, np.fmax.reduce(intervals)),
         failed_fraction=_larger_neighbour(distance, places, failed),
     )
 
 
-def _apart(model: DepthDistribution, draws: DepthDistribution, coverage: float) -> FloatArray:
-    """Relative error of the half width of an interval, at most; infinite where only one of the two has a far end."""
-    width, drawn = (np.mean(one.half_widths(coverage), axis=0) for one in (model, draws))
+def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) -> FloatArray:
+    """Difference of half widths over that of the other, at most; infinite where only one of the two has a far end."""
+    width, drawn = (np.mean(either.half_widths(coverage), axis=0) for either in (one, other))
     with np.errstate(invalid="ignore", divide="ignore"):
-        error = np.nan_to_num(draws.half_width_errors(coverage) / drawn)
+        error = np.nan_to_num((one.half_width_errors(coverage) + other.half_width_errors(coverage)) / drawn)
         relative = np.abs(width / drawn - 1.0) + 2.0 * error
     lost = np.isinf(width) | np.isinf(drawn)
     return np.where(np.isinf(width) & np.isinf(drawn), 0.0, np.where(lost, np.inf, relative))

@@ -24,11 +24,14 @@ class DepthDistribution:
         Depths [m], shape (scrambles, probabilities, distances); +inf beyond infinity, NaN where nothing is measured.
     failures
         Finds `failed`, for those who ask.
+    counting_step
+        The smallest share that the draws can tell from none.
     """
 
     probabilities: tuple[float, ...]
     quantiles: FloatArray
     failures: Callable[[], FloatArray]
+    counting_step: float = 0.0
 
     @cached_property
     def failed(self) -> FloatArray:
@@ -61,8 +64,8 @@ class DepthDistribution:
 
     @property
     def failed_fraction_error(self) -> FloatArray:
-        """Standard error from scramble to scramble; 0 where nothing is drawn."""
-        return _standard_error(self.failed)
+        """Standard error over scrambles, at least what counting draws can tell; 0 where nothing is drawn."""
+        return np.maximum(_standard_error(self.failed), self.counting_step)
 
     def half_widths(self, coverage: float) -> FloatArray:
         """Of each scramble, half the central interval of a coverage [m]; +inf where it has no far end."""

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.control_line import Drivers, missed_quantiles
+from tradestudy.analysis.control_line import Drivers, missed
 from tradestudy.analysis.depth_distribution import DepthDistribution
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
@@ -210,17 +210,16 @@ def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str,
     probabilities = camera.propagation.probabilities
     drivers, values = _drawn(camera, way, field, draws)
     inverse, upper = _read_all(camera, distance, field, way, values), 1.0 - np.array(probabilities)
-    missed = missed_quantiles(inverse, drivers, SCRAMBLES, upper)
-    quantiles = [
-        _ranked_quantiles(one, upper) - off
-        for one, off in zip(np.split(inverse, SCRAMBLES, axis=1), missed, strict=True)
-    ]
-    failed = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
+    off = missed(inverse, drivers, SCRAMBLES, upper)
+    quantiles = np.stack([_ranked_quantiles(one, upper) for one in np.split(inverse, SCRAMBLES, axis=1)])
+    counted = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
+    failed = np.clip(counted - off.failed, 0.0, 1.0)
     seen = np.isfinite(nominal_inverse(camera, distance, field))
     return DepthDistribution(
         probabilities=probabilities,
-        quantiles=np.where(seen, depth_from_inverse(np.stack(quantiles)), np.nan),
+        quantiles=np.where(seen, depth_from_inverse(quantiles - off.quantiles), np.nan),
         failures=lambda: np.where(seen, failed, np.nan),
+        counting_step=1.0 / (SCRAMBLES * draws),
     )
 
 

@@ -59,6 +59,8 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
 
     logs = (math.log(low), math.log(high))
     ends = [float(np.mean(log_ratios(log))) for log in logs]
+    if np.isnan(ends).any():
+        return Solved(value=math.nan, error=math.nan, dimension=dimension, answer=_undecided(question))
     if ends[0] * ends[1] > 0.0:
         between = f"{pretty(low, dimension)} and {pretty(high, dimension)}"
         return Solved(
@@ -85,6 +87,9 @@ def _one_scramble(log_ratios: Callable[[float], FloatArray], scramble: int) -> C
 
 
 def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: str) -> float:
+    ends = [log_ratio(log) for log in logs]
+    if ends[0] * ends[1] > 0.0:  # this scramble has its root beyond an end that others have it within
+        return logs[int(abs(ends[1]) < abs(ends[0]))]
     root, report = brentq(log_ratio, *logs, xtol=_ROOT_TOLERANCE, full_output=True)
     if not report.converged:
         raise NotConvergedError("an inverse question was not solved", value=says, remedy="narrow its ends")
@@ -102,13 +107,21 @@ def _log_ratios(definition: StudyDefinition, question: SolvePart, value: Entry) 
         first, second = _widths(cameras[question.camera], question), np.array([question.relative * question.at])
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
         found = np.log(first) - np.log(second)
-    return np.asarray(np.clip(np.nan_to_num(found, nan=_BEYOND_ALL), -_BEYOND_ALL, _BEYOND_ALL))
+    return np.asarray(np.clip(found, -_BEYOND_ALL, _BEYOND_ALL))
 
 
 def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     """Uncertainty [m] at the distance of the question, of each scramble; draws are settled there alone."""
     asked = replace(camera, propagation=replace(camera.propagation, judged=(question.at,)))
     return distribution(asked, np.array([question.at]), question.errors).half_widths(ONE_SIGMA)[:, 0]
+
+
+def _undecided(question: SolvePart) -> str:
+    """Why an end of an inverse question has no ratio."""
+    where = pretty(question.at, LENGTH)
+    if question.equal is not None:
+        return f"cannot be told: at {where} both are unbounded, or one of them measures nothing"
+    return f"cannot be told: at {where} nothing is measured"
 
 
 def _nowhere(definition: StudyDefinition, question: SolvePart, between: str, first_is_certain: bool) -> str:

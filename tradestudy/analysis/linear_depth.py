@@ -21,6 +21,7 @@ from tradestudy.uncertainty.sources import Sources
 # millionth of the third-order term.
 _STEP: Final = 1e-3
 _LEAST_NOISE_PX: Final = 1e-3  # of the steps of the noise: less would be lost in rounding
+_NEVER: Final = 1e-18
 _FARTHEST_SCORE: Final = 9.0  # beyond it the probability is below 1e-18
 _BISECTIONS: Final = 28  # to 1e-7 of a standard deviation
 
@@ -135,7 +136,8 @@ def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale:
 
     def failures() -> FloatArray:
         score = _score_of_infinity(camera, distance, field, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
-        failed = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
+        shares = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
+        failed = np.where(shares > _NEVER, shares, 0.0)
         return np.where(seen, failed, np.nan)[None]
 
     return DepthDistribution(

@@ -194,8 +194,15 @@ def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any]) -> Calib
     draws = np.asarray(variables["draws"][...], dtype=np.float64)
     if "best" not in variables:
         return CalibrationDraws(names=names, draws=draws)
-    columns, rows = (int(count) for count in variables["pixels"][...])
+    size = np.asarray(variables["pixels"][...]).ravel() if "pixels" in variables else np.zeros(0)
     best = np.asarray(variables["best"][...], dtype=np.float64)
+    if size.size != 2 or best.shape != (len(names),):
+        raise CalibrationFileError(
+            "the posterior of a rig needs pixels (columns and rows) and one best value for each parameter",
+            value=f"{size.size} pixels, {best.size} best values for {len(names)} parameters",
+            remedy="take the file as a run wrote it",
+        )
+    columns, rows = (int(count) for count in size)
     return CalibrationDraws(names=names, draws=draws, best=best, pixels=(columns, rows))
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 from typing import cast
 
@@ -15,10 +17,11 @@ from tradestudy.calibration.calibration_file import (
 )
 from tradestudy.calibration.corners.rig_geometry import check_geometry
 from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS, RigReading
+from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.sources import CALIBRATION, group_of_draws
 from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.error_vocabulary import ErrorVocabulary
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.pair_geometry import PairGeometry
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
@@ -69,7 +72,7 @@ def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration
     found = read_calibration(path)
     if isinstance(found, CalibrationDraws) and found.best is not None:
         return _of_rig(path, name, camera, found)
-    _require_known(path, found.names, camera.error_vocabulary)
+    _require_known(path, found.names, [name for name in camera.error_vocabulary if name != PIXEL_NOISE])
     return Calibration(groups=(_group(found),), source="posterior")
 
 
@@ -108,6 +111,16 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
             remedy="take the file that a run wrote for such a camera",
         )
     _require_known(path, found.names, RIG_PARAMETERS)
+    if lacking := [name for name in SHARED_NAMES if name not in found.names]:
+        raise CalibrationFileError(
+            f"{path.name} lacks parameters of a rig",
+            value=", ".join(lacking),
+            limit=f"all {len(SHARED_NAMES)}",
+            remedy="take the file as a run wrote it",
+        )
+    assert found.best is not None
+    order = [found.names.index(name) for name in SHARED_NAMES]  # the reading takes them by place
+    found = replace(found, names=SHARED_NAMES, draws=found.draws[:, order], best=found.best[order])
     assert found.best is not None
     pair = cast(PairGeometry, camera)
     check_geometry(name, pair, found.best, found.draws, says="the posterior says")
@@ -127,7 +140,7 @@ def _group(found: CalibrationCovariance | CalibrationDraws) -> Group:
     )
 
 
-def _require_known(path: Path, names: tuple[str, ...], known: ErrorVocabulary) -> None:
+def _require_known(path: Path, names: tuple[str, ...], known: Collection[str]) -> None:
     if unknown := [name for name in names if name not in known]:
         raise CalibrationFileError(
             f"{path.name} names parameters that the camera does not have",

@@ -20,6 +20,7 @@ from tradestudy.declarations.distributions import (
     NumberDistribution,
     PressureDistribution,
     TemperatureDistribution,
+    lowest,
 )
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
@@ -93,6 +94,10 @@ class StabilityPart(Part):
 
     def _mistakes_of_surroundings(self) -> Iterator[MistakeAt]:
         changes = [name for name in ("temperature", "pressure") if getattr(self, name) is not None]
+        for name in changes:
+            if getattr(self.calibrated_at, name) + lowest(getattr(self, name)) <= 0.0:
+                what = "reaches absolute zero" if name == "temperature" else "reaches a pressure below zero"
+                yield MistakeAt((name,), f"{what} from stability.calibrated_at.{name}; give a smaller change")
         needed_by: Mapping[str, tuple[str, ...]] = {
             "housing_expansion": ("temperature",),
             "focal_length_expansion": ("temperature",),

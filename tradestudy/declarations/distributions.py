@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Final, Generic, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Final, Generic, Literal, Self, TypeVar
 
 from pydantic import Field, model_validator
 
@@ -38,6 +38,9 @@ _NEEDS: Final[dict[Shape, tuple[str, ...]]] = {
 
 Signed = TypeVar("Signed", bound=float)
 Positive = TypeVar("Positive", bound=float)
+
+
+_DEVIATIONS: Final = 6.0
 
 
 class DistributionPart(Part, Generic[Signed, Positive]):
@@ -97,6 +100,12 @@ class DistributionPart(Part, Generic[Signed, Positive]):
         if self.shape is not None:
             return self.shape
         return "uniform" if self.standard_deviation is None else "normal"
+
+
+def lowest(part: DistributionPart[Any, Any]) -> float:
+    """The lowest value that counts: the end of a bounded distribution, six deviations below a normal one's mean."""
+    spread = part.half_width if part.half_width is not None else _DEVIATIONS * (part.standard_deviation or 0.0)
+    return float((part.mean or 0.0) - spread - (part.inexactness or 0.0))
 
 
 class LengthDistribution(DistributionPart[Length, PositiveLength]):

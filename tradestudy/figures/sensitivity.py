@@ -49,7 +49,8 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     rows = -(-len(shown) // 2)
     figure = new_figure(0.6 + 1.75 * rows)
     grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-    largest = float(np.nanmax(data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])))) * MM
+    finite = data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])).fillna(0.0)
+    largest = max(float(finite.max()) * MM, np.finfo(float).tiny)  # nothing is measured at a distance that none sees
     bars = [_bars(axes, data.sel(camera=c.key), c) for axes, c in zip(grid.flat, shown, strict=False)]
     for axes in list(grid.flat)[: len(shown)]:
         axes.set(ylim=(max(bars) - 0.4, -0.6), xlim=(largest * 1e-5, largest * 2.0))

@@ -31,7 +31,6 @@ from tradestudy.effects.picture_slots import (
     reach_over_airy,
     spectrum_width,
 )
-from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.airy import FIRST_DARK_RING
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -364,16 +363,15 @@ def _linear_error(variant: _Variant) -> Worst:
     camera, places = acting(variant.camera, {"calibration": LINEAR}), variant.distance[variant.usable]
     asked = np.array(variant.asked[:_MOST_ASKED])
     asked = asked[camera.images(asked)]
+    if not has_covariance(camera):  # no line exists
+        return _NEVER_TRIED
     if not camera.calibration.groups or not (places.size or asked.size):
         return Worst(value=0.0, at=math.nan)
     tried = np.unique(np.append(asked, places[[0, places.size // 2, -1]])) if places.size else np.unique(asked)
     if places.size:
         relative = depth_uncertainty(camera, places) / places
         tried = np.union1d(tried, places[[int(np.nanargmax(np.where(np.isfinite(relative), relative, 0.0)))]])
-    try:
-        error = model_error(camera, tried).intervals
-    except OutOfRangeError:  # something has no variance: no line exists
-        return _NEVER_TRIED
+    error = model_error(camera, tried).intervals
     return worst_at(tried, np.where(np.isnan(error), 0.0, error))
 
 

@@ -18,7 +18,7 @@ from tradestudy.study.definition import StudyDefinition
 
 def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: Steps) -> xr.Dataset:
     """/sensitivity over (camera, field, distance, source): on the axis and at the places that the study declares."""
-    cameras, fields = definition.case.cameras, (0.0, *definition.file.propagation.field_places)
+    cameras, fields = definition.case.cameras, tuple(dict.fromkeys((0.0, *definition.file.propagation.field_places)))
     asked = [
         SensitivityPoint(name=name, camera=camera, distance=distance, fields=fields) for name, camera in cameras.items()
     ]
