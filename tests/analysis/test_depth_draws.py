@@ -93,7 +93,7 @@ def test_quantiles_do_not_depend_on_threads_or_on_what_is_asked_together(
     for k, place in enumerate(places):
         alone = exact_distribution(camera, np.array([place]), 0.0, "both")
         np.testing.assert_allclose(alone.quantiles[:, :, 0], together.quantiles[:, :, k], rtol=1e-12)
-        np.testing.assert_array_equal(alone.failed[:, 0], together.failed[:, k])
+        np.testing.assert_allclose(alone.failed[:, 0], together.failed[:, k], rtol=1e-9)
 
 
 def test_other_seeds_have_other_draws_and_the_same_seed_the_same() -> None:

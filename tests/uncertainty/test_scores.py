@@ -7,6 +7,7 @@ import pytest
 from scipy.special import ndtr, ndtri
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty import scores
 from tradestudy.uncertainty.scores import BATCH_DRAWS, each_scramble, scramble_scores
 from tradestudy.uncertainty.streams import point_generator, scrambled_sobol
 
@@ -54,7 +55,7 @@ def test_threads_change_nothing_and_results_come_in_order():
         return scramble, np.sum(scramble_scores(3, 4096, seed=7, point="threads", scramble=scramble), axis=1)
 
     found = each_scramble(task, 8)
-    scramble_scores.cache_clear()
+    scores._few.cache_clear()
     assert [number for number, _ in found] == list(range(8))
     for number, total in found:
         np.testing.assert_array_equal(total, task(number)[1])

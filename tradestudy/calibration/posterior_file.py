@@ -119,8 +119,10 @@ def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws)
             remedy="take the file as a run wrote it",
         )
     assert found.best is not None
-    order = [found.names.index(name) for name in SHARED_NAMES]  # the reading takes them by place
-    found = replace(found, names=SHARED_NAMES, draws=found.draws[:, order], best=found.best[order])
+    if found.names != SHARED_NAMES:  # the reading takes them by place
+        order = [found.names.index(name) for name in SHARED_NAMES]
+        draws = np.ascontiguousarray(found.draws[:, order])
+        found = replace(found, names=SHARED_NAMES, draws=draws, best=found.best[order])
     assert found.best is not None
     pair = cast(PairGeometry, camera)
     check_geometry(name, pair, found.best, found.draws, says="the posterior says")
