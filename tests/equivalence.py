@@ -47,7 +47,7 @@ RELABELLED: Relabelled = {
 
 # They hold wall times of the run itself, which differ between two runs of the same program. Times predicted for the
 # reference machine do not, and are compared.
-CLOCKS = frozenset({"tier_seconds", "posterior_seconds", "laplace_seconds"})
+CLOCKS = frozenset({"posterior_seconds", "laplace_seconds"})
 
 # They say which program computed the results and which file it read.
 IGNORED_ATTRIBUTES = frozenset({"code_hash", "study_hash"})
@@ -57,8 +57,9 @@ IGNORED_ATTRIBUTES = frozenset({"code_hash", "study_hash"})
 SCALES: Mapping[str, Scale] = {
     # A result less that of a second method, or of a finer computation; shares of it, and margins divided by it.
     "/depth/depth_uncertainty_error": "depth_uncertainty",
+    "/depth/depth_uncertainty_way_error": "depth_uncertainty_way",
+    **dict.fromkeys(("/depth/failed_fraction", "/depth/failed_fraction_error", "/depth/variance_share"), 1.0),
     "/depth/disparity_error_px_error": "disparity_error_px",
-    "/depth/limit_value": lambda group: (group["limit"] == "closed_form").astype(float),
     "/disparity_causes/disparity_error_px_error": "disparity_error_px",
     "/disparity_causes/disparity_error_px_changed_error": "disparity_error_px_changed",
     "/requirements/margin_sigma": lambda group: group["margin_sigma"] ** 2,
@@ -71,14 +72,13 @@ SCALES: Mapping[str, Scale] = {
     **dict.fromkeys(("/hard_cases/naive_error", "/hard_cases/our_error"), 1.0),
     **dict.fromkeys(("/effects/bound", "/effects/joint_bound"), 1.0),
     "/effects/number": lambda group: (group["slot"] == "calibration").astype(float),
-    # A depth less another: quantiles, a mean less the true one, steps of numerical derivatives.
-    **dict.fromkeys(("/calibration/bias", "/calibration/linear_uncertainty"), "nominal_depth"),
+    # A depth less another.
     **dict.fromkeys(("/sensitivity/source_uncertainty", "/sensitivity/source_uncertainty_error"), "distance"),
     # A covariance over a variance, 0 of most sources.
     **dict.fromkeys((f"/sensitivity/{name}" for name in ("first_index", "first_index_error")), 1.0),
     **dict.fromkeys((f"/sensitivity/{name}" for name in ("total_index", "total_index_error")), 1.0),
 }
-ALIKE = {"/depth_at_places": "/depth"}  # groups of the same variables
+ALIKE = {"/depth_at_places": "/depth", "/depth_field": "/depth"}  # groups of the same variables
 
 
 @dataclass(kw_only=True)

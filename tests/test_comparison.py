@@ -49,6 +49,18 @@ def test_a_value_that_became_infinite_is_shown_and_a_missing_group_is_named() ->
     ]
 
 
+def test_the_error_of_a_distance_is_a_stated_error() -> None:
+    def crossing(error: float) -> xr.DataTree:
+        at = {"crossover_distance": 0.4, "crossover_error": error, "rounding_error": error}
+        return xr.DataTree.from_dict({"/decision": xr.Dataset({name: ("k", [value]) for name, value in at.items()})})
+
+    found = compare_runs(["one", "two"], [record("1 m")] * 2, [crossing(0.1), crossing(0.2)])
+    assert [(d.what, d.values[1]) for d in found.results] == [
+        ("decision/rounding_error", "up to +100 % at k=0"),
+        ("decision/stated numerical errors", "moved for 1 variable"),
+    ]
+
+
 def test_one_run_cannot_be_compared() -> None:
     with pytest.raises(OutOfRangeError, match="at least 2"):
         compare_runs(["one"], [{}], [tree([1.0, 2.0, 3.0], "met")])

@@ -25,14 +25,14 @@ MAY_BE_READ = ("errors", "units", "light_methods", "wording", "results", "figure
 # What a study may declare of cameras, of all kinds and of each; a camera itself is computed with without pydantic.
 KINDS = tuple(sorted(path.parent.name for path in (PACKAGE / "cameras").glob("*/declaration.py")))
 DECLARATIONS = (
-    "cameras.kinds", "cameras.declaration", "cameras.stated_declaration", "cameras.plenoptic_declaration",
+    "cameras.kinds", "cameras.declaration", "cameras.stated_declaration", "cameras.calibration_declaration",
     *(f"cameras.{kind}.declaration" for kind in KINDS),
 )  # fmt: skip
 # What reports take from figures: facts come from the views of the results.
 DRAWINGS = ("figures", "figures.drawing", "figures.drawn", "figures.fonts")
 # library → packages and modules that may import it; every other one must go through them.
 HEAVY = {
-    "pydantic": ("declarations", "calibration.declaration", "study", *DECLARATIONS),
+    "pydantic": ("declarations", "study", *DECLARATIONS),
     "xarray": ("results", "run", "cost", "comparison", "figures", "report", "api"),
     "matplotlib": ("figures",),
     "typst": ("report",),

@@ -211,7 +211,7 @@ class Study:
             "study": self.name,
             "study_hash": self.hash,
             "code_hash": provenance.code_hash(),
-            "seed": None if self.file.calibration is None else self.file.calibration.seed,
+            "seed": self.file.propagation.seed,
             "inputs": provenance.values_by_path(self.definition.under_tolerance.tree),
             "file": self.definition.document.locate(()).file,
             "options": list(options(self.definition)),
@@ -298,6 +298,7 @@ class Result:
             drawer.begin(self.data)
         storage.remove_abandoned(target)
         record = storage.write_finished(self.data, self.run_record, target)
+        _write_posteriors(self.data, target)
         _write_report(self.data, record, target, pdf=pdf, drawer=drawer)
         return target
 
@@ -315,6 +316,19 @@ class Result:
             f"<table><tr><th>distance</th><th>most certain usable camera</th></tr>{rows}</table>"
             f"<p>{escape(', '.join(self.data.children))}</p>"
         )
+
+
+def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
+    """Write every posterior of a run as a file that a camera's ``calibration: {posterior: {file: …}}`` reads."""
+    if "calibration" not in tree.children:
+        return
+    from tradestudy.calibration.posterior_file import write_posterior
+    from tradestudy.results.storage import replacing
+    from tradestudy.run.groups.calibration import saved_posteriors
+
+    for name, posterior in saved_posteriors(tree).items():
+        with replacing(directory / "posteriors" / f"{name}.nc") as file:
+            write_posterior(file, posterior)
 
 
 def run(

@@ -143,7 +143,8 @@ def _results(trees: Sequence[xr.DataTree]) -> Iterator[Difference]:
 
 def _is_stated_error(name: str, names: Iterable[str]) -> bool:
     """Whether a variable is the estimated numerical error of another one of its group."""
-    return name.endswith("_error") and name.removesuffix("_error") in names
+    stem = name.removesuffix("_error")
+    return stem != name and not {stem, f"{stem}_distance", f"{stem}_value"}.isdisjoint(names)
 
 
 def _variable(what: str, columns: Sequence[xr.DataArray | None]) -> Iterator[Difference]:

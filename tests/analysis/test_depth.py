@@ -1,169 +1,275 @@
-"""Depth uncertainty against plain random draws through the exact camera models, and against closed forms."""
+"""Depth uncertainty against plain random draws through cameras in plain numpy, and against closed forms."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.special import ndtr, ndtri
 
-from tests.cameras.builders import r5, stereo
-from tradestudy.analysis.depth import ONE_SIGMA, QUANTILES, WAYS, DepthErrors, evaluate_depth
-from tradestudy.cameras.depth_camera import ErrorSource
-from tradestudy.cameras.plenoptic import PlenopticCalibration
-from tradestudy.cameras.stereo.errors import StereoCalibration
+from tests.analysis.plain_depths import CENTRAL, F_MAIN, PIXEL, B, F, depth_quantile, of_rig, r5_depth, stereo_depth
+from tests.cameras.builders import PITCH, r5, stereo, unfocused
+from tradestudy.analysis.depth import WAYS, DepthErrors, depth_uncertainty, evaluate_depth, variance_shares
+from tradestudy.cameras.calibration import Calibration, Propagation
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.parts import Lens
+from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.joint import GaussianCopula, JointNormal
+from tradestudy.uncertainty.sources import Source
 
 YAW = math.radians(0.2)
 DRAWS = 400_000
-CALIBRATED_R5 = r5(
-    calibration=PlenopticCalibration(
-        mla_distance=ErrorSource(standard_deviation=2e-6),
-        focal_length=ErrorSource(standard_deviation=1.5e-6),
-        correlation=0.6,
-        microlens_gap=ErrorSource(standard_deviation=0.5e-6 / math.sqrt(3), shape="uniform"),
+NOISE, CALIBRATION, BOTH = range(3)
+EXACT = Propagation(model="exact", seed=3, tolerance=4e-3, max_draws=2**17, judged=(0.35, 1.0, 4.0))
+R5_CALIBRATION = Calibration(
+    groups=(
+        GaussianCopula(
+            name="main lens",
+            parameters=("mla_distance", "focal_length"),
+            marginals=(Normal(mean=0.0, standard_deviation=2e-6), Normal(mean=0.0, standard_deviation=1.5e-6)),
+            correlation=np.array([[1.0, 0.6], [0.6, 1.0]]),
+            error_class=ErrorClass.RIG,
+        ),
+        of_rig("microlens_gap", Uniform(low=-0.5e-6, high=0.5e-6)),
     )
 )
-CALIBRATED_STEREO = stereo(
-    calibration=StereoCalibration(
-        yaw=ErrorSource(standard_deviation=YAW / math.sqrt(3), shape="uniform"),
-        baseline=ErrorSource(standard_deviation=0.2e-3),
-        focal_length=ErrorSource(standard_deviation=20e-6),
+STEREO_CALIBRATION = Calibration(
+    groups=(
+        of_rig("yaw", Uniform(low=-YAW, high=YAW)),
+        of_rig("baseline", Normal(mean=0.0, standard_deviation=0.2e-3)),
+        of_rig("focal_length", Normal(mean=0.0, standard_deviation=20e-6)),
     )
 )
 
 
-def draw(rng: np.random.Generator, source: ErrorSource) -> np.ndarray:
-    if source.shape == "uniform":
-        half = math.sqrt(3) * source.standard_deviation
-        return rng.uniform(-half, half, DRAWS)
-    return rng.normal(0, source.standard_deviation, DRAWS)
-
-
-def plenoptic_draws(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    c = CALIBRATED_R5.calibration
+def r5_draws(rng: np.random.Generator) -> dict[str, np.ndarray]:
     shared, own = rng.normal(size=(2, DRAWS))
     return {
-        "pixel_noise": rng.normal(0, 0.1 * 5.5e-6, DRAWS),
-        "mla_distance": c.mla_distance.standard_deviation * shared,
-        "focal_length": c.focal_length.standard_deviation * (0.6 * shared + 0.8 * own),
-        "microlens_gap": draw(rng, c.microlens_gap),
+        "pixel_noise": rng.normal(0.0, 0.1 * 5.5e-6, DRAWS),
+        "mla_distance": 2e-6 * shared,
+        "focal_length": 1.5e-6 * (0.6 * shared + 0.8 * own),
+        "microlens_gap": rng.uniform(-0.5e-6, 0.5e-6, DRAWS),
     }
 
 
 def stereo_draws(rng: np.random.Generator) -> dict[str, np.ndarray]:
-    c = CALIBRATED_STEREO.calibration
-    return {"pixel_noise": rng.normal(0, 1e-6, DRAWS)} | {
-        name: draw(rng, getattr(c, name)) for name in ("yaw", "baseline", "focal_length")
+    return {
+        "pixel_noise": rng.normal(0.0, 0.1 * PIXEL, DRAWS),
+        "yaw": rng.uniform(-YAW, YAW, DRAWS),
+        "baseline": rng.normal(0.0, 0.2e-3, DRAWS),
+        "focal_length": rng.normal(0.0, 20e-6, DRAWS),
     }
 
 
-@pytest.mark.parametrize(
-    ("camera", "draws"), [(CALIBRATED_R5, plenoptic_draws), (CALIBRATED_STEREO, stereo_draws)], ids=["r5", "stereo"]
-)
-@pytest.mark.parametrize("distance", [0.2, 1.0, 4.0, 9.0])
-def test_quantiles_and_failures_are_those_of_random_draws(camera, draws, distance: float) -> None:
+CASES = {
+    "r5": (r5(calibration=R5_CALIBRATION), r5_draws, r5_depth),
+    "stereo": (stereo(calibration=STEREO_CALIBRATION), stereo_draws, stereo_depth),
+}
+
+
+def of_way(errors: Mapping[str, np.ndarray], way: str) -> dict[str, np.ndarray]:
+    return {k: v for k, v in errors.items() if way == "both" or (k == "pixel_noise") == (way == "noise")}
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("distance", [0.35, 1.0, 4.0])
+def test_exact_quantiles_and_failures_are_those_of_random_draws(name: str, distance: float) -> None:
+    camera, draws, depth = CASES[name]
     errors = draws(np.random.default_rng(20240607))
-    evaluation = evaluate_depth(camera, np.array([distance]))
+    found = evaluate_depth(replace(camera, propagation=EXACT), np.array([distance]))
     for row, way in enumerate(WAYS):
-        kept = {k: v for k, v in errors.items() if way == "both" or (k == "pixel_noise") == (way == "noise")}
-        sample = np.sort(camera.depth_with_errors(distance, kept))
-        lost = float(np.mean(np.isinf(sample)))
-        claimed = float(evaluation.failed_fraction[row, 0])
-        # Three and a half standard errors of a count, and what linearity in disparity leaves out.
-        assert abs(lost - claimed) < 3.5 * math.sqrt(max(claimed, 1 / DRAWS) / DRAWS) + 0.01 * claimed
-        for column, p in enumerate(QUANTILES):
-            spread = 4 * math.sqrt(p * (1 - p) / DRAWS)
+        sample = np.sort(depth(distance, of_way(errors, way)))
+        lost, claimed = float(np.mean(np.isinf(sample))), float(found.failed_fraction[row, 0])
+        slack = 5.0 * float(found.failed_fraction_error[row, 0])
+        assert abs(lost - claimed) < 4.0 * math.sqrt(max(claimed, 1 / DRAWS) / DRAWS) + slack
+        for column, p in enumerate(EXACT.probabilities):
+            spread = 4.0 * math.sqrt(p * (1 - p) / DRAWS)
             low, high = sample[int((p - spread) * DRAWS)], sample[min(int((p + spread) * DRAWS) + 1, DRAWS - 1)]
-            value = float(evaluation.quantile[row, 0, column])
-            slack = (
-                2.0 * float(evaluation.uncertainty_error[0]) if np.isfinite(evaluation.uncertainty_error[0]) else 0.0
-            )
-            assert low - slack - 1e-3 * distance * p <= value <= high + slack + 1e-3 * distance or (
-                math.isinf(value) and math.isinf(high)
-            )
+            value = float(found.quantile[row, 0, column])
+            # The draws are settled for half widths; each end of the interval may be off by as much again.
+            slack = 2.0 * EXACT.tolerance * abs(value - distance) if math.isfinite(value) else 0.0
+            assert low - slack <= value <= high + slack
 
 
-def test_stated_linearisation_error_covers_the_true_one() -> None:
-    """The interval's half width by draws is known to half a percent; the statement must not be far below."""
-    rng = np.random.default_rng(3)
-    for camera, draws in ((CALIBRATED_R5, plenoptic_draws), (CALIBRATED_STEREO, stereo_draws)):
-        for distance in (0.3, 1.0, 3.0):
-            evaluation = evaluate_depth(camera, np.array([distance]))
-            sample = camera.depth_with_errors(distance, draws(rng))
-            low, high = np.quantile(sample, ONE_SIGMA)
-            true = (high - low) / 2
-            stated = float(evaluation.uncertainty_error[0])
-            both = float(evaluation.uncertainty[2, 0])
-            assert abs(both - true) <= stated + 0.012 * true
-            assert stated < 0.2 * both
+@pytest.mark.parametrize("name", CASES)
+def test_stated_errors_cover_the_true_ones_of_either_model(name: str) -> None:
+    """The half width of 400 000 random draws has a standard error of 0.2 %."""
+    camera, draws, depth = CASES[name]
+    errors, places = draws(np.random.default_rng(3)), np.array([0.35, 1.0, 3.0])
+    for propagation in (Propagation(), EXACT):
+        found = evaluate_depth(replace(camera, propagation=propagation), places)
+        for k, distance in enumerate(places.tolist()):
+            low, high = np.quantile(depth(distance, errors), CENTRAL[0.6827])
+            true, stated = (high - low) / 2.0, float(found.uncertainty_error[BOTH, k])
+            assert abs(float(found.uncertainty[BOTH, k]) - true) <= 3.5 * stated + 0.008 * true
+            assert stated < 0.2 * true
 
 
 def test_published_quantiles_of_yaw_alone_at_ten_metres() -> None:
-    rig = stereo(disparity_error_px=1e-9)
-    evaluation = evaluate_depth(rig, np.array([10.0]))
-    quantile = evaluation.quantile[WAYS.index("calibration"), 0]
-    assert quantile[[0, 2, 4]] == pytest.approx([5.9375, 10.0, 31.667], rel=3e-4)
-    assert evaluation.failed_fraction[WAYS.index("calibration"), 0] == pytest.approx(2.09e-3, rel=3e-3)
-    # The same by the closed form f B / (d₀ + s Φ⁻¹(p)), here with 1 + x²/f² of the exact geometry.
-    f, B, z = 30.5e-3, 0.1, 10.0
-    d0, s = f * B / z, f * YAW * (1 + (B / (2 * z)) ** 2)
-    assert quantile == pytest.approx(f * B / (d0 + s * ndtri(1 - np.array(QUANTILES))), rel=1e-9)
-    assert evaluation.failed_fraction[1, 0] == pytest.approx(ndtr(-d0 / s), rel=1e-9)
+    """Z = B/(B/Z + ψ) for every quantile of a normal yaw, with tan(θ + ψ) of the exact geometry."""
+    rig = stereo(propagation=Propagation(model="exact", tolerance=1e-4, max_draws=2**19, judged=(8.0,)))
+    found = evaluate_depth(rig, np.array([10.0]))
+    p = np.array(EXACT.probabilities)
+    closed = stereo_depth(10.0, {"yaw": YAW * ndtri(1.0 - p)})
+    assert closed[[0, 2, 4]] == pytest.approx([5.9375, 10.0, 31.667], rel=3e-4)
+    assert found.quantile[CALIBRATION, 0] == pytest.approx(closed, rel=2e-3)
+    pole = math.atan(B / 2 / 10.0) * 2.0 / YAW
+    off = found.failed_fraction[CALIBRATION, 0] - ndtr(-pole)
+    assert abs(off) < 4.0 * found.failed_fraction_error[CALIBRATION, 0] < 4e-3
+    linear = evaluate_depth(stereo(), np.array([10.0]))
+    assert linear.quantile[CALIBRATION, 0] == pytest.approx(closed, rel=1e-3)
+    assert linear.failed_fraction[CALIBRATION, 0] == pytest.approx(ndtr(-pole), rel=2e-3)
+
+
+def test_ends_of_a_uniform_yaw_of_half_a_degree_at_ten_metres() -> None:
+    half = math.radians(0.5)
+    rig = stereo(
+        calibration=Calibration(groups=(of_rig("yaw", Uniform(low=-half, high=half)),)),
+        propagation=Propagation(model="exact", tolerance=2e-4, max_draws=2**19, judged=(10.0,)),
+    )
+    near_95, near, middle, far, far_95 = evaluate_depth(rig, np.array([10.0])).quantile[CALIBRATION, 0]
+    assert (near, far) == pytest.approx((6.267, 24.74), rel=5e-4)
+    assert (near_95, far_95) == pytest.approx((5.467, 58.5), rel=3e-3)
+    assert middle == pytest.approx(10.0, rel=1e-4)
+    # The line in inverse depth takes the uniform yaw for a normal one, and misses the far end widely.
+    assert evaluate_depth(replace(rig, propagation=Propagation()), np.array([10.0])).quantile[BOTH, 0, -1] > 200.0
+
+
+def test_a_baseline_error_and_noise_have_a_closed_form() -> None:
+    """Both are normal, and depth is their ratio."""
+    rig = stereo(
+        disparity_error_px=2.0,
+        calibration=Calibration(groups=(of_rig("baseline", Normal(mean=0.0, standard_deviation=0.05 * B)),)),
+        propagation=replace(EXACT, judged=(1.0, 3.0), tolerance=1e-3),
+    )
+    places = np.array([1.0, 3.0])
+    found = evaluate_depth(rig, places)
+    closed = [[depth_quantile(z, p, noise=2.0 * PIXEL, baseline=0.05 * B) for p in EXACT.probabilities] for z in places]
+    np.testing.assert_allclose(found.quantile[BOTH], closed, rtol=1e-3)
+
+
+def test_noise_alone_is_exact_to_the_last_digits() -> None:
+    """Z_p = fB/(d + σ Φ⁻¹(1 − p)) of a parallel pair; beyond infinity from Φ(−d/σ) on."""
+    rig, places = stereo(disparity_error_px=20.0), np.array([1.0, 5.0, 20.0])
+    found, p = evaluate_depth(rig, places), np.array(EXACT.probabilities)
+    disparity, sigma = F * B / places, 20.0 * PIXEL
+    moved = disparity[:, None] + sigma * ndtri(1.0 - p)
+    closed = np.where(moved > 0.0, F * B / np.maximum(moved, 1e-300), np.inf)
+    np.testing.assert_allclose(found.quantile[NOISE], closed, rtol=1e-12)
+    np.testing.assert_allclose(found.failed_fraction[NOISE], ndtr(-disparity / sigma), rtol=1e-6, atol=1e-18)
+    assert np.all(found.failed_fraction_error[NOISE] == 0.0)
 
 
 def test_published_failures_of_the_same_type_pair() -> None:
-    evaluation = evaluate_depth(r5(), np.array([3.0, 5.0, 7.0]))
-    assert evaluation.failed_fraction[WAYS.index("noise")] == pytest.approx([0.01, 0.085, 0.17], rel=0.08)
+    places = np.array([3.0, 5.0, 7.0])
+    found = evaluate_depth(r5(), places).failed_fraction[NOISE]
+    assert found == pytest.approx([0.01, 0.085, 0.17], rel=0.08)
+    # Φ((d∞ − d)/σ) with d = √3 p b_L/a_L.
+    z, lever = 14.77255e-3, math.sqrt(3) * PITCH * 0.568093e-3
+    disparity = lever / (z - F_MAIN * places / (places - F_MAIN))
+    np.testing.assert_allclose(found, ndtr((lever / (z - F_MAIN) - disparity) / 0.55e-6), rtol=1e-6)
 
 
 def test_published_comparison_at_half_a_metre() -> None:
-    wide = stereo()
-    u_stereo = evaluate_depth(wide, np.array([0.5])).uncertainty[2, 0]
-    u_pair = evaluate_depth(r5(), np.array([0.5])).uncertainty[2, 0]
+    u_stereo = evaluate_depth(stereo(), np.array([0.5])).uncertainty[BOTH, 0]
+    u_pair = evaluate_depth(r5(), np.array([0.5])).uncertainty[BOTH, 0]
     assert u_pair / u_stereo == pytest.approx(2.9, abs=0.1)
     assert u_stereo == pytest.approx(8.7e-3, rel=0.02)
     least_squares = r5(estimator="least-squares", lenses="all")
     # Published 11.2 mm with the √2 of the disparity error and the disc of |v|/2 pitches.
     disc = float(least_squares.radius_over_pitch(0.5) / (abs(least_squares.virtual_depth(0.5)) / 2))
-    assert evaluate_depth(least_squares, np.array([0.5])).uncertainty[0, 0] * disc**2 == pytest.approx(
+    assert evaluate_depth(least_squares, np.array([0.5])).uncertainty[NOISE, 0] * disc**2 == pytest.approx(
         11.2e-3 / math.sqrt(2), rel=0.05
     )
 
 
-def test_parts_add_up_where_errors_are_small() -> None:
-    evaluation = evaluate_depth(CALIBRATED_STEREO, np.array([0.3]))
-    normal_parts = [value[0] for name, value in evaluation.parts.items() if name != "yaw"]
-    # A uniform's central 68.27 % is 0.6827 of its half width, not its standard deviation.
-    assert evaluation.parts["yaw"][0] / (0.3**2 / 0.1 * YAW * (1 + (0.05 / 0.3) ** 2)) == pytest.approx(
-        0.6827, rel=1e-3
+def test_shares_are_those_of_the_errors_alone_where_they_are_independent() -> None:
+    """Var(1/Z) adds up: σ²/(fB)², ψ²/B² (1 + x²/f²)², (σ_B/(BZ))² and (σ_f/(fZ))²."""
+    places = np.array([0.3, 2.0, 10.0])
+    found = variance_shares(stereo(calibration=STEREO_CALIBRATION), places)
+    each = {
+        "noise": np.full(3, (0.1 * PIXEL / (F * B)) ** 2),
+        "relative rotation": (YAW / math.sqrt(3) / B * (1.0 + (B / 2 / places) ** 2)) ** 2,
+        "relative position": (0.2e-3 / B / places) ** 2,
+        "interior orientation": (20e-6 / F / places) ** 2,
+    }
+    assert set(found) == set(each)
+    for part, value in each.items():
+        np.testing.assert_allclose(found[part], value / sum(each.values()), rtol=1e-4)
+
+
+def test_tied_array_distance_and_focal_length_have_the_published_shares() -> None:
+    """R5 at 1 m, each 1 µm, ρ = 0.9: 47.6 and 52.4 %, of parts that are a part of their own."""
+    vocabulary = {
+        **r5().error_vocabulary,
+        **{name: replace(r5().error_vocabulary[name], part=name) for name in ("mla_distance", "focal_length")},
+    }
+    tied = JointNormal.from_correlation(
+        name="main lens", parameters=("mla_distance", "focal_length"), mean=np.zeros(2),
+        standard_deviation=np.full(2, 1e-6), correlation=np.array([[1.0, 0.9], [0.9, 1.0]]), error_class=ErrorClass.RIG,
+    )  # fmt: skip
+    camera, place = r5(disparity_error_px=1e-9), np.array([1.0])
+    apart = variance_shares(replace(camera, calibration=Calibration(groups=(tied,), vocabulary=vocabulary)), place)
+    assert apart["mla_distance"][0] == pytest.approx(0.476, abs=5e-4)
+    assert apart["focal_length"][0] == pytest.approx(0.524, abs=5e-4)
+    together = variance_shares(r5(calibration=Calibration(groups=(tied,))), place)
+    assert set(together) == {"noise", "interior orientation"}
+    assert sum(share[0] for share in together.values()) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_shares_of_what_has_no_variance_are_not_known() -> None:
+    wild = Source(
+        name="yaw",
+        distribution=StudentT(location=0.0, scale=1e-4, degrees_of_freedom=1.5),
+        error_class=ErrorClass.RIG,
     )
-    assert max(normal_parts) < evaluation.uncertainty[2, 0] < sum(normal_parts) + evaluation.parts["yaw"][0]
+    camera = stereo(calibration=Calibration(groups=(wild,)), propagation=Propagation(model="exact"))
+    shares = variance_shares(camera, np.array([1.0]))
+    assert all(np.isnan(share).all() for share in shares.values())
+    assert np.isfinite(evaluate_depth(camera, np.array([1.0])).uncertainty).all()
 
 
 def test_an_unbounded_interval_is_called_infinite() -> None:
-    far = evaluate_depth(r5(), np.array([50.0]))
-    assert np.isinf(far.uncertainty[2, 0])
-    assert np.isinf(far.quantile[2, 0, -1])
-    assert np.isfinite(far.quantile[2, 0, 0])
+    for propagation in (Propagation(), Propagation(model="exact")):
+        far = evaluate_depth(r5(calibration=R5_CALIBRATION, propagation=propagation), np.array([50.0]))
+        assert np.isinf(far.uncertainty[BOTH, 0])
+        assert np.isnan(far.uncertainty_error[BOTH, 0])
+        assert np.isinf(far.quantile[BOTH, 0, -1])
+        assert np.isfinite(far.quantile[BOTH, 0, 0])
+
+
+@pytest.mark.parametrize("model", ["linear", "exact"])
+def test_depth_is_not_known_exactly_where_the_axis_is_not_seen(model: str) -> None:
+    """Both cameras of a parallel pair see the axis from fB/w on, where views begin to overlap; lenses from f on."""
+    places, propagation = np.geomspace(0.01, 2.0, 41), Propagation(model=model)  # type: ignore[arg-type]
+    wide = stereo(lens=Lens(focal_length=8e-3, f_number=4.0), baseline=0.06, propagation=propagation)
+    begins = 8e-3 * 0.06 / 10.24e-3
+    for way in WAYS:
+        seen = ~np.isnan(depth_uncertainty(wide, places, way))
+        np.testing.assert_array_equal(seen, (wide.overlap(places) > 0.0) & wide.images(places))
+        np.testing.assert_array_equal(seen, places > begins)
+    for camera in (r5(calibration=R5_CALIBRATION, propagation=propagation), unfocused(propagation=propagation)):
+        np.testing.assert_array_equal(np.isnan(depth_uncertainty(camera, places)), places <= F_MAIN)
 
 
 @pytest.mark.parametrize("distance", [0.5, 4.0, 9.0, 12.0, 20.0, 60.0])
-def test_no_factor_of_the_errors_changes_the_uncertainty_by_more_than_is_said(distance: float) -> None:
-    def uncertainty(noise: float, yaw: float) -> float:
-        camera = stereo(
-            disparity_error_px=0.1 * noise,
-            calibration=StereoCalibration(yaw=ErrorSource(standard_deviation=yaw * YAW, shape="uniform")),
-        )
-        return float(evaluate_depth(camera, np.array([distance])).uncertainty[2, 0])
+def test_no_factor_of_the_noise_changes_the_uncertainty_by_more_than_is_said(distance: float) -> None:
+    def camera(noise: float) -> DepthCamera:
+        half = math.sqrt(3) * YAW
+        yaw = of_rig("yaw", Uniform(low=-half, high=half))
+        return stereo(disparity_error_px=0.1 * noise, calibration=Calibration(groups=(yaw,)))
 
-    declared = stereo(calibration=StereoCalibration(yaw=ErrorSource(standard_deviation=YAW, shape="uniform")))
-    at_most = float(DepthErrors.of(declared, np.array([distance])).largest_change(0.5)[0])
-    found = [uncertainty(1.0, 1.0)] + [uncertainty(s, 1.0) for s in (0.5, 0.9, 1.1, 1.5)] + [uncertainty(1.5, 1.5)]
+    place = np.array([distance])
+    at_most = float(DepthErrors.of(camera(1.0), place).largest_change(0.5)[0])
+    found = np.array([depth_uncertainty(camera(s), place)[0] for s in (1.0, 0.5, 0.9, 1.1, 1.5)])
     lost = np.isinf(found)
     if lost.any():
         assert math.isnan(at_most) if lost.all() else math.isinf(at_most)
     else:
-        changes = np.abs(np.array(found) / found[0] - 1.0)
-        assert changes[:-1].max() <= at_most
-        assert changes[-1] == pytest.approx(at_most, rel=1e-12)
+        changes = np.abs(found / found[0] - 1.0)
+        assert changes.max() <= at_most * (1.0 + 1e-5)
+        assert changes[-1] == pytest.approx(at_most, rel=1e-5)

@@ -7,10 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from tests.analysis.plain_depths import CENTRAL, of_rig
+from tests.imaging.test_picture import CLOSED, SETTINGS, hand_lens
 from tests.study.conftest import STUDIES
-from tradestudy.analysis.depth import ONE_SIGMA, WAYS, evaluate_depth
+from tradestudy.analysis.depth import WAYS, evaluate_depth
 from tradestudy.analysis.usable import evaluate_limits, usable_intervals
+from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.derived_error import PictureDisparityError
@@ -21,12 +25,13 @@ from tradestudy.run.groups.depth import depth_as_declared
 from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
+from tradestudy.uncertainty.distributions import Normal, Uniform
 
 NOISE, BOTH = WAYS.index("noise"), WAYS.index("both")
 FOCUS = np.array([55.3e-3])
 PICTURE = (
-    "scene.picture={texture: {contrast: 1 %, correlation_length: 1 mm}, window: 9 px, light: {electrons: "
-    "100 electrons, at_f_number: 4}, read_noise: 20 electrons, full_well: 1e4 electrons, bits: 8}"
+    "scene.picture={texture: {contrast: 1 %, correlation_length: 1 mm}, matching_window: 9 px, light: {electrons: "
+    "100 electrons, at_f_number: 4}, read_noise: 20 electrons, full_well: 1e4 electrons, bit_depth: 8}"
 )
 
 
@@ -75,17 +80,41 @@ def test_the_range_ends_where_the_matcher_leaves_the_bound(study: StudyDefinitio
         assert [name for name, where in broken.items() if where[0]] == ["the window is too small for the blur"]
 
 
-def test_the_interval_is_that_of_random_draws(study: StudyDefinition) -> None:
-    camera, a = study.case.cameras["pair-f9.8"], np.array([50e-3, 55.3e-3, 61e-3])
-    evaluation = evaluate_depth(camera, a)
-    rng = np.random.default_rng(8)
-    noise = rng.standard_normal((40_000, 1)) * evaluation.disparity_error_px * 7.4e-6
-    low, high = np.quantile(camera.depth_with_errors(a, {"pixel_noise": noise}), ONE_SIGMA, axis=0)
-    np.testing.assert_allclose(evaluation.uncertainty[NOISE], (high - low) / 2, rtol=0.02)
+@pytest.mark.parametrize("field", [0.0, 0.6])
+def test_exact_calibrations_beside_a_derived_error_are_those_of_random_draws(field: float) -> None:
+    """Rotation matrices and a plain disparity, on the axis and off it; the noise is that of the picture on the axis."""
+    yaw, roll = 0.004, 0.02
+    parts = [("yaw", Uniform(low=-yaw, high=yaw)), ("roll", Normal(mean=0.0, standard_deviation=roll))]
+    plain = hand_lens()
+    camera = replace(
+        plain,
+        disparity_error_px=PictureDisparityError(settings=SETTINGS, models=CLOSED),
+        calibration=Calibration(groups=tuple(of_rig(*part) for part in parts)),
+        propagation=Propagation(model="exact", judged=(54e-3,), tolerance=5e-3, max_draws=2**17),
+    )
+    rng, draws, places = np.random.default_rng(8), 200_000, np.array([52e-3, 55e-3, 58e-3])
+    found = evaluate_depth(camera, places, field)
+    c = plain.principal_distance
+    right, down = (field * extent / 2.0 / c for extent in (plain.sensor.width, plain.sensor.height))
+    turned = Rotation.from_euler(
+        "YXZ", np.stack([-rng.uniform(-yaw, yaw, draws), np.zeros(draws), rng.normal(0.0, roll, draws)], axis=1)
+    )
+    for k, z in enumerate(places):
+        noise = rng.normal(0.0, 7.4e-6 * found.disparity_error_px[k], draws)
+        # What an ideal pair sees, and the right ray turned as a rig so calibrated believes.
+        left = right + plain.baseline / 2.0 / z + noise / 2.0 / c
+        ray = turned.apply(
+            np.stack([right - plain.baseline / 2.0 / z - noise / 2.0 / c, np.full(draws, down), np.ones(draws)], axis=1)
+        )
+        depth = plain.baseline / (left - ray[:, 0] / ray[:, 2])
+        low, high = np.quantile(depth, CENTRAL[0.6827])
+        np.testing.assert_allclose(found.uncertainty[BOTH, k], (high - low) / 2.0, rtol=0.01)
+    by_line = evaluate_depth(replace(camera, propagation=Propagation()), places, field)
+    np.testing.assert_allclose(by_line.uncertainty[NOISE], found.uncertainty[NOISE], rtol=1e-12)
 
 
 def test_a_declared_error_is_untouched_by_the_picture(study: StudyDefinition) -> None:
-    other = study.with_values({"scene.picture.texture.contrast": "1 %", "scene.picture.window": "30 px"})
+    other = study.with_values({"scene.picture.texture.contrast": "1 %", "scene.picture.matching_window": "30 px"})
     a = study.case.distance
     np.testing.assert_array_equal(uncertainty(study, "pair-declared", a), uncertainty(other, "pair-declared", a))
     assert np.all(uncertainty(other, "pair-f22", FOCUS)[NOISE] > 3 * uncertainty(study, "pair-f22", FOCUS)[NOISE])
@@ -126,9 +155,9 @@ def test_other_values_of_the_lens_move_the_error(study: StudyDefinition) -> None
     ("change", "place", "words"),
     [
         ("scene.picture=null", "cameras.pair-f9.8.depth.disparity_error", "scene.picture (texture, window, light"),
-        ("scene.picture.window=9 kg", "scene.picture.window", "pixels such as 9 px, or a length"),
-        ("scene.picture.window=0 mm", "scene.picture.window", "above 0 px or 0 m"),
-        ("scene.picture.bits=33", "scene.picture.bits", "32"),
+        ("scene.picture.matching_window=9 kg", "scene.picture.matching_window", "pixels such as 9 px, or a length"),
+        ("scene.picture.matching_window=0 mm", "scene.picture.matching_window", "above 0 px or 0 m"),
+        ("scene.picture.bit_depth=33", "scene.picture.bit_depth", "32"),
         ("scene.picture.stop_separation=3 mm", "scene.picture.stop_separation", "give a field_angle"),
         ("scene.picture.light=null", "scene.picture.light", ""),
         ("pair-f22.depth.error_of=coordinate", "cameras.pair-f22.depth.error_of", "leave error_of out"),
@@ -141,16 +170,10 @@ def test_mistakes_are_told_at_their_place(change: str, place: str, words: str) -
     assert any(problem.path == place and words in problem.what for problem in caught.value.problems), caught.value
 
 
-def test_calibration_errors_are_not_propagated_with_a_noise_that_is_not_one() -> None:
-    with pytest.raises(StudyError) as caught:
-        load_definition(STUDIES / "calibration.yaml", (PICTURE, "stereo-printed.depth.disparity_error=derived"))
-    told = {problem.path: problem.what for problem in caught.value.problems}
-    assert "declare its disparity_error in pixels" in told["calibration.cameras.stereo-printed"]
-
-
 def test_what_kirchhoff_adds_is_computed_beforehand_with_progress(study: StudyDefinition) -> None:
     """Then no distance of the study waits for it."""
-    slow = study.with_values({"scene.distances": {"from": "54 mm", "to": "57 mm", "points": 5, "spacing": "log"}})
+    few = {"from": "54 mm", "to": "57 mm", "points": 5, "spacing": "log"}
+    slow = study.with_values({"scene.distances": few, "decision.at": ["54 mm", "57 mm"]})
     acting = slow.with_models({"pair-f22": {"main_lens_diffraction": "kirchhoff"}})
     told: list[tuple[str, float]] = []
     compute_kirchhoff_pictures(acting, lambda step, share: told.append((step, share)))

@@ -1,21 +1,29 @@
 """Measures calibration by hand: coverage campaigns, the real rig, and what each tier costs.
 
     python -m tests.benchmarks.calibration coverage --trials 2000 --sampled 20
+    python -m tests.benchmarks.calibration depth --trials 2000 --sampled 20
     python -m tests.benchmarks.calibration rig
 
 The campaigns draw every truth from the prior, calibrate on a synthetic target held by hand (poses unknown), and ask
 whether the 95 % depth intervals cover and whether the truths rank uniformly. All cells are judged together (Holm).
+``depth`` asks it of every source and kind, near linear and far from it, of the 68 and 95 % intervals by the program's
+own readings against plain numpy.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
+import tempfile
 import time
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from tests.calibration.coverage import coverage_verdict, rank_verdict, run_trials
+from tests.calibration.depth_coverage import CASES, COVERAGES, by_corners, by_errors, by_target
 from tests.calibration.trials import CalibrationTrial, normal_priors
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.pair_residual import sample_relative_pose
@@ -23,7 +31,7 @@ from tradestudy.calibration.corners.real_rig import depth_of_draws, fit_rig, obs
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior.laplace import LaplaceFit
 from tradestudy.calibration.target.synthetic_target import SyntheticTarget, flat_grid, tilted_poses
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 PITCH, PIXEL = 126.5e-6, 5.5e-6
@@ -100,10 +108,45 @@ def coverage(trials: int, sampled: int, seed: int) -> None:
             print(f"  largest difference of a rank to the Laplace draws on the same data: {apart:.3f}", flush=True)
 
 
+def depth(trials: int, sampled: int, seed: int, sources: Sequence[str]) -> None:
+    """Every kind by declared errors, target and saved posterior, and the stereo rig by corners; some by emcee."""
+    asked: dict[str, Callable[[int], BoolArray]] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, made in CASES.items():
+            case, saved = made(), partial(by_target, made(), folder=Path(folder))
+            asked[f"errors {kind}"] = partial(by_errors, case, max(trials, 2000))
+            asked[f"target {kind}"] = partial(_repeat, partial(by_target, case), trials)
+            asked[f"target {kind}, emcee"] = partial(_repeat, partial(by_target, case, sampled=True), sampled)
+            asked[f"posterior {kind}"] = partial(_repeat, saved, trials)
+        asked["corners stereo"] = partial(_repeat, by_corners, trials)
+        asked["corners stereo, emcee"] = partial(_repeat, partial(by_corners, sampled=True), sampled)
+        for title, compute in asked.items():
+            if title.split()[0] in sources:
+                begin = time.perf_counter()
+                covered = compute(seed)
+                _judge_depth(title, covered, time.perf_counter() - begin)
+
+
+def _repeat(trial: Callable[[np.random.Generator], BoolArray], trials: int, seed: int) -> BoolArray:
+    return run_trials(trial, trials, seed).astype(bool)
+
+
+def _judge_depth(title: str, covered: BoolArray, seconds: float) -> None:
+    """Print the verdict of one source and kind: both contents, near linear and far from it."""
+    print(f"{title}: {len(covered)} calibrations, {seconds:.0f} s")
+    for k, coverage in enumerate(COVERAGES):
+        cells = covered[:, 2 * k : 2 * k + 2]
+        verdict = coverage_verdict(cells, nominal=coverage)
+        near, far = cells.mean(axis=0)
+        p = verdict.adjusted_p_values.min()
+        print(f"  {coverage:.2%}: near {near:.4f}, far {far:.4f}; smallest adjusted p {p:.3f}, passed {verdict.passed}")
+    sys.stdout.flush()
+
+
 def rig(seed: int) -> None:
     """The measured pair: fits, explanation of its residual, posterior, depth."""
     begin = time.perf_counter()
-    fit = fit_rig(read_corners(FILE), declared_baseline=0.094)
+    fit = fit_rig(read_corners(FILE))
     print(f"fits: {time.perf_counter() - begin:.2f} s")
     sizes = (fit.left.corner_rms_px, fit.right.corner_rms_px, fit.pair.corner_rms_px)
     print("residuals left, right, pair: {:.4f} {:.4f} {:.4f} px".format(*sizes))
@@ -149,13 +192,16 @@ def _normal(mean: FloatArray, covariance: FloatArray) -> LaplaceFit:
 def main() -> None:
     """Read the command line and measure."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", choices=["coverage", "rig"])
+    parser.add_argument("what", choices=["coverage", "depth", "rig"])
     parser.add_argument("--trials", type=int, default=2000)
     parser.add_argument("--sampled", type=int, default=20)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--sources", nargs="+", default=["errors", "target", "posterior", "corners"])
     arguments = parser.parse_args()
     if arguments.what == "coverage":
         coverage(arguments.trials, arguments.sampled, arguments.seed)
+    elif arguments.what == "depth":
+        depth(arguments.trials, arguments.sampled, arguments.seed, arguments.sources)
     else:
         rig(arguments.seed)
 

@@ -79,3 +79,21 @@ def test_foreign_files_are_named(tmp_path):
         read_calibration(path)
     with pytest.raises(CalibrationFileError, match=r"no known format: \.txt"):
         read_calibration(tmp_path / "calibration.txt")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("none.csv", None, "none.csv cannot be read: No such file"),
+        ("none.nc", None, "none.nc cannot be read: No such file"),
+        ("noise.csv", b"\xff\xfe\x00", "noise.csv cannot be read: no csv file"),
+        ("noise.nc", b"not netCDF", "noise.nc cannot be read: no nc file"),
+        ("noise.txt", b"a", r"no known format: .txt \(allowed: .csv, .nc\)"),
+    ],
+)
+def test_files_that_cannot_be_read_are_named(tmp_path, name, content, words):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(CalibrationFileError, match=words):
+        read_calibration(path)

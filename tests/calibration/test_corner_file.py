@@ -151,8 +151,20 @@ def test_a_view_numbered_from_the_other_end_is_named(tmp_path):
         fit(changed(tmp_path, turn))
 
 
-def test_a_unit_that_contradicts_the_baseline_is_named(tmp_path):
-    in_inches = fit(changed(tmp_path, lambda r: r | {f"board_{a}_mm": float(r[f"board_{a}_mm"]) / 25.4 for a in "xy"}))
-    with pytest.raises(CornerFileError, match=r"fitted 3\.7.* mm, declared 94 mm.*within 20 %.*0\.039"):
-        check_rig(in_inches, declared_baseline=0.094)
-    check_rig(in_inches)
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(None, "no-such.csv cannot be read: No such file"), (b"\xff\xfe\x00\x01", "cannot be read: no text")],
+)
+def test_a_file_that_cannot_be_read_is_named(tmp_path, content, words):
+    path = tmp_path / "no-such.csv"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(CornerFileError, match=words):
+        read_corners(path)
+    with pytest.raises(CornerFileError, match="cannot be read: Is a directory"):
+        read_corners(tmp_path)
+
+
+def test_one_view_is_too_few(tmp_path):
+    with pytest.raises(CornerFileError, match=r"too few views to calibrate from: 1 \(allowed: >= 3\); add views"):
+        read_corners(write(tmp_path / "corners.csv", [row for row in rows() if row["view"] == "5"]))

@@ -24,7 +24,7 @@ TRUTH = np.array([460, 462, 320, 180, 0.1, -0.2, 463, 461, 325, 182, 0.1, -0.15,
 
 @pytest.fixture(scope="module")
 def rig():
-    return fit_rig(read_corners(FILE), declared_baseline=0.094)
+    return fit_rig(read_corners(FILE))
 
 
 def shaken_rig(motion, noise, rng, views=25, columns=9):

@@ -1,176 +1,231 @@
-"""Calibrations inferred for a study: from synthetic targets, and from the corners of a real rig."""
+"""Calibrations inferred: from synthetic targets, and from the corners of a real rig."""
 
 import numpy as np
 import pytest
 
-from tests.calibration.conftest import STUDIES
-from tradestudy.analysis.propagation import propagate_way
-from tradestudy.calibration.corners.corner_file import CornerFileError
-from tradestudy.calibration.posteriors import CORNER_NOISE_NAMES, infer_from_target
-from tradestudy.calibration.sources import declared_groups
+from tests.calibration.cameras import MEASURED, board, corners, focused, normal, shown, stereo, unfocused, webcams
+from tradestudy.calibration.corners.corner_file import CornerFileError, read_corners
+from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError, check_geometry
+from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS
+from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
+from tradestudy.calibration.posteriors import MOST_DRAWS, infer, to_infer
+from tradestudy.cameras.calibration_declaration import calibration_part
+from tradestudy.cameras.parts import Sensor
 from tradestudy.errors import NotConvergedError, OutOfRangeError
-from tradestudy.execution import Steps
-from tradestudy.run.groups.real_rig import rig_rows
-from tradestudy.study.loading import load_definition
-from tradestudy.uncertainty.sources import ErrorClass
+from tradestudy.execution.fingerprint import fingerprint
+from tradestudy.uncertainty.distributions import StudentT, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.uncertainty.sources import Source
 
-BOARD = "columns: 3, rows: 3, half_field: 0.05, tilt: 25 deg, corner_noise: 0.1 px"
-SMALL = f"""
-rig:
-  errors:
-    right_principal_point_x: {{shape: normal, standard_deviation: 50 um}}
-    baseline_direction_z: {{shape: uniform, half_width: 3 mrad}}
-  target: {{views: 8, spacing: 100 mm, distances: [1 m, 3 m], {BOARD}, maximum_steps: 300}}
-"""
-
-
-def assembled(file, overrides=()):
-    definition = load_definition(file, tuple(overrides))
-    return definition, definition.uncertain_cameras(definition.file.calibration, Steps())
+PRIORS = (
+    normal("yaw", np.radians(0.2)),
+    Source(name="baseline_direction_z", distribution=Uniform(low=-3e-3, high=3e-3), error_class=ErrorClass.RIG),
+    normal("right_principal_point_x", 50e-6),
+)
+R5_PRIORS = tuple(
+    normal(name, deviation)
+    for name, deviation in {
+        "mla_distance": 20e-6, "focal_length": 20e-6, "microlens_gap": 5e-6, "microlens_pitch": 1e-10,
+        "array_tilt_x": 1.7e-3, "array_tilt_y": 1.7e-3, "array_offset_x": 50e-6, "array_offset_y": 50e-6,
+        "field_curvature": 20e-6, "depth_distortion": 0.01, "distortion_k1": 0.02, "distortion_k2": 0.05,
+    }.items()
+)  # fmt: skip
+CAREFUL = board(views=60, spacing=0.02, distances=(0.16, 1.0), half_field_angle=0.29, tilt=0.35, max_steps=20_000)
 
 
 @pytest.fixture(scope="module")
-def shipped():
-    """The R5 of the shipped study, calibrated at full size."""
-    definition = load_definition(STUDIES / "calibration.yaml")
-    part = definition.file.calibration
-    name = "raytrix-r5-calibrated"
-    camera = definition.case.cameras[name]
-    groups = declared_groups(camera, part.cameras[name], STUDIES)
-    return infer_from_target(name, camera, groups, part.cameras[name].target, seed=part.seed)
+def r5():
+    """The R5 of the shipped study, calibrated at full size; the scatter of its microlenses is no prior."""
+    scatter = normal("microlens_center_scatter", 0.2e-6, ErrorClass.ELEMENT)
+    return infer(shown(focused(), (*R5_PRIORS, scatter), CAREFUL))
 
 
-def test_the_shipped_posterior_converges(shipped):
-    diagnostics = shipped.sample.diagnostics
-    assert shipped.failures == ()
+def test_a_posterior_at_full_size_converges(r5):
+    diagnostics = r5.sample.diagnostics
+    assert r5.failures == ()
     assert diagnostics.lengths >= 50
     assert diagnostics.r_hat.max() <= 1.01
     assert min(diagnostics.bulk_effective_size.min(), diagnostics.tail_effective_size.min()) >= 400
-    assert shipped.sample.chains.shape[0] >= 4
+    assert r5.sample.chains.shape[0] >= 4
+    (group,) = r5.calibration.groups
+    assert group.parameters == tuple(prior.name for prior in R5_PRIORS)
+    assert group.error_class is ErrorClass.RIG
+    assert group.draws.shape == (MOST_DRAWS, 12)
 
 
-def test_the_target_ties_array_distance_and_focal_length(shipped):
+def test_the_target_ties_array_distance_and_focal_length(r5):
     """What depth needs, z − f_M, is known better than either; Laplace and emcee agree."""
-    names = shipped.group.parameters
-    z, f = names.index("mla_distance"), names.index("focal_length")
-    covariance = shipped.group.covariance
-    assert shipped.group.correlation[z, f] > 0.7
+    (group,) = r5.calibration.groups
+    z, f = group.parameters.index("mla_distance"), group.parameters.index("focal_length")
+    covariance = group.covariance
+    assert group.correlation[z, f] > 0.7
     difference = covariance[z, z] - 2 * covariance[z, f] + covariance[f, f]
     assert difference < 0.7 * min(covariance[z, z], covariance[f, f])
-    np.testing.assert_allclose(np.sqrt(np.diag(covariance)) / shipped.laplace_deviation, 1.0, atol=0.06)
-    pitch = names.index("microlens_pitch")  # the target says nothing of it that white images have not said better
+    np.testing.assert_allclose(np.sqrt(np.diag(covariance)) / r5.laplace_deviation, 1.0, atol=0.06)
+    pitch = group.parameters.index("microlens_pitch")  # white images have said it better than the target
     assert np.sqrt(covariance[pitch, pitch]) == pytest.approx(1e-10, rel=0.05)
 
 
-def test_a_posterior_replaces_its_priors_and_shrinks_depth(written):
-    file = written(SMALL + "other: {}")
-    _, found = assembled(file)
-    groups = {group.name: group for group in found.cameras["rig"].groups}
-    assert set(groups) == {"calibration", "left_pixel_noise", "right_pixel_noise"}
-    assert groups["calibration"].parameters == ("yaw", "baseline_direction_z", "right_principal_point_x")
-    assert groups["calibration"].error_class is ErrorClass.RIG
-    correlation = groups["calibration"].correlation
-    assert abs(correlation[0, 2]) > 0.9  # yaw and principal point look alike
-    at = {"accuracy": 0.01, "budget": 2**14, "seed": 0}
-    uncertainty = [
-        propagate_way(found.cameras[name], np.array([2.0]), 0.0, "calibration", **at).monte_carlo.half_width[0]
-        for name in ("rig", "other")
-    ]
-    assert uncertainty[0] < 0.1 * uncertainty[1]
+@pytest.mark.parametrize(
+    ("camera", "priors", "part"),
+    [
+        (stereo(), PRIORS, board()),
+        (unfocused(), R5_PRIORS[:3], board(spacing=0.02, distances=(0.12, 0.3), half_field_angle=0.1)),
+    ],
+)
+def test_a_target_shrinks_what_depth_needs(camera, priors, part):
+    """Depth by draws of the posterior beside depth by draws of the priors, by the same reading."""
+    inferred = infer(shown(camera, priors, part))
+    (group,) = inferred.calibration.groups
+    assert inferred.calibration.source == "target"
+    at = np.array([part.distances[1]])
+    scores = np.random.default_rng(0).standard_normal((group.dimensions, 4000))
+    posterior = dict(zip(group.parameters, group.draw(scores)[..., None], strict=True))
+    before = {
+        prior.name: prior.draw(np.random.default_rng(k).standard_normal((1, 4000)))[0][:, None]
+        for k, prior in enumerate(priors)
+    }
+    spread = [np.std(camera.read(at, 0.0, errors).inverse_depth) for errors in (posterior, before)]
+    assert spread[0] < 0.3 * spread[1]
+    if camera.family == "stereo":
+        assert abs(group.correlation[0, 2]) > 0.9  # yaw and principal point look alike
 
 
-def test_the_seed_says_which_rig_was_calibrated(written):
-    definition = load_definition(written(SMALL))
-    part = definition.file.calibration.cameras["rig"]
-    short = part.target.model_copy(update={"maximum_steps": 100})
-    groups = declared_groups(definition.case.cameras["rig"], part, STUDIES)
+def test_the_seed_says_which_rig_was_calibrated():
+    """Up to 64 bits."""
     draws = [
-        infer_from_target("rig", definition.case.cameras["rig"], groups, short, seed=seed).sample.draws
-        for seed in (0, 0, 1)
+        infer(shown(stereo(), PRIORS[:1], board(max_steps=100), seed=seed)).sample.draws for seed in (0, 0, 2**64 - 1)
     ]
     np.testing.assert_array_equal(draws[0], draws[1])
     distance = np.abs(draws[0].mean(axis=0) - draws[2].mean(axis=0))
     assert np.any(distance > 5 * draws[0].std(axis=0))
 
 
-def test_corners_beside_the_sensor_are_not_seen(written):
-    wide = SMALL.replace("spacing: 100 mm", "spacing: 600 mm")
+def test_corners_beside_the_sensor_are_not_seen():
     with pytest.raises(OutOfRangeError, match="seen in too few views"):
-        assembled(written(wide))
-    definition = load_definition(written(SMALL))
-    rig = definition.case.cameras["rig"]
-    left, _, right, _ = rig.observe({}, 0.3, 0.0, 1.0)
-    assert abs(left) > rig.sensor.width / 2 > abs(rig.observe({}, 0.05, 0.0, 1.0)[0])
-    assert right < left
+        infer(shown(stereo(), PRIORS, board(spacing=2.0)))
 
 
-def test_priors_that_are_tied_are_refused(written):
-    board = f"target: {{views: 8, spacing: 20 mm, distances: [0.2 m, 1 m], {BOARD}}}"
-    with pytest.raises(OutOfRangeError, match="mla_distance_and_focal_length is no prior"):
-        assembled(written(f"r5: {{{board}}}"))
+@pytest.mark.parametrize(
+    ("groups", "words"),
+    [
+        ((), "rig: a target without an error per rig"),
+        (
+            (
+                JointNormal(
+                    name="z and f",
+                    parameters=("mla_distance", "focal_length"),
+                    mean=np.zeros(2),
+                    covariance=1e-12 * np.eye(2),
+                    error_class=ErrorClass.RIG,
+                ),
+            ),
+            "correlated errors are no priors of a target: mla_distance, focal_length",
+        ),
+        (
+            (
+                Source(
+                    name="mla_distance",
+                    distribution=StudentT(location=0.0, scale=1e-6, degrees_of_freedom=4.0),
+                    error_class=ErrorClass.RIG,
+                ),
+            ),
+            "the distribution of mla_distance is no prior of a target: StudentT",
+        ),
+    ],
+)
+def test_what_is_no_prior_is_refused(groups, words):
+    with pytest.raises(OutOfRangeError, match=words):
+        infer(shown(focused(), groups, CAREFUL))
 
 
-def test_chains_that_are_too_short_are_not_called_converged(written):
-    file = written(SMALL.replace("maximum_steps: 300", "maximum_steps: 200"))
-    _, found = assembled(file)
-    assert any("too short" in failure for failure in found.calibrations["rig"].failures)
+def test_a_target_that_determines_nothing_says_what():
+    flat = Source(name="left_distortion_k2", distribution=Uniform(low=-1.0, high=1.0), error_class=ErrorClass.RIG)
+    with pytest.raises(NotConvergedError, match=r"do not determine|does not settle"):
+        infer(shown(stereo(), (flat,), board(views=3, spacing=1e-6)))
+
+
+def test_chains_that_are_too_short_are_not_called_converged():
+    assert any("too short" in one for one in infer(shown(stereo(), PRIORS, board(max_steps=100))).failures)
+    assert any("too short" in one for one in infer(corners(webcams(), MEASURED, steps=100)).failures)
+
+
+def test_what_is_asked_follows_from_what_is_declared():
+    """Nothing without target or corners; what is asked can be told apart, so that it is computed once."""
+    part = calibration_part(type(stereo()), "stereo")
+    folder = {"folder": MEASURED.parent, "seed": 3}
+    assert to_infer("rig", stereo(), part(errors={"yaw": {"standard_deviation": "0.2 deg"}}), **folder) is None
+    asked = to_infer("rig", webcams(), part(corners={"file": MEASURED.name}), **folder)
+    assert asked.content == corners(webcams(), MEASURED).content
+    view = {
+        "views": 8, "columns": 3, "rows": 3, "spacing": "0.1 m", "distances": ["1 m", "3 m"],
+        "half_field_angle": "3 deg", "tilt": "25 deg", "corner_noise": "0.1 px",
+    }  # fmt: skip
+    target = to_infer("rig", stereo(), part(errors={"yaw": {"standard_deviation": "0.2 deg"}}, target=view), **folder)
+    assert [group.name for group in target.groups] == ["yaw"]
+    assert fingerprint(asked) != fingerprint(target)
+
+
+def test_the_real_rig_is_more_uncertain_than_it_claims():
+    """0.24 px of the pair against 0.16 px per camera; the left-right term explains it and widens the errors."""
+    inferred = infer(corners(webcams(), MEASURED, steps=200))
+    assert inferred.check.passed
+    assert inferred.calibration.groups[0].parameters == SHARED_NAMES
+    assert set(RIG_PARAMETERS) == set(SHARED_NAMES)
+    fit = inferred.fit
+    assert fit.left.corner_rms_px == pytest.approx(0.16, abs=0.01)
+    assert fit.pair.corner_rms_px == pytest.approx(0.24, abs=0.01)
+    assert fit.means.correlation < -0.99
+    assert fit.explained.overconfidence[12:].min() > 1.2  # of the relative pose
+    assert fit.explained.overconfidence.max() > 5.0
 
 
 @pytest.fixture(scope="module")
-def real():
-    return assembled(STUDIES / "real_rig.yaml", ["calibration.cameras.webcams.corners.maximum_steps=400"])
+def measured():
+    """Best parameters of the webcams, and draws about them by the fit."""
+    fit = fit_rig(read_corners(MEASURED)).explained
+    return fit.shared, np.random.default_rng(0).multivariate_normal(fit.shared, fit.covariance, 2000)
 
 
-def test_the_real_rig_reads_its_own_points(real):
-    definition, found = real
-    calibration, camera = found.calibrations["webcams"], found.cameras["webcams"]
-    assert calibration.check.passed
-    assert any("too short" in failure for failure in calibration.failures)  # 400 steps are not what is shipped
-    assert camera.sources.parameters[-4:] == tuple("webcams/" + name for name in CORNER_NOISE_NAMES)
-    distance = np.array(definition.file.calibration.distance_values())
-    for field in (0.0, definition.file.calibration.edge):
-        reading = camera.reading(distance, field, {})
-        np.testing.assert_allclose(np.broadcast_to(reading.inverse_depth, (1, distance.size))[0] * distance, 1.0)
-        assert not reading.no_overlap[distance >= 0.5].any()
-    assert camera.reading(distance, 1.0, {}).no_overlap.all()  # the right camera does not see the left one's corner
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"baseline": 0.060}, "declared baseline 60 mm, corners say 94.2 ± 0.2 mm; correct cameras.rig.baseline or"),
+        (
+            {"convergence_angle": 0.2},
+            "angle between the axes 11.46°, corners say 1.43 ± 0.03°; correct cameras.rig.convergence_distance or",
+        ),
+        (
+            {"sensor": Sensor(columns=640, rows=360, pixel_pitch=6e-6)},
+            "focal length 231.3 px, corners say .* px; correct cameras.rig.lenses or take another corner file",
+        ),
+        (
+            {"sensor": Sensor(columns=1280, rows=720, pixel_pitch=3e-6)},
+            "declared sensor 1280 × 720 px, corners say that the left axis meets it at",
+        ),
+    ],
+)
+def test_declared_geometry_that_contradicts_the_corners_is_told_with_both(measured, changes, words):
+    check_geometry("rig", webcams(), *measured, says="corners say")
+    with pytest.raises(GeometryContradictionError, match=words):
+        check_geometry("rig", webcams(**changes), *measured, says="corners say")
 
 
-def test_the_real_rig_is_more_uncertain_than_it_claims(real):
-    """0.24 px of the pair against 0.16 px per camera; the left-right term explains it and widens the errors."""
-    _, found = real
-    rows = dict(zip(*(rig_rows(found.rigs)[name] for name in ("rig_quantity", "rig_value")), strict=True))
-    assert rows["residual of the left camera alone"].startswith("0.16")
-    assert rows["residual of the pair with one relative pose"].startswith("0.24")
-    assert float(rows["correlation of the view means, left with right"].replace("−", "-")) < -0.99
-    fit = found.rigs["webcams"].fit
-    assert fit.explained.overconfidence[12:].min() > 1.2  # of the relative pose
-    assert fit.explained.overconfidence.max() > 5.0
-    assert "times too small" in rows["the same as claimed without the term"]
+def test_a_contradiction_counts_from_five_percent(measured):
+    baseline = np.linalg.norm(measured[0][15:18])
+    check_geometry("rig", webcams(baseline=baseline / 1.049), *measured, says="corners say")
+    with pytest.raises(GeometryContradictionError, match="declared baseline"):
+        check_geometry("rig", webcams(baseline=baseline / 1.054), *measured, says="corners say")
 
 
-def test_depth_of_the_real_rig_follows_from_its_noise(real):
-    """Single readings at 2 m: Z²/(f B) √2 σ of the corner noise, beside which calibration counts in quadrature."""
-    _, found = real
-    camera, rig = found.cameras["webcams"], found.rigs["webcams"]
-    at = {"accuracy": 0.002, "budget": 2**16, "seed": 0}
-    noise, calibration, both = (
-        propagate_way(camera, np.array([2.0]), 0.0, way, **at).monte_carlo.half_width[0]
-        for way in ("noise", "calibration", "both")
-    )
-    focal = rig.best[[0, 6]].mean()
-    baseline = np.linalg.norm(rig.best[15:18])
-    expected = 4.0 / (focal * baseline) * np.sqrt(2.0) * rig.fit.explained.noise_px
-    assert noise == pytest.approx(expected, rel=0.03)
-    assert both == pytest.approx(np.hypot(noise, calibration), rel=0.02)
+def test_corners_beside_the_declared_sensor_are_told():
+    small = webcams(sensor=Sensor(columns=320, rows=240, pixel_pitch=3e-6))
+    with pytest.raises(GeometryContradictionError, match=r"sensor 320 × 240 px, corners lie between .*sensor.pixels"):
+        infer(corners(small, MEASURED))
 
 
-def test_a_corner_file_that_contradicts_the_study_is_refused():
-    with pytest.raises(CornerFileError, match="contradicts the declared baseline"):
-        assembled(STUDIES / "real_rig.yaml", ["calibration.cameras.webcams.corners.declared_baseline=60 mm"])
-
-
-def test_a_target_that_determines_nothing_says_what(written):
-    flat = "errors: {left_distortion_k2: {shape: uniform, half_width: 1}}"
-    board = f"target: {{views: 3, spacing: 1 um, distances: [1 m, 3 m], {BOARD}}}"
-    with pytest.raises(NotConvergedError, match=r"do not determine|does not settle"):
-        assembled(written(f"rig:\n  {flat}\n  {board}"))
+def test_a_corner_file_that_does_not_exist_is_named(tmp_path):
+    with pytest.raises(CornerFileError, match=r"none\.csv cannot be read: No such file"):
+        infer(corners(webcams(), tmp_path / "none.csv"))

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.data.simulate_corners import FILE as SIMULATED
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.marginal_views import compress_views
 from tradestudy.calibration.corners.pair_residual import (
@@ -21,7 +22,7 @@ FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corne
 
 @pytest.fixture(scope="module")
 def rig():
-    return fit_rig(read_corners(FILE), declared_baseline=0.094)
+    return fit_rig(read_corners(FILE))
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +84,16 @@ def test_the_check_refuses_a_wrong_marginalisation(rig, posterior):
 def test_motion_beyond_the_board_is_impossible(rig):
     fit = rig.explained
     compressed = compress_views(fit.shared, fit.states, rig.corners, fit.lever)
-    parameters = np.array([*fit.shared, np.log(0.12), np.log(0.08)])
+    parameters = np.array([*fit.shared, np.log(0.12), 0.08])
     assert log_posterior(compressed, parameters, largest_motion=0.075) == -np.inf
     assert np.isfinite(log_posterior(compressed, parameters, largest_motion=0.085))
+    assert log_posterior(compressed, parameters * np.append(np.ones(19), -1.0), largest_motion=0.085) == -np.inf
+
+
+def test_a_board_that_did_not_move_leaves_the_motion_free_down_to_zero():
+    """Simulated without motion: the scale has no peak, and the chains converge all the same."""
+    fit = fit_rig(read_corners(SIMULATED))
+    sample = sample_relative_pose(fit.explained, fit.corners, rng=np.random.default_rng(0)).sample
+    assert sample.diagnostics.converged, sample.diagnostics.failures
+    motion = sample.draws[:, 19]
+    assert motion.min() < 0.1 * motion.mean() < 2e-6

@@ -1,139 +1,151 @@
-"""Studies with calibration errors from their file to results and report."""
+"""Studies of calibrated cameras from their file to results: one depth, and it follows from the posterior."""
+
+from functools import partial
 
 import numpy as np
 import pytest
+import xarray
+from typer.testing import CliRunner
 
 import tradestudy
-from tests.calibration.conftest import STUDIES
-from tests.calibration.test_posteriors import SMALL
+from tests.calibration import plain_cameras
+from tests.calibration.cameras import unfocused
+from tests.calibration.conftest import STUDY
+from tradestudy import api
+from tradestudy.cli import app
 from tradestudy.figures import build
 from tradestudy.report.contents import compose_report
-from tradestudy.report.document import Callout, Paragraph, Table, all_blocks, spans
+from tradestudy.report.document import Callout, Paragraph, all_blocks, spans
+
+PLAIN = {
+    "rig": (plain_cameras.stereo, 1e-6),  # and the standard deviation of its disparity [m]
+    "r5": (plain_cameras.focused, 0.55e-6),
+    "views": (partial(plain_cameras.unfocused, pixels_apart=unfocused().pixels_apart), 12.65e-6),
+}
+CENTRAL = (0.158655, 0.841345)
 
 
 def plain(text):
     return "".join(span.text for span in spans(text))
 
 
-LEFT_OUT = (
-    "raytrix-r5-calibrated",
-    "stereo-65-calibrated",
-    "stereo-65-uniform",
-    "stereo-printed-calibrated",
-    "stereo-printed",
-    "stereo-printed-uniform",
-)
-REDUCED = (
-    "calibration.distances=[0.15 m, 1 m, 5 m]",
-    "calibration.budget=16384",
-    "calibration.accuracy=2 %",
-    "scene.distances={from: 100 mm, to: 10 m, points: 21}",
-    "calibration.compare=[[raytrix-r5, stereo-65]]",
-    *(f"calibration.cameras.{name}=null" for name in LEFT_OUT),
-)
-
-
 @pytest.fixture(scope="module")
-def reduced():
-    """The shipped study with fewer distances and without its inferred calibrations."""
-    return tradestudy.load(STUDIES / "calibration.yaml", REDUCED).run().data
+def ran(tmp_path_factory):
+    """The small study run by its command, strictly: its folder and what was found."""
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "small.yaml").write_text(STUDY, encoding="utf-8")
+    command = ["run", str(folder / "small.yaml"), "--out", str(folder / "out"), "--no-pdf", "--quiet", "--strict"]
+    ended = CliRunner().invoke(app, command)
+    (folder / "said.txt").write_text(f"{ended.exit_code}\n{ended.output}", encoding="utf-8")
+    return folder, api.open_result(folder / "out")
 
 
-def test_moments_are_given_where_they_exist_and_nowhere_else(reduced):
-    data = reduced["calibration"].to_dataset()
-    exist = data["moments_exist"].values
-    for name in ("mean", "bias", "standard_deviation"):
-        assert np.array_equal(np.isfinite(data[name].values), exist)
-    assert exist.any()
-    assert not exist.all()
-    normal = data.sel(camera="stereo-65", field="axis", way="both")
-    assert float(normal["moments_end"]) == pytest.approx(4.77, rel=0.02)
-    assert normal["depth_quantile"].notnull().all()
+def group(result, name):
+    return result.data[name].to_dataset()
 
 
-def test_readings_without_a_rank_are_counted_by_cause(reduced):
-    data = reduced["calibration"].to_dataset().sel(way="both", field="edge")
-    near = data.sel(camera="stereo-65", distance=0.15)
-    assert float(near["failed_fraction"].sel(cause="no_overlap")) == 1.0
-    assert str(near["status"].item()) == "unranked"
-    assert near["depth_quantile"].isnull().all()
-    total = data["failed_fraction"].sum("cause")
-    assert ((total == 0) | (total == 1)).all()
+def test_calibration_holds_the_posteriors_with_their_diagnostics(ran):
+    found = group(ran[1], "calibration")
+    assert list(found["posterior"].values) == list(PLAIN)
+    assert found["posterior_converged"].values.tolist() == [True, False, True]
+    assert set(found["posterior_kind"].values) == {"synthetic target"}
+    known = found["posterior_mean"].notnull()
+    assert known.sum("parameter").values.tolist() == [7, 3, 3]
+    for name in ("posterior_deviation", "posterior_r_hat", "posterior_bulk_size", "posterior_tail_size"):
+        assert (found[name].where(known) > 0.0).sum() == 13, name
+    learnt = found["posterior_deviation"] / found["prior_deviation"]
+    assert learnt.max() < 1.2  # to the sampling error of chains that are too short
+    assert learnt.sel(posterior="rig", parameter="yaw") < 0.5
+    draws = found["posterior_draw"]
+    off = (draws.mean("draw") - found["posterior_mean"]) / found["posterior_deviation"]
+    assert np.abs(off.values[known]).max() < 0.05
+    assert not {"depth_quantile", "depth_uncertainty"} & set(found.data_vars)  # these are /depth's alone
 
 
-def test_the_propagated_uncertainty_is_that_of_the_closed_form_on_the_axis(reduced):
-    """The study's own errors in closed form at the computed distances; the other errors here add little on the axis."""
-    depth = reduced["depth"].to_dataset().sel(camera="stereo-65").sel(way="both")
-    found = reduced["calibration"].to_dataset().sel(camera="stereo-65", way="both", field="axis")
-    expected = np.interp(1.0, depth["distance"].values, depth["depth_uncertainty"].values)
-    assert float(found["depth_uncertainty"].sel(distance=1.0)) == pytest.approx(expected, rel=0.03)
+def depths_of_rows(camera, posterior, distance, *, noisy):
+    """Inverse depths that the saved draws read, each under noise 48 times or without; shape (readings, distances)."""
+    read, deviation = PLAIN[camera]
+    draws = posterior["draws"].values
+    names = [str(name.decode() if isinstance(name, bytes) else name) for name in posterior["parameter"].values]
+    errors = dict(zip(names, (draws - draws.mean(axis=0)).T[..., None], strict=True))
+    shape = (48 if noisy else 1, len(draws), distance.size)
+    noise = np.random.default_rng(0).normal(0.0, deviation if noisy else 0.0, shape)
+    return np.concatenate([read({}, errors, distance, once) for once in noise])
 
 
-def test_sources_drive_depth_where_physics_says(reduced):
-    data = reduced["sensitivity"].to_dataset()
-    axis, edge = (data.sel(field=field, distance=1.0)["source_uncertainty"] for field in ("axis", "edge"))
-    assert str(axis["source"].values[int(np.nanargmax(axis.sel(camera="stereo-65").values))]) == "yaw"
-    # Pitch, roll and distortion act off the axis, field curvature and tilt of the array too.
-    for camera, names in (
-        ("stereo-65", ("pitch", "roll", "left_distortion_k1")),
-        ("raytrix-r5", ("field_curvature", "array_tilt_x", "depth_distortion")),
-    ):
-        for name in names:
-            there = [float(u.sel(camera=camera, source=name)) for u in (axis, edge)]
-            assert there[1] > 20 * there[0]
-    assert str(data["source_class"].sel(camera="raytrix-r5", source="pressure_change").item()) == "per session"
+@pytest.mark.parametrize("camera", PLAIN)
+@pytest.mark.parametrize("way", ["calibration", "both"])
+def test_depth_is_what_plain_numpy_triangulates_from_the_saved_draws(ran, camera, way):
+    folder, result = ran
+    found = group(result, "depth").sel(camera=camera, way=way)
+    with xarray.open_dataset(folder / "out" / "posteriors" / f"{camera}.nc", engine="h5netcdf") as posterior:
+        inverse = depths_of_rows(camera, posterior, found["distance"].values, noisy=way == "both")
+    far, near = (1.0 / np.quantile(inverse, p, axis=0) for p in CENTRAL)
+    expected = (far - near) / 2.0
+    allowed = 0.01 * expected + 3.0 * found["depth_uncertainty_way_error"].values
+    np.testing.assert_array_less(np.abs(found["depth_uncertainty_way"].values - expected), allowed)
+    np.testing.assert_allclose(found["failed_fraction"].values, np.mean(inverse <= 0.0, axis=0), atol=1e-3)
+    if way == "both":
+        assert np.array_equal(found["depth_uncertainty"].values, found["depth_uncertainty_way"].values)
 
 
-def test_the_verdict_has_probabilities_and_answers(reduced):
-    decision = reduced["decision"].to_dataset()
-    total = decision["rank_first"] + decision["rank_second"]
-    assert (total <= 1.0 + 1e-12).all()
-    singles = decision.sel(pair="raytrix-r5 vs stereo-65", rank_way="both", field="axis")
-    assert (
-        float(singles["rank_first"].sel(rank_distance=1.0))
-        < 0.3
-        < 0.5
-        < float(singles["rank_first"].sel(rank_distance=0.15))
-    )
-    crossing = singles["equal_distance"].values
-    assert np.isfinite(crossing).sum() == 1
-    assert 0.0 < float(singles["equal_distance_error"].values[0]) < 0.01 * crossing[0]
-    answers = dict(zip(decision["stability"].values, decision["stability_value"].values, strict=True))
-    assert np.isnan(answers["array-at-300mm"])
-    assert answers["array-at-300mm-calibration"] > 1e-6
-    assert answers["yaw-at-half-metre"] > np.radians(0.2) > answers["yaw-at-half-metre-calibration"]
+def test_the_posterior_in_the_results_is_the_one_in_the_file(ran):
+    folder, result = ran
+    draws = group(result, "calibration")["posterior_draw"]
+    for camera in PLAIN:
+        with xarray.open_dataset(folder / "out" / "posteriors" / f"{camera}.nc", engine="h5netcdf") as posterior:
+            own = draws.sel(posterior=camera).dropna("parameter", how="all").dropna("draw")
+            assert np.array_equal(own.values, posterior["draws"].values)
 
 
-def test_the_report_obeys_its_rules(reduced):
-    drawings = build(reduced)
-    assert {"calibration-bands", "failure-share", "tornado", "sobol-indices", "rank-probability"} <= set(drawings)
-    for name in ("calibration-bands", "failure-share", "tornado", "sobol-indices", "rank-probability"):
-        assert drawings[name].draw().svg().startswith(b"<?xml")
-    blocks = tuple(all_blocks(compose_report(reduced, {}, drawings).blocks))
-    tables = {block.name: block for block in blocks if isinstance(block, Table)}
-    interval = tables["calibration-table"]
-    heads = [plain(row[0]) for row in interval.rows if len(row) == 1]
-    assert "R5, on the axis" in heads
-    far = [row for row in interval.rows if len(row) > 1 and plain(row[0]) == "5\N{NO-BREAK SPACE}m"]
-    without = [row for row in far if plain(row[6]) == "—"]
-    assert without  # no standard deviation beyond where it exists, yet quantiles
-    assert all(plain(row[2]) for row in without)
-    classes = [plain(row[1]) for row in tables["class-table"].rows]
-    assert classes[:3] == ["per measurement", "per rig and session", "together"]
-    assert "correlated by +0.900" in "".join(plain(cell) for row in tables["refused-table"].rows for cell in row)
+def test_sensitivity_stands_where_it_is_asked_for(ran):
+    found = group(ran[1], "sensitivity")
+    assert found["distance"].values.tolist() == [0.5, 1.0]
+    assert found["field"].values.tolist() == [0.0, 0.5]
+    assert list(found["source"].values) == ["pixel_noise", "calibration"]
+    # Of two independent sources depth is little but their sum: their shares of its variance are the indices.
+    total = found["first_index"].sum("source")
+    np.testing.assert_allclose(total.values, 1.0, atol=0.03)
+    alone = found["source_uncertainty"] ** 2
+    np.testing.assert_allclose(found["first_index"].values, (alone / alone.sum("source")).values, atol=0.03)
 
 
-def test_an_unconverged_calibration_is_said_aloud_and_fails_a_strict_run(written):
-    file = written(
-        SMALL.replace("maximum_steps: 300", "maximum_steps: 100"), "  compare: []\n  questions: {}\n"
-    )  # fmt: skip
-    result = tradestudy.load(file, ["calibration.budget=4096", "calibration.distances=[1 m, 2 m]"]).run()
-    assert any("rig: its calibration did not converge" in line for line in result.unmet_requirements)
+def test_depth_off_the_axis_stands_at_the_places_asked_for(ran):
+    axis, beside = group(ran[1], "depth"), group(ran[1], "depth_field")
+    assert beside["field"].values.tolist() == [0.5]
+    assert np.array_equal(beside["distance"].values, axis["distance"].values)
+    np.testing.assert_allclose(beside["variance_share"].sum("part").values, 1.0, atol=1e-9)
+    # Pitch and roll act off the axis alone; noise of a parallel pair is the same everywhere.
+    ratio = (beside["depth_uncertainty_way"] / axis["depth_uncertainty_way"]).sel(camera="rig", field=0.5)
+    assert (ratio.sel(way="calibration") > 1.003).all()
+    np.testing.assert_allclose(ratio.sel(way="noise").values, 1.0, rtol=1e-3)
+
+
+def test_a_posterior_of_one_run_gives_another_study_the_same_depth_bit_for_bit(ran):
+    folder, result = ran
+    changes = [
+        f"{camera}.calibration={{posterior: {{file: out/posteriors/{camera}.nc}}, errors: null, target: null}}"
+        for camera in PLAIN
+    ]
+    again = tradestudy.load(folder / "small.yaml", [*changes, "sensitivity=null", "effects={calibration: exact}"]).run()
+    assert "calibration" not in again.data.children  # nothing was inferred
+    for name in ("depth", "depth_field"):
+        xarray.testing.assert_identical(
+            group(again, name).drop_attrs(deep=False), group(result, name).drop_attrs(deep=False)
+        )
+
+
+def test_an_unconverged_calibration_is_said_aloud_and_fails_a_strict_run(ran):
+    folder, result = ran
+    (unmet,) = result.unmet_requirements
+    assert unmet.startswith("r5: its calibration did not converge (too short for the autocorrelation time")
+    status, said = (folder / "said.txt").read_text(encoding="utf-8").splitlines()
+    assert (status, said) == ("3", f"requirements not met: {unmet}")
     drawings = build(result.data)
-    assert drawings["corner-rig"].draw().svg()
-    assert drawings["trace-rig"].draw().svg()
+    assert {"corner-rig", "corner-r5", "trace-r5", "trace-views"} <= set(drawings)
     blocks = tuple(all_blocks(compose_report(result.data, {}, drawings).blocks))
     warnings = [block for block in blocks if isinstance(block, Callout) and block.tone == "warning"]
-    assert [plain(warning.title) for warning in warnings] == ["Rig did not converge"]
-    said = [plain(block.text) for block in all_blocks(warnings[0].blocks) if isinstance(block, Paragraph)]
-    assert "too short" in said[0]
+    assert [plain(warning.title) for warning in warnings] == ["R5 did not converge"]
+    words = [plain(block.text) for block in all_blocks(warnings[0].blocks) if isinstance(block, Paragraph)]
+    assert "too short" in words[0]
+    assert "R5 did not converge" in (folder / "out" / "report.html").read_text(encoding="utf-8")

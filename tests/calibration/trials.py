@@ -52,7 +52,7 @@ class CalibrationTrial:
         rng : numpy.random.Generator
             Randomness of truth, noise and draws.
         """
-        truth, problem = self._observe(rng)
+        truth, problem = self.observe(rng)
         return self._shares(truth, fit_target(problem).laplace.draw(rng, self.draws))
 
     def by_sampling(self, rng: np.random.Generator) -> FloatArray:
@@ -68,7 +68,7 @@ class CalibrationTrial:
         NotConvergedError
             The chains did not converge, or the poses cannot be marginalised by Laplace.
         """
-        truth, problem = self._observe(rng)
+        truth, problem = self.observe(rng)
         posterior = sample_target(problem, fit_target(problem), rng=rng)
         if not posterior.converged:
             raise NotConvergedError(
@@ -80,7 +80,7 @@ class CalibrationTrial:
             )
         return self._shares(truth, posterior.sample.thinned(self.draws))
 
-    def _observe(self, rng: np.random.Generator) -> tuple[FloatArray, TargetProblem]:
+    def observe(self, rng: np.random.Generator) -> tuple[FloatArray, TargetProblem]:
         """A truth from the prior, and the problem of inferring it."""
         truth = self.priors.draw(rng, 1)[0]
         observed = observe_target(self.target, self.model, truth, rng)

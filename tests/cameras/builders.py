@@ -5,15 +5,51 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from tradestudy.cameras.depth_camera import ErrorSource
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
-from tradestudy.cameras.plenoptic import PlenopticCalibration
 from tradestudy.cameras.stereo.design import StereoRig
-from tradestudy.cameras.stereo.errors import StereoCalibration
+from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
+from tradestudy.optics.triangulation import depth_of_inverse
+from tradestudy.uncertainty.distributions import Normal
+from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import Source
 
 PITCH = 126.5e-6
 F_MAIN = 12.5e-3
+F_L = 0.432e-3
+YAW = Source(
+    name="yaw",
+    distribution=Normal(mean=0.0, standard_deviation=math.radians(0.2)),
+    error_class=ErrorClass.RIG,
+)
+
+
+def unfocused(**changes: Any) -> UnfocusedPlenoptic:
+    """The R5's lens and sensor behind microlenses of the one published focal length, focused at 150 mm."""
+    values: dict[str, Any] = {
+        "main_lens": Lens(focal_length=F_MAIN, f_number=3.8),
+        "sensor": Sensor(columns=2048, rows=2048, pixel_pitch=5.5e-6),
+        "microlenses": MicrolensArray(
+            layout="hexagonal", pitch=PITCH, gap=F_L, focal_lengths=(F_L,), aperture_diameter=F_L / 3.8
+        ),
+        "focus_distance": 0.15,
+        "estimator": "outermost-views",
+        "disparity_error_px": 0.1,
+        "discrimination_step_px": 0.1,
+    }
+    return UnfocusedPlenoptic(**(values | changes))
+
+
+def depth_read(camera: DepthCamera, distance: ArrayLike, field: float = 0.0, **errors: ArrayLike) -> np.ndarray:
+    """Depths [m], shape (distances,) or (draws, distances), that a camera reads with a calibration off by errors."""
+    drawn = {name: np.reshape(value, (-1, 1)) for name, value in errors.items()}
+    found = depth_of_inverse(camera.read(np.atleast_1d(distance).astype(float), field, drawn).inverse_depth)
+    return found[0] if found.ndim == 2 and len(found) == 1 else found
 
 
 def r5(**changes: Any) -> FocusedPlenoptic:
@@ -32,7 +68,6 @@ def r5(**changes: Any) -> FocusedPlenoptic:
         "lenses": "sharpest-type",
         "disparity_error_px": 0.1,
         "discrimination_step_px": 0.1,
-        "calibration": PlenopticCalibration(),
     }
     return FocusedPlenoptic(**(values | changes))
 
@@ -48,6 +83,6 @@ def stereo(**changes: Any) -> StereoRig:
         "triangulation": "disparity",
         "disparity_error_px": 0.1,
         "discrimination_step_px": 0.1,
-        "calibration": StereoCalibration(yaw=ErrorSource(standard_deviation=math.radians(0.2))),
+        "calibration": Calibration(groups=(YAW,)),
     }
     return StereoRig(**(values | changes))

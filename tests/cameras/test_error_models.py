@@ -1,20 +1,23 @@
-"""Exact models against declared errors, rotation matrices, 40-digit arithmetic, and published sensitivities."""
+"""Exact models against rotation matrices, 40-digit arithmetic, closed forms and published sensitivities."""
 
 import math
+from dataclasses import replace
 
 import mpmath
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from tests.cameras.builders import PITCH, r5, stereo
+from tests.cameras.builders import PITCH, depth_read, r5, stereo, unfocused
 from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.focused_plenoptic.errors import PLENOPTIC_ERRORS
+from tradestudy.cameras.plenoptic_errors import PLENOPTIC_ERRORS
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
 from tradestudy.cameras.stereo.pair import pair_inverse_depth
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.air import air_refractive_index, focal_length_change_with_medium
 from tradestudy.optics.radial_distortion import distort, undistort
+from tradestudy.optics.triangulation import plenoptic_depth
+from tradestudy.uncertainty.error_class import ErrorClass
 
 DISTANCES = np.array([0.3, 0.5, 1.0, 3.0, 10.0])
 DEG = math.radians(1.0)
@@ -25,42 +28,63 @@ AIR = Environment(
 )  # fmt: skip
 
 
-def drawn(table, rng, count=7, without=("pixel_noise", "left_pixel_noise", "right_pixel_noise")):
-    return {name: SCALES[unit] * rng.standard_normal((count, 1)) for name, unit in table.items() if name not in without}
+# What differs from measurement to measurement, or from lens to lens, is in the reading alone.
+IN_READING_ALONE = ("pixel_noise", "microlens_center_scatter", "array_rotation")
+
+
+def drawn(table, rng, count=7):
+    return {
+        name: SCALES[parameter.unit] * rng.standard_normal((count, 1))
+        for name, parameter in table.items()
+        if name not in IN_READING_ALONE
+    }
 
 
 @pytest.mark.parametrize("triangulation", ["disparity", "midpoint"])
 @pytest.mark.parametrize("convergence", [0.0, 0.1])
-def test_on_the_axis_declared_errors_act_on_both_sides_of_a_rig(triangulation, convergence):
+def test_shared_errors_of_a_rig_act_on_both_sides(triangulation, convergence):
     rig = stereo(triangulation=triangulation, convergence_angle=convergence)
     rng = np.random.default_rng(0)
-    shared = {name: SCALES[STEREO_ERRORS[name]] * rng.standard_normal((20, 1)) for name in ("yaw", "pitch", "roll")}
-    focal, centre, base, noise = (scale * rng.standard_normal((20, 1)) for scale in (5e-6, 3e-6, 2e-5, 1e-6))
-    found = rig.read(
-        DISTANCES,
-        0.0,
-        shared
-        | {"baseline": base, "left_focal_length": focal, "right_focal_length": focal}
-        | {"left_principal_point_x": -centre / 2, "right_principal_point_x": centre / 2}
-        | {"left_pixel_noise": noise / 2, "right_pixel_noise": -noise / 2},
-    )
-    depth = rig.depth_with_errors(
-        DISTANCES,
-        shared | {"baseline": base, "focal_length": focal, "principal_point": centre, "pixel_noise": noise},
-    )
-    np.testing.assert_allclose(found.inverse_depth, 1.0 / depth, rtol=1e-12)
+    turned = {name: 0.2 * DEG * rng.standard_normal((20, 1)) for name in ("yaw", "pitch", "roll")}
+    focal, centre = (scale * rng.standard_normal((20, 1)) for scale in (5e-6, 3e-6))
+    apart = {"left_focal_length": focal, "right_focal_length": focal}
+    apart |= {"left_principal_point_x": -centre / 2, "right_principal_point_x": centre / 2}
+    found = rig.read(DISTANCES, 0.3, turned | {"focal_length": focal, "principal_point": centre})
+    np.testing.assert_allclose(found.inverse_depth, rig.read(DISTANCES, 0.3, turned | apart).inverse_depth, rtol=1e-12)
     assert not np.broadcast_to(found.no_overlap, (20, 5))[:, 1:].any()
     assert not found.out_of_range.any()
+    # The noise moves the left point one way and the right one the other, half of it each.
+    noise = 1e-6 * rng.standard_normal((20, 1))
+    moved = {"left_principal_point_x": -noise / 2, "right_principal_point_x": noise / 2}
+    np.testing.assert_allclose(
+        rig.read(DISTANCES, 0.3, turned | {"pixel_noise": noise}).inverse_depth,
+        rig.read(DISTANCES, 0.3, turned | moved).inverse_depth,
+        rtol=1e-12,
+    )
+
+
+@pytest.mark.parametrize("camera", [stereo(), unfocused()])
+def test_noise_of_its_own_at_every_distance_adds_to_disparity(camera):
+    noise = 1e-6 * np.random.default_rng(6).standard_normal((9, len(DISTANCES)))
+    found = camera.read(DISTANCES, 0.0, {"pixel_noise": noise}).inverse_depth
+    expected = camera.depth_of_disparity(camera.disparity(DISTANCES) + noise, DISTANCES)
+    np.testing.assert_allclose(np.maximum(found, 0.0), 1.0 / expected, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("estimator", ["same-type-pair", "widest-pair"])
-def test_on_the_axis_the_plenoptic_model_is_the_cameras_own(estimator):
+def test_on_the_axis_the_plenoptic_model_is_equation_8(estimator):
     camera = r5(estimator=estimator)
     rng = np.random.default_rng(1)
     scales = {"mla_distance": 5e-6, "focal_length": 5e-6, "microlens_gap": 1e-6, "pixel_noise": 0.55e-6}
     errors = {name: scale * rng.standard_normal((50, 1)) for name, scale in scales.items()}
     found = camera.read(DISTANCES, 0.0, errors).inverse_depth
-    depth = camera.depth_with_errors(DISTANCES, errors)
+    depth = plenoptic_depth(
+        camera.disparity(DISTANCES) + errors["pixel_noise"],
+        camera.estimator_baseline(DISTANCES),
+        mla_distance=camera.mla_distance + errors["mla_distance"],
+        microlens_gap=camera.microlenses.gap + errors["microlens_gap"],
+        focal_length=camera.main_lens.focal_length + errors["focal_length"],
+    )
     finite = np.isfinite(depth)
     assert 0.5 < finite.mean() < 1.0
     np.testing.assert_allclose(found[finite], 1.0 / depth[finite], rtol=1e-9)
@@ -75,11 +99,12 @@ def test_a_disparity_that_crossed_zero_goes_where_it_was_heading():
         assert found[0, 0] * camera.main_lens.focal_length == pytest.approx(expected)
 
 
+@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("triangulation", ["disparity", "midpoint"])
-def test_a_rig_that_knows_its_errors_reads_the_truth(triangulation):
+def test_a_rig_that_knows_its_errors_reads_the_truth(triangulation, seed):
     """All errors at once, in rig and calibration alike, over the field: observation and reading are inverses."""
     rig = stereo(triangulation=triangulation, convergence_angle=0.05)
-    errors = drawn(STEREO_ERRORS, np.random.default_rng(2))
+    errors = drawn(STEREO_ERRORS, np.random.default_rng(seed))
     z = np.array([0.7, 2.0])
     image = rig.observe(errors, 0.12 * z, -0.1 * z, z)
     inverse, valid = pair_inverse_depth(rig.pair, errors, image)
@@ -87,9 +112,10 @@ def test_a_rig_that_knows_its_errors_reads_the_truth(triangulation):
     assert valid.all()
 
 
-def test_a_plenoptic_camera_that_knows_its_errors_reads_the_truth():
-    camera = r5()
-    errors = drawn(PLENOPTIC_ERRORS, np.random.default_rng(3), without=("pixel_noise", "array_rotation"))
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("camera", [r5(field_curvature=15e-6), unfocused(field_curvature=15e-6)])
+def test_a_plenoptic_camera_that_knows_its_errors_reads_the_truth(camera, seed):
+    errors = drawn(PLENOPTIC_ERRORS, np.random.default_rng(seed))
     errors["microlens_pitch"] *= 0.01
     z = np.array([0.2, 0.5, 2.0])
     seen = camera.observe(errors, 0.2 * z, -0.15 * z, z)
@@ -158,12 +184,73 @@ def test_plenoptic_sensitivities_are_published_ones():
     np.testing.assert_allclose(np.abs(tilted), (1 + v) * 5.632e-3 * ((near - 12.5e-3) / 12.5e-3) ** 2, rtol=1e-5)
 
 
+def test_residual_curvature_and_scatter_of_the_centres_move_depth_as_published():
+    """At 1 m: 6.2 mm for 1 µm of residual curvature in the corner, 63 mm for 0.2 µm of scatter of each centre."""
+    one = np.array([1.0])
+    curved = sensitivity(r5().read, one, 1.0, "field_curvature", 1e-8)[0] * 1e-6
+    assert abs(curved) == pytest.approx(6.2e-3, rel=0.01)
+    scattered = sensitivity(r5().read, one, 0.0, "microlens_center_scatter", 1e-9)[0] * 0.2e-6
+    assert abs(scattered) == pytest.approx(63e-3, rel=0.01)
+    # Half of what 0.1 px of noise does.
+    noise = sensitivity(r5().read, one, 0.0, "pixel_noise", 1e-9)[0] * 0.55e-6
+    assert abs(scattered / noise) == pytest.approx(0.51, abs=0.005)
+    assert PLENOPTIC_ERRORS["microlens_center_scatter"].error_class is ErrorClass.ELEMENT
+
+
+@pytest.mark.parametrize("build", [r5, unfocused])
+def test_known_curvature_is_seen_and_read_and_leaving_it_out_is_published(build):
+    """20 µm in the corner: 10.6 mm at 0.3 m and 125 mm at 1 m, and nothing where it is known."""
+    curved, flat = build(field_curvature=20e-6), build()
+    near = np.array([0.3, 1.0])
+    np.testing.assert_allclose(depth_read(curved, near, field=1.0), near, rtol=1e-9)
+    # The image lies 20 µm farther back: 1/a − 1/f + 1/b = 0 read with that b.
+    image = 1.0 / (1.0 / 12.5e-3 - 1.0 / near)
+    expected = 1.0 / (1.0 / 12.5e-3 - 1.0 / (image + 20e-6))
+    slope = 5.632e-3 / curved.mla_distance
+    inverse, _ = flat.believe({}, curved.observe({}, slope * near, slope * near, near), near)
+    np.testing.assert_allclose(1.0 / inverse, expected, rtol=1e-9)
+    np.testing.assert_allclose(near - expected, [10.6e-3, 125e-3], rtol=0.15)
+    # Residual and known value add.
+    both = depth_read(build(field_curvature=13e-6), near, field=1.0, field_curvature=7e-6)
+    moved = depth_read(flat, near, field=1.0, field_curvature=7e-6)
+    np.testing.assert_allclose(both, moved, rtol=1e-9)
+
+
+@pytest.mark.parametrize("build", [r5, unfocused])
+def test_curvature_is_centred_on_the_principal_point(build):
+    """κ (r² − (r − p)²)/R² more curvature where the axis is off by p, on the diagonal of the field."""
+    camera, off, one = build(field_curvature=20e-6), 1e-5, np.array([1.0])
+    found = sensitivity(camera.read, one, 1.0, "principal_point_x", off)[0] * off
+    extra = 20e-6 * 2.0 * 5.632e-3 * off / (2.0 * 5.632e-3**2)
+    assert abs(found) == pytest.approx(extra * ((1.0 - 12.5e-3) / 12.5e-3) ** 2, rel=1e-3)
+    assert abs(sensitivity(camera.read, one, 0.0, "principal_point_x", off)[0]) < 1e-9
+
+
+@pytest.mark.parametrize("build", [r5, unfocused])
+def test_colour_moves_what_looks_through_one_lens(build):
+    """6.3 µm of secondary spectrum: 39 mm at 1 m, whatever stands behind the lens. Stereo is immune."""
+    f, shift = 12.5e-3, 6.3e-6
+    read = depth_read(build(), DISTANCES, color_shift=shift)
+    # 1/b = 1/f' − 1/a is read with f.
+    np.testing.assert_allclose(read, 1.0 / (1.0 / f - 1.0 / (f + shift) + 1.0 / DISTANCES), rtol=1e-9)
+    assert 1.0 - depth_read(build(), 1.0, color_shift=shift)[0] == pytest.approx(39e-3, abs=0.5e-3)
+    # It adds to what temperature does to the lens.
+    warm = {"temperature_change": np.array([[2.0]]), "pressure_change": np.array([[1e3]])}
+    grown = f * (float(AIR.focal_length_factor(warm)[0, 0]) - 1.0)
+    still = replace(AIR, housing_expansion=0.0)
+    both = build().read(DISTANCES, 0.0, warm | {"color_shift": np.array([[shift]])}, still).inverse_depth[0]
+    np.testing.assert_allclose(both, 1.0 / f - 1.0 / (f + grown + shift) + 1.0 / DISTANCES, rtol=1e-9)
+    rig = stereo()
+    assert np.array_equal(depth_read(rig, DISTANCES, color_shift=shift), depth_read(rig, DISTANCES))
+
+
 def test_plenoptic_reading_in_forty_digits():
     """Every error of the reading at once, written out again with mpmath for one point at the edge."""
-    camera = r5()
+    known = 30e-6
+    camera = r5(field_curvature=known)
     rng = np.random.default_rng(4)
-    errors = {name: float(SCALES[unit] * rng.standard_normal()) for name, unit in PLENOPTIC_ERRORS.items()}
-    errors |= {"microlens_pitch": 3e-9, "pixel_noise": 2e-7}
+    errors = {name: float(SCALES[each.unit] * rng.standard_normal()) for name, each in PLENOPTIC_ERRORS.items()}
+    errors |= {"microlens_pitch": 3e-9, "pixel_noise": 2e-7, "microlens_center_scatter": -1.5e-7}
     a, field = 0.6, 0.5
     found = camera.read(np.array([a]), field, {k: np.array([[v]]) for k, v in errors.items()})
     with mpmath.workdps(40):
@@ -173,15 +260,16 @@ def test_plenoptic_reading_in_forty_digits():
         spacing = m(float(camera.estimator_baseline(np.array(a))))
         corner = m(camera.sensor.diagonal) / 2
         x0 = y0 = m(field) * m(camera.sensor.width) / 2
-        apart = spacing * (1 + gap / (z - f * m(a) / (m(a) - f)))
+        apart = spacing * (1 + gap / (z - f * m(a) / (m(a) - f) - m(known) * 2 * (x0 / corner) ** 2))
         x, y = x0 - e["array_offset_x"], y0 - e["array_offset_y"]
-        square = (x * x + y * y) / corner**2
+        square = ((x - e["principal_point_x"]) ** 2 + (y - e["principal_point_y"]) ** 2) / corner**2
         tilt = e["array_tilt_x"] * x + e["array_tilt_y"] * y
         grid = spacing * (1 + e["microlens_pitch"] / p) * (1 + gap / z) / (1 + gap / (z + e["pupil_distance"]))
         sigma = apart * mpmath.cos(e["array_rotation"]) + e["pixel_noise"] - grid
+        sigma += mpmath.sqrt(2) * e["microlens_center_scatter"]
         behind = (gap + e["microlens_gap"] - tilt) * grid / sigma
         image = z + e["mla_distance"] + tilt - behind * (1 + e["depth_distortion"] * square)
-        image -= e["field_curvature"] * square
+        image -= (m(known) + e["field_curvature"]) * square
         expected = 1 / (f + e["focal_length"]) - 1 / image
     assert found.inverse_depth[0, 0] == pytest.approx(float(expected), rel=1e-9)
 

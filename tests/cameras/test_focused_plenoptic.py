@@ -10,18 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.cameras.builders import F_MAIN, PITCH, r5
-from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
-from tradestudy.cameras.plenoptic import PlenopticCalibration
+from tests.cameras.builders import F_MAIN, PITCH, depth_read, r5
+from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.errors import OutOfRangeError
 
 
 def sigma_v(camera, distance: float) -> float:
     """σ_v of pixel noise over σ_u/D, σ_u the error of one micro-image coordinate."""
-    noise = next(part for part in camera.depth_error_parts(distance) if part.name == "pixel_noise")
+    noise = float(camera.noise(distance))
     v, d = float(camera.virtual_depth(distance)), float(camera.disparity(distance))
-    error_of_v = abs(v / d) * float(noise.disparity_error)
-    one_coordinate = float(noise.disparity_error) / math.sqrt(2)
+    error_of_v = abs(v / d) * noise
+    one_coordinate = noise / math.sqrt(2)
     return error_of_v / (one_coordinate / PITCH)
 
 
@@ -45,9 +44,8 @@ def test_one_sharp_type_of_three_costs_least_squares_the_root_of_three() -> None
 
 @pytest.mark.parametrize(("distance", "relative"), [(0.5, 0.05), (1.0, 0.12)])
 def test_published_uncertainty_of_the_reconstruction(distance: float, relative: float) -> None:
-    noise = r5().depth_error_parts(distance)[0]
-    slope = (r5().depth_with_errors(distance, {"pixel_noise": 1e-9}) - distance) / 1e-9
-    assert abs(float(slope * noise.disparity_error)) / distance == pytest.approx(relative, abs=0.005)
+    slope = (depth_read(r5(), distance, pixel_noise=1e-9)[0] - distance) / 1e-9
+    assert abs(slope * float(r5().noise(distance))) / distance == pytest.approx(relative, abs=0.005)
 
 
 def test_published_equivalent_baselines_at_one_metre() -> None:
@@ -61,9 +59,9 @@ def test_one_micrometre_of_z_and_f_moves_one_metre_by_published_amounts() -> Non
     camera = r5()
 
     def moved(**errors: float) -> float:
-        return float(camera.depth_with_errors(1.0, errors)) - 1.0
+        return float(depth_read(camera, 1.0, **errors)[0]) - 1.0
 
-    assert moved(mla_distance=1e-6, focal_length=1e-6) == pytest.approx(0.16e-3, abs=0.005e-3)
+    assert moved(mla_distance=1e-6, focal_length=1e-6) == pytest.approx(0.159e-3, abs=0.0005e-3)
     assert moved(mla_distance=1e-9) == pytest.approx(-6.24e-6, rel=1e-3)
     assert moved(focal_length=1e-9) == pytest.approx(6.40e-6, rel=1e-3)
     # Aluminium over the focal length, 23e-6 per kelvin.
@@ -86,38 +84,6 @@ def test_types_are_sharp_in_the_published_intervals() -> None:
     blur = camera.blur_px(edges)
     assert blur[0, :2] == pytest.approx([1.0, 1.0], abs=0.05)
     assert blur[1, 1:] == pytest.approx([1.0, 1.0], abs=0.05)
-
-
-@pytest.mark.parametrize("a", [0.06, 0.2, 1.0, 5.0])
-@pytest.mark.parametrize("error", ["pixel_noise", "mla_distance", "focal_length", "microlens_gap"])
-def test_parts_are_the_slope_of_the_exact_model(a: float, error: str) -> None:
-    sigma = 1e-12 if error != "pixel_noise" else 0.1 * 5.5e-6
-    source = {error: ErrorSource(standard_deviation=sigma)} if error != "pixel_noise" else {}
-    camera = r5(calibration=PlenopticCalibration(**source))
-    step = {error: 1e-4 * sigma} if error == "pixel_noise" else {error: sigma}
-    exact = (camera.depth_with_errors(a, step) - camera.depth_with_errors(a, {k: -v for k, v in step.items()})) / 2
-    name = "mla_distance_and_focal_length" if error in ("mla_distance", "focal_length") else error
-    part = next(part for part in camera.depth_error_parts(a) if part.name == name)
-    share = 1e-4 if error == "pixel_noise" else 1.0
-    d = camera.disparity(a)
-    by_disparity = (
-        camera.depth_of_disparity(d + share * part.disparity_error, a)
-        - camera.depth_of_disparity(d - share * part.disparity_error, a)
-    ) / 2
-    assert abs(float(exact)) == pytest.approx(abs(float(by_disparity)), rel=1e-3)
-
-
-def test_correlated_z_and_f_nearly_cancel() -> None:
-    def part(correlation: float) -> float:
-        calibration = PlenopticCalibration(
-            mla_distance=ErrorSource(standard_deviation=1e-6),
-            focal_length=ErrorSource(standard_deviation=1e-6),
-            correlation=correlation,
-        )
-        return float(r5(calibration=calibration).depth_error_parts(1.0)[1].disparity_error)
-
-    # 6.40 − 6.24 against √(6.40² + 6.24²).
-    assert part(1.0) / part(0.0) == pytest.approx(0.16 / math.hypot(6.40, 6.24), rel=0.05)
 
 
 @given(a=st.floats(0.05, 50.0), step=st.floats(0.01, 0.5))
@@ -149,7 +115,7 @@ def test_galilean_relay_is_blind_nowhere_to_infinity() -> None:
 def test_noise_past_the_pole_keeps_its_rank() -> None:
     camera = r5()
     d = float(camera.disparity(3.0))
-    depths = camera.depth_with_errors(3.0, {"pixel_noise": np.linspace(0.5, -1.5, 201) * d})
+    depths = depth_read(camera, 3.0, pixel_noise=np.linspace(0.5, -1.5, 201) * d)[:, 0]
     assert np.all(np.diff(depths[np.isfinite(depths)]) >= 0)
     first_lost = int(np.argmax(np.isinf(depths)))
     assert first_lost > 0
@@ -159,10 +125,8 @@ def test_noise_past_the_pole_keeps_its_rank() -> None:
 def test_impossible_cameras_are_refused() -> None:
     with pytest.raises(OutOfRangeError, match="no choice of lenses"):
         r5(lenses="all")
-    with pytest.raises(OutOfRangeError, match="correlation"):
-        PlenopticCalibration(correlation=1.1)
     with pytest.raises(OutOfRangeError, match="no such error"):
-        r5().depth_with_errors(1.0, {"yaw": 0.1})
+        depth_read(r5(), 1.0, yaw=0.1)
     with pytest.raises(OutOfRangeError, match="overlap"):
         dataclasses.replace(r5().microlenses, aperture_diameter=130e-6)
     with pytest.raises(OutOfRangeError, match="1 or 3 types"):

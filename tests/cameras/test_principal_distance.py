@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from tests.cameras.builders import stereo
-from tradestudy.cameras.depth_camera import ErrorSource
+from tests.cameras.builders import depth_read, stereo
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stereo.design import StereoRig
-from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import OutOfRangeError
 
 F, FOCUS, BASE, PUPIL = 18.3e-3, 55.3e-3, 8e-3, 18.3e-3 / 9.8
@@ -86,8 +84,8 @@ def test_noise_moves_depth_as_traced_points_say(angle: float) -> None:
         z = DISTANCE - sign * step
         along = BASE / 2 * math.cos(t) - z * math.sin(t)
         slope += sign * landing(along, z * math.cos(t) + BASE / 2 * math.sin(t), sensor) / step
-    part = next(part for part in rig.depth_error_parts(DISTANCE) if part.name == "pixel_noise")
-    nearer = DISTANCE - rig.depth_of_disparity(rig.disparity(DISTANCE) + 1e-3 * part.disparity_error, DISTANCE)
+    nearer = DISTANCE - rig.depth_of_disparity(rig.disparity(DISTANCE) + 1e-3 * rig.noise(DISTANCE), DISTANCE)
+    np.testing.assert_allclose(DISTANCE - depth_read(rig, DISTANCE, pixel_noise=1e-3 * 0.74e-6), nearer, rtol=1e-4)
     np.testing.assert_allclose(nearer, 1e-3 * 0.1 * 7.4e-6 / slope, rtol=1e-4)
     discrimination = rig.depth_discrimination(DISTANCE)[0]
     np.testing.assert_allclose(discrimination, 0.1 * 7.4e-6 / slope, rtol=1e-2)
@@ -95,20 +93,20 @@ def test_noise_moves_depth_as_traced_points_say(angle: float) -> None:
 
 @pytest.mark.parametrize("angle", [0.0, 0.15])
 @pytest.mark.parametrize("error", ["yaw", "baseline", "focal_length", "principal_point"])
-def test_parts_are_the_slope_of_traced_pictures(error: str, angle: float) -> None:
-    """A rig that is off by the error takes the picture; the design reads it."""
+def test_errors_are_read_as_traced_pictures_say(error: str, angle: float) -> None:
+    """A rig that is off by the error takes the picture; the design reads it, or its calibration has the error."""
     off = {name: SIGMA if name == error else 0.0 for name in ("yaw", "baseline", "focal_length", "principal_point")}
     base, sensor = BASE + off["baseline"], sensor_by_rays() + off["focal_length"]
     picture = sum(traced_side(base, angle / 2 + turn, sensor) for turn in (0.0, off["yaw"]))
     moved = picture + off["principal_point"] - traced_disparity(angle)
-    rig = pair(convergence_angle=angle, calibration=StereoCalibration(**{error: ErrorSource(standard_deviation=SIGMA)}))
-    part = next(part for part in rig.depth_error_parts(DISTANCE) if part.name == error)
-    np.testing.assert_allclose(np.abs(moved), part.disparity_error, rtol=1e-4)
+    rig = pair(convergence_angle=angle)
+    read = rig.disparity(depth_read(rig, DISTANCE, **{error: SIGMA})) - rig.disparity(DISTANCE)
+    np.testing.assert_allclose(np.abs(moved), np.abs(read), rtol=1e-4)
 
 
 def test_the_error_of_the_principal_distance_scales_parallel_depth() -> None:
     """δZ/Z = δc/c, not δf/f: what everybody knows of a calibration in pixels."""
-    read = pair().depth_with_errors(DISTANCE, {"focal_length": 1e-6})
+    read = depth_read(pair(), DISTANCE, focal_length=1e-6)
     np.testing.assert_allclose(read / DISTANCE - 1.0, 1e-6 / sensor_by_rays(), rtol=1e-8)
 
 
@@ -130,9 +128,8 @@ def test_the_exact_model_stands_where_the_rays_land() -> None:
     sensor, z = sensor_by_rays(), np.array([60e-3])
     traced = [landing(x + BASE / 2, z, sensor), landing(y, z, sensor), landing(x - BASE / 2, z, sensor)]
     np.testing.assert_allclose([c[0] for c in seen[:3]], [c[0] for c in traced], rtol=1e-11)
-    errors = {"left_focal_length": np.array([[1e-6]]), "right_focal_length": np.array([[1e-6]])}
-    read = rig.read(DISTANCE, 0.0, errors)
-    np.testing.assert_allclose(1 / read.inverse_depth[0], rig.depth_with_errors(DISTANCE, {"focal_length": 1e-6}))
+    read = depth_read(rig, DISTANCE, left_focal_length=1e-6, right_focal_length=1e-6)
+    np.testing.assert_allclose(read, depth_read(rig, DISTANCE, focal_length=1e-6))
     # The corner of the sensor is the corner of the field: the point there is just seen by a rig without a baseline.
     narrow = replace(rig, baseline=1e-9)
     assert not narrow.read(DISTANCE, 1.0 - 1e-6, {}).no_overlap.any()

@@ -9,22 +9,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.cameras.builders import stereo
-from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
+from tests.cameras.builders import depth_read, stereo
+from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.parts import Lens, focal_length_of_field_of_view
-from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import OutOfRangeError
 
 YAW = math.radians(0.2)
 
 
 def test_published_effect_of_yaw() -> None:
-    exact = stereo().depth_with_errors(np.array([0.5, 1.0]), {"yaw": 1e-9}) - np.array([0.5, 1.0])
+    exact = depth_read(stereo(), [0.5, 1.0], yaw=1e-9) - np.array([0.5, 1.0])
     # The published linear figures leave out 1 + x²/f², 1 % at 0.5 m.
     assert np.abs(exact) / 1e-9 * YAW == pytest.approx([8.7e-3, 34.9e-3], rel=0.015)
-    far = stereo().depth_with_errors(10.0, {"yaw": np.array([-YAW, YAW])}) - 10.0
-    assert far == pytest.approx([5.36, -2.59], abs=0.005)
-    assert np.isinf(stereo().depth_with_errors(10.0, {"yaw": -0.0101}))  # the pole is at Z = B/ψ
+    far = depth_read(stereo(), 10.0, yaw=[-YAW, YAW]) - 10.0
+    assert far[:, 0] == pytest.approx([5.36, -2.59], abs=0.005)
+    assert np.isinf(depth_read(stereo(), 10.0, yaw=-0.0101))  # the pole is at Z = B/ψ
 
 
 @pytest.mark.parametrize(
@@ -74,30 +73,9 @@ def test_views_that_never_meet_share_nothing() -> None:
     assert np.all(rig.overlap(np.array([0.5, 1.0, 2.8])) == 0.0)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.15])
-@pytest.mark.parametrize("triangulation", ["disparity", "midpoint"])
-@pytest.mark.parametrize("error", ["yaw", "baseline", "focal_length", "principal_point"])
-def test_parts_are_the_slope_of_the_exact_model(error: str, triangulation: str, angle: float) -> None:
-    sigma = 1e-7
-    rig = stereo(
-        calibration=StereoCalibration(**{error: ErrorSource(standard_deviation=sigma)}),
-        triangulation=triangulation,
-        convergence_angle=angle,
-    )
-    z = np.array([0.3, 1.0, 10.0])
-    exact = 1 / rig.depth_with_errors(z, {error: sigma}) - 1 / rig.depth_with_errors(z, {error: -sigma})
-    part = next(part for part in rig.depth_error_parts(z) if part.name == error)
-    d = rig.disparity(z)
-    linear = 1 / rig.depth_of_disparity(d + part.disparity_error, z) - 1 / rig.depth_of_disparity(
-        d - part.disparity_error, z
-    )
-    assert np.abs(exact) == pytest.approx(np.abs(linear), rel=1e-4)
-
-
 def test_pitch_splits_the_two_rules_by_decimetres_at_ten_metres() -> None:
-    errors = {"pitch": YAW}
-    by_disparity = float(stereo().depth_with_errors(10.0, errors))
-    by_midpoint = float(stereo(triangulation="midpoint").depth_with_errors(10.0, errors))
+    by_disparity = float(depth_read(stereo(), 10.0, pitch=YAW)[0])
+    by_midpoint = float(depth_read(stereo(triangulation="midpoint"), 10.0, pitch=YAW)[0])
     assert by_disparity == pytest.approx(10.0, abs=0.01)
     assert 0.1 < abs(by_midpoint - by_disparity) < 2.0
 
@@ -107,7 +85,7 @@ def test_rules_agree_where_rays_meet() -> None:
     for angle in (0.0, 0.1):
         for rule in ("disparity", "midpoint"):
             rig = stereo(triangulation=rule, convergence_angle=angle)
-            assert rig.depth_with_errors(z, {}) == pytest.approx(z, rel=1e-9)
+            assert depth_read(rig, z) == pytest.approx(z, rel=1e-9)
 
 
 def test_limits_and_their_bounds() -> None:

@@ -7,37 +7,16 @@ import mpmath
 import numpy as np
 import pytest
 
-from tradestudy.analysis.depth import depth_uncertainty
-from tradestudy.cameras.depth_camera import ErrorSource, UsableCriteria
+from tests.cameras.builders import F_L, PITCH, depth_read
+from tests.cameras.builders import F_MAIN as F_M
+from tests.cameras.builders import unfocused as camera
+from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.cameras.focus import BlurCriterion
-from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
-from tradestudy.cameras.plenoptic import PlenopticCalibration
-from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
+from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.errors import OutOfRangeError
 
-F_M, A0, F_L, PITCH, PIXEL = 12.5e-3, 0.15, 0.432e-3, 126.5e-6, 5.5e-6
+A0, PIXEL = 0.15, 5.5e-6
 DISTANCES = np.array([0.05, 0.1, 0.149, 0.151, 0.3, 2.0])
-
-
-def camera(**changes):
-    values = {
-        "main_lens": Lens(focal_length=F_M, f_number=3.8),
-        "sensor": Sensor(columns=2048, rows=2048, pixel_pitch=PIXEL),
-        "microlenses": MicrolensArray(
-            layout="hexagonal", pitch=PITCH, gap=F_L, focal_lengths=(F_L,), aperture_diameter=F_L / 3.8
-        ),
-        "focus_distance": A0,
-        "estimator": "outermost-views",
-        "disparity_error_px": 0.1,
-        "discrimination_step_px": 0.1,
-        "calibration": PlenopticCalibration(
-            mla_distance=ErrorSource(standard_deviation=2e-6),
-            focal_length=ErrorSource(standard_deviation=1e-6),
-            correlation=0.9,
-            microlens_gap=ErrorSource(standard_deviation=0.3e-6),
-        ),
-    }
-    return UnfocusedPlenoptic(**(values | changes))
 
 
 def pupil_of_pixel(pixel_offset, gap, mla_distance):
@@ -139,32 +118,113 @@ def read_with(found, distance, **off):
 def test_errors_of_calibration_read_a_fixed_picture_as_intersected_rays_do(off):
     found = camera()
     for distance in DISTANCES:
-        assert found.depth_with_errors(distance, off) == pytest.approx(read_with(found, distance, **off), rel=1e-9)
+        assert depth_read(found, distance, **off)[0] == pytest.approx(read_with(found, distance, **off), rel=1e-9)
 
 
-def test_error_parts_are_the_slopes_of_the_exact_reading():
+def view_on_array(point, distance, offset, *, f, z, gap, pupil_to_array):
+    """Where a ray from a point meets the array, if the pixel it ends on is so far from its white-image centre.
+
+    The white image is that of the middle of the exit pupil; the physical picture is upside down.
+    """
+
+    def trace(height):
+        behind = (height - point) / distance - height / f  # a thin lens
+        on_array = height + behind * z
+        return on_array, (behind - on_array / pupil_to_array) * gap
+
+    # Both are linear in the height at the lens.
+    (low, low_offset), (high, high_offset) = trace(-1e-3), trace(1e-3)
+    return low + (high - low) * (offset - low_offset) / (high_offset - low_offset)
+
+
+def traced_views(found, point, distance, *, z=0.0, f=0.0, gap=0.0, pupil=0.0, pitch=0.0):
+    """Disparity in the lenses of the design, from two rays through a camera that is off."""
+    apart = found.estimator_baseline * F_L / found.mla_distance
+    camera_is = {"f": F_M + f, "z": found.mla_distance + z, "gap": F_L + gap}
+    camera_is["pupil_to_array"] = camera_is["z"] + pupil
+    one, other = (view_on_array(point, distance, s * apart / 2, **camera_is) for s in (1, -1))
+    return (other - one) * PITCH / (PITCH + pitch)
+
+
+@pytest.mark.parametrize(
+    "off",
+    [
+        {},
+        {"z": 5e-6},
+        {"f": 4e-6, "gap": -2e-6},
+        {"pupil": 3e-3},
+        {"pupil": -4e-3, "pitch": 1e-7},
+        {"z": -5e-6, "f": 3e-6, "gap": 2e-6, "pupil": 2e-3, "pitch": -5e-8},
+    ],
+)
+@pytest.mark.parametrize("slope", [0.0, 0.3])
+def test_what_is_seen_and_read_is_what_two_traced_rays_give(off, slope):
+    """A camera that is off takes the picture; it is seen as traced, and one that knows it reads the truth from it."""
     found = camera()
-    parts = {part.name: part.disparity_error for part in found.depth_error_parts(DISTANCES)}
-    slope = found.estimator_baseline * found.mla_distance / DISTANCES**2  # of disparity over depth
-    for name, directions in found.error_directions(1.0).items():
-        moved = np.zeros_like(DISTANCES)
-        for direction in directions:
-            small = {key: 1e-4 * value for key, value in direction.items()}
-            plus, minus = (
-                found.depth_with_errors(DISTANCES, {key: sign * value for key, value in small.items()})
-                for sign in (1, -1)
-            )
-            moved = np.hypot(moved, (plus - minus) / 2e-4)
-        np.testing.assert_allclose(parts[name], np.abs(moved) * slope, rtol=2e-6, atol=1e-12)
+    names = {
+        "z": "mla_distance",
+        "f": "focal_length",
+        "gap": "microlens_gap",
+        "pupil": "pupil_distance",
+        "pitch": "microlens_pitch",
+    }
+    errors = {names[key]: value for key, value in off.items()}
+    traced = traced_views(found, slope * DISTANCES, DISTANCES, **off)
+    seen = found.observe_target(errors, slope * DISTANCES, 0.0, DISTANCES)
+    np.testing.assert_allclose(seen[0], traced, rtol=1e-9, atol=1e-15)
+    # Upright, where the ray through the middle of the main lens ends.
+    np.testing.assert_allclose(seen[1], slope * (found.mla_distance + off.get("z", 0.0)), rtol=1e-12)
+    inverse, valid = found.believe(errors, (traced, seen[1], seen[2]), DISTANCES)
+    np.testing.assert_allclose(1.0 / inverse, DISTANCES, rtol=1e-9)
+    assert valid.all()
+
+
+def test_a_pupil_that_is_elsewhere_is_read_as_intersected_rays_do():
+    """A fixed picture of the design, its two rays drawn back with another exit pupil."""
+    found, pupil = camera(), 2e-3
+    z, half = found.mla_distance, found.estimator_baseline * F_L / found.mla_distance / 2
+    for distance in DISTANCES:
+        slopes, places = [], []
+        for sign in (1, -1):
+            place = view_on_array(0.0, distance, sign * half, f=F_M, z=z, gap=F_L, pupil_to_array=z)
+            places.append(place)
+            slopes.append(sign * half / F_L + place / (z + pupil))
+        image = z - (places[0] - places[1]) / (slopes[0] - slopes[1])
+        assert depth_read(found, distance, pupil_distance=pupil)[0] == pytest.approx(
+            1.0 / (1.0 / F_M - 1.0 / image), rel=1e-9
+        )
+
+
+def test_a_tilted_array_is_one_that_stands_elsewhere_at_that_place():
+    found, tilt, field = camera(), 1e-3, 0.8
+    at = field * 2048 * PIXEL / 2
+    there = depth_read(found, DISTANCES, field, array_tilt_x=tilt)
+    moved = depth_read(found, DISTANCES, mla_distance=tilt * at, microlens_gap=-tilt * at)
+    np.testing.assert_allclose(there, moved, rtol=1e-12)
+    # Without its grid, a lens centre or a shift by noise are the same; a turned array sees the cosine of the shift.
+    scattered = depth_read(found, DISTANCES, microlens_center_scatter=1e-6)
+    np.testing.assert_allclose(scattered, depth_read(found, DISTANCES, pixel_noise=math.sqrt(2) * 1e-6), rtol=1e-12)
+    turned = found.depth_of_disparity(found.disparity(DISTANCES) * math.cos(0.02), 1.0)
+    np.testing.assert_allclose(depth_read(found, DISTANCES, array_rotation=0.02), turned, rtol=1e-11)
+
+
+def test_components_of_a_target_count_in_microlenses():
+    found = camera()
+    ratio = PITCH / PIXEL
+    np.testing.assert_allclose(found.target_noise_px(0.05), [0.1 * ratio, 0.05 * ratio, 0.05 * ratio])
+    seen = found.seen_on_sensor(np.array([[3.0, 1000.0, 0.0], [3.0, 1030.0, 0.0]]))
+    assert seen.tolist() == [[True] * 3, [False] * 3]
 
 
 def test_it_measures_as_well_as_the_stereo_rig_of_its_equivalent_baseline():
-    noise_only = camera(calibration=PlenopticCalibration(), disparity_error_px=1e-4, discrimination_step_px=1e-4)
+    found = camera(disparity_error_px=1e-4, discrimination_step_px=1e-4)
     error = 1e-4 * PITCH  # in microlenses, and so small that depth is linear in it
     # dZ = Z² δd/(f B).
-    expected = 0.15**2 * error / (F_M * noise_only.equivalent_baseline(0.15))
-    assert depth_uncertainty(noise_only, np.array([0.15]))[0] == pytest.approx(expected, rel=1e-6)
-    nearer, farther = noise_only.depth_discrimination(np.array([0.15]))
+    expected = 0.15**2 * error / (F_M * found.equivalent_baseline(0.15))
+    assert found.noise(0.15) == pytest.approx(error)
+    farther, nearer = depth_read(found, 0.15, pixel_noise=[-error, error])[:, 0]
+    assert (farther - nearer) / 2 == pytest.approx(expected, rel=1e-6)
+    nearer, farther = found.depth_discrimination(np.array([0.15]))
     assert nearer[0] < expected < farther[0]
 
 
@@ -209,4 +269,4 @@ def test_impossible_cameras_are_refused_in_words(changes, what):
 
 def test_unknown_errors_are_refused():
     with pytest.raises(OutOfRangeError, match="no such error"):
-        camera().depth_with_errors(0.15, {"yaw": 1e-3})
+        depth_read(camera(), 0.15, yaw=1e-3)

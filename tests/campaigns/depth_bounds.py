@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -69,15 +70,19 @@ def audit(cases: int, seed: int) -> Iterator[Held]:
             done += 1
 
 
+_CHEAP: Final = {"kirchhoff": "fresnel", "exact": "linear"}
+
+
 def omissions(name: str, definition: StudyDefinition, forced: Mapping[SlotName, str] | None = None) -> Iterator[Held]:
     """Every omission of the one camera of a study, and what is chosen for some accuracies; none if it is not usable.
 
-    All beside the models that are forced, if any are.
+    All beside the models that are forced, if any are. Calibration is linear, so that no draws blur what is changed.
     """
     forced = forced or {}
     (situation,) = depth_situations(definition, forced)
     complete: dict[SlotName, str] = {
-        slot.name: "fresnel" if "fresnel" in slot.model_names else slot.model_names[-1] for slot in situation.slots
+        slot.name: next((own for own in ("fresnel", "linear") if own in slot.model_names), slot.model_names[-1])
+        for slot in situation.slots
     } | forced
     places = _places(definition, complete)
     if not places.size:
@@ -100,7 +105,7 @@ def omissions(name: str, definition: StudyDefinition, forced: Mapping[SlotName, 
         except UnaffordableError:
             continue
         names = {slot: model.name for slot, model in chosen.chosen.items()}
-        cheap = {slot: "fresnel" if model == "kirchhoff" else model for slot, model in names.items()}
+        cheap = {slot: _CHEAP.get(model, model) for slot, model in names.items()}
         change = _change(_uncertainty(definition, cheap, places), reference)
         bound = chosen.bounds["depth_uncertainty"]
         yield Held(case=name, slot=_TOGETHER, model=f"{wanted:.0%}", change=change, bound=bound)

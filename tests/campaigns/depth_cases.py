@@ -13,23 +13,32 @@ STUDIES = Path(__file__).parents[2] / "studies"
 KINDS = ("stereo", "focused", "unfocused")
 _FILES = {"stereo": "stereo-100mm", "focused": "raytrix-r5", "unfocused": "r5-unfocused"}
 _BASE = """\
-format: 1
+format: 2
 study: audit-{kind}
 title: One camera of the audit
 question: How far does each omission move its depth uncertainty?
 cameras:
-  one: {{from: {studies}/cameras/{file}.yaml, depth: {{disparity_error: derived}}{more}}}
+  one:
+    from: {studies}/cameras/{file}.yaml
+    depth: {{disparity_error: derived}}
+    calibration:
+      stability:
+        temperature: {{standard_deviation: 5 K}}
+        calibrated_at: {{temperature: 20 degC, pressure: 1013.25 hPa}}
+        housing_expansion: 23 ppm/K
+        focal_length_expansion: 10 ppm/K
+        glass_index: 1.52
+{more}
 scene:
   distances: {{from: 0.5 m, to: 2 m, points: 21, spacing: log}}
   wavelength: 550 nm
-  temperature: {{deviation: 5 K, expansion: 23e-6 1/K}}
   picture:
     texture: {{contrast: 15 %, correlation_length: 1 mm}}
-    window: 15 px
+    matching_window: 15 px
     light: {{electrons: 4000 electrons, at_f_number: 8}}
     read_noise: 17 electrons
     full_well: 100000 electrons
-    bits: 12
+    bit_depth: 12
     field_angle: 0 deg
     spectrum: [{{wavelength: 500 nm, weight: 1}}, {{wavelength: 600 nm, weight: 1}}]
 """
@@ -37,7 +46,7 @@ scene:
 
 def base_study(kind: str, folder: Path) -> StudyDefinition:
     """The study whose values are replaced; read once for each kind."""
-    more = ", stated: null" if kind == "stereo" else ""
+    more = "    stated: null" if kind == "stereo" else ""
     file = folder / f"{kind}.yaml"
     text = _BASE.format(kind=kind, studies=STUDIES.as_posix(), file=_FILES[kind], more=more)
     file.write_text(text, encoding="utf-8")
@@ -59,14 +68,14 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
         "scene.distances.from": f"{focus * rng.uniform(0.6, 0.95)} mm",
         "scene.distances.to": f"{focus * rng.uniform(1.05, 2.5)} mm",
         "scene.wavelength": f"{wavelength} nm",
-        "scene.temperature.deviation": f"{log(0.1, 30.0)} K",
+        "cameras.one.calibration.stability.temperature.standard_deviation": f"{log(0.1, 30.0)} K",
         "scene.picture.texture.contrast": f"{log(3.0, 40.0)} %",
         "scene.picture.texture.correlation_length": f"{log(0.3, 10.0) * 5.5e-3 * focus / f} mm",
-        "scene.picture.window": f"{rng.integers(9, 31)} px",
+        "scene.picture.matching_window": f"{rng.integers(9, 31)} px",
         "scene.picture.light.electrons": f"{log(300.0, 2e4)} electrons",
         "scene.picture.light.at_f_number": f_number,
         "scene.picture.read_noise": f"{log(1.0, 30.0)} electrons",
-        "scene.picture.bits": int(rng.integers(8, 15)),
+        "scene.picture.bit_depth": int(rng.integers(8, 15)),
         "scene.picture.field_angle": f"{rng.uniform(0.0, 25.0)} deg",
         "scene.picture.spectrum.0.wavelength": f"{wavelength - width / 2.0} nm",
         "scene.picture.spectrum.1.wavelength": f"{wavelength + width / 2.0} nm",
@@ -77,7 +86,7 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
         values |= {
             "cameras.one.focus_distance": f"{focus} mm",
             "cameras.one.baseline": f"{focus * log(0.02, 0.4)} mm",
-            "cameras.one.calibration.yaw.standard_deviation": f"{log(1e-4, 0.3)} deg",
+            "cameras.one.calibration.errors.yaw.standard_deviation": f"{log(1e-4, 0.3)} deg",
         }
     elif kind == "focused":
         values["cameras.one.focus.total_covering_plane"] = f"{focus * rng.uniform(0.6, 1.0)} mm"

@@ -40,7 +40,7 @@ CAMERAS = {
     "unfocused": f"{{from: {STUDIES}/cameras/r5-unfocused.yaml}}",
 }
 BASE = """\
-format: 1
+format: 2
 study: audit
 title: One camera of the audit
 question: How far does the diffraction spot move what it keeps sharp?
@@ -50,8 +50,8 @@ scene:
   distances: {{from: 0.5 m, to: 2 m, points: 3, spacing: log}}
   wavelength: 550 nm
 depth_of_field:
-  scene: [0.5 m, 2 m]
-  sharp:
+  range: [0.5 m, 2 m]
+  criteria:
     asked: {{blur: 2 px, diffraction: airy-diameter}}
 """
 COUNTS_FROM = 1e-5  # a thousandth of an accuracy of 1 %
@@ -99,8 +99,8 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
         f"cameras.one.{lens}.f_number": f_number,
         "cameras.one.sensor.pixel_pitch": f"{log(1.0, 15.0)!r} um",
         "scene.wavelength": f"{rng.uniform(400.0, 950.0)!r} nm",
-        "depth_of_field.sharp.asked.blur": f"{log(0.7, 10.0)!r} px",
-        "depth_of_field.sharp.asked.diffraction": ("airy-diameter", "fwhm")[int(rng.integers(2))],
+        "depth_of_field.criteria.asked.blur": f"{log(0.7, 10.0)!r} px",
+        "depth_of_field.criteria.asked.diffraction": ("airy-diameter", "fwhm")[int(rng.integers(2))],
     }
     place = {
         "conventional": "focus.distance",
@@ -112,7 +112,7 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
     if kind == "stereo":
         values |= {
             "cameras.one.baseline": f"{focus * log(0.02, 0.4)!r} mm",
-            "cameras.one.axes_meet_at": f"{focus!r} mm",
+            "cameras.one.convergence_distance": f"{focus!r} mm",
         }
     return base.with_values(values)
 
@@ -155,7 +155,7 @@ def _off_the_roots(definition: StudyDefinition, ends: dict[str, np.ndarray]) -> 
     assert isinstance(camera, ConventionalCamera | StereoRig)
     assert asked is not None
     assert camera.focus_distance is not None
-    criterion, focus = asked.sharp["asked"], camera.focus_distance
+    criterion, focus = asked.criteria["asked"], camera.focus_distance
     f, A = camera.lens.focal_length, camera.lens.pupil_diameter
     s = 1.0 / (1.0 / f - 1.0 / focus)
     allowed = criterion.blur * camera.sensor.pixel_pitch

@@ -79,7 +79,7 @@ def test_runs_never_measure_and_show_the_last_cost_or_say_how_to_get_one(study: 
     api.run(study, tmp_path, pdf=False)
     assert ASKED in report()
     assert (tmp_path / "figures" / "cost.svg").is_file()
-    assert "closed form" in (tmp_path / "tables" / "cost_by_entry.csv").read_text(encoding="utf-8")
+    assert "linear in inverse depth" in (tmp_path / "tables" / "cost_by_entry.csv").read_text(encoding="utf-8")
     assert (tmp_path / "results.nc").read_bytes() == results
     assert (tmp_path / stored.COST).read_bytes() == measured
 
@@ -95,7 +95,7 @@ def test_the_command_says_which_report_shows_it(study: Study, tmp_path: Path) ->
     )
     assert not (out / "report.html").exists()
     (told,) = [line for line in found.output.splitlines() if line.startswith("Depth uncertainty: ")]
-    assert " a run (linear in disparity, closed form) errs by " in told
+    assert " a run (linear in inverse depth) errs by " in told
     assert not api.is_finished(study, out)
 
 
@@ -172,11 +172,26 @@ def test_the_summary_says_what_the_table_says(study: Study, folder: Path) -> Non
     }
 
 
-def test_the_chosen_way_is_the_one_that_depth_is_computed_by(study: Study, folder: Path) -> None:
-    cost = stored.read_cost(folder, study.hash)
-    assert cost is not None
-    assert cost["model"].values[cost["chosen"].values.astype(bool)].tolist() == ["linear in disparity, closed form"]
-    assert "what the table of effects calls calibration: linear" in str(cost["notes"].values[0])
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, "linear in inverse depth"),
+        ({"effects.calibration": "exact", "propagation.max_draws": 4096}, "scrambled Sobol, until 1 %"),
+        ({"effects.calibration": "off"}, "noise alone, exactly"),
+        (
+            {"cameras.stereo.calibration": None},
+            "what acts in each camera, linear in inverse depth: Plenoptic 25 mm; "
+            "noise alone, exactly: Stereo 300 mm base",
+        ),
+    ],
+)
+def test_the_chosen_way_is_the_one_that_depth_is_computed_by(
+    study: Study, changes: dict[str, object], words: str
+) -> None:
+    cost = study.with_values(changes).cost(budget=2.0)
+    (chosen,) = np.flatnonzero(cost["chosen"].values)
+    assert ", ".join(filter(None, (str(cost[name].values[chosen]) for name in ("model", "setting")))) == words
+    assert "what the table of effects calls calibration: linear" in str(cost["notes"].values[0]).lower()
     assert np.all(cost["relative_error"].values >= cost["typical_error"].values)
 
 
@@ -196,21 +211,21 @@ def test_what_does_not_fit_is_left_out_and_named(study: Study) -> None:
 
 
 def test_where_nothing_is_usable_that_is_said(study: Study) -> None:
-    strict = study.with_values({"usable.relative_uncertainty": "0.00001 %"})
+    strict = study.with_values({"usable_range.relative_uncertainty": "0.00001 %"})
     with pytest.raises(OutOfRangeError, match="none of the cameras is usable at any distance of the study"):
         strict.cost(budget=1.0)
 
 
 def test_a_camera_that_is_usable_nowhere_is_left_out_and_named(study: Study) -> None:
-    strict = study.with_values({"usable.relative_uncertainty": "0.5 %"})
+    strict = study.with_values({"usable_range.relative_uncertainty": "0.5 %"})
     found = strict.cost(budget=2.0)
     assert "Stereo 300 mm base at up to" in str(found["says"].values[0])
     assert "Plenoptic 25 mm: usable at no distance of the study" in str(found["left_out"].values[0])
 
 
 def test_depth_that_is_measured_nowhere_stands_beside_what_has_a_cost(study: Study) -> None:
-    part = {"scene": ["1 m", "2 m"], "sharp": {"one-pixel": {"blur": "1 px"}}}
-    nowhere = study.with_values({"usable.relative_uncertainty": "0.00001 %", "depth_of_field": part})
+    part = {"range": ["1 m", "2 m"], "criteria": {"one-pixel": {"blur": "1 px"}}}
+    nowhere = study.with_values({"usable_range.relative_uncertainty": "0.00001 %", "depth_of_field": part})
     found = nowhere.cost(budget=2.0)
     left_out = dict(zip(found["cost_quantity"].values.tolist(), found["left_out"].values.tolist(), strict=True))
     assert "usable at no distance" in left_out["depth_uncertainty"]

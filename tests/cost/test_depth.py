@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost import depth_reference, measuring
-from tradestudy.cost.depth import INVERSE, LINEAR, QUADRATURE, propagation_cost
-from tradestudy.cost.depth_reference import DepthCase, reference_of
+from tradestudy.cost.depth import INVERSE, LINEAR, MIXED, QUADRATURE, Taken, propagation_cost
+from tradestudy.cost.depth_reference import ENDS, DepthCase, reference_of
 from tradestudy.cost.entries import PLAIN, SOBOL, CostTable, DrawsSaved, Entry, draws_saved
 from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import UnaffordableError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Normal
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 
 DISTANCE = np.array([0.5, 2.0, 5.0])
 BASELINE_TIMES_FOCAL_LENGTH = 0.1 * 8e-3
@@ -34,14 +34,13 @@ def stereo(distance: FloatArray = DISTANCE) -> DepthCase:
 
     normal = Normal(mean=0.0, standard_deviation=SPREAD)
     sources = Sources(groups=(Source(name="e", distribution=normal, error_class=ErrorClass.RIG),))
-    return DepthCase(name="s", title="S", model=model, sources=sources, distance=distance, closed_form=None)  # type: ignore[arg-type]
+    return DepthCase(name="s", title="S", model=model, sources=sources, distance=distance)  # type: ignore[arg-type]
 
 
 def exact_half_width() -> FloatArray:
     """f B/(d₀ + s Φ⁻¹(1 − p)) at both ends."""
     low, high = (
-        BASELINE_TIMES_FOCAL_LENGTH / (BASELINE_TIMES_FOCAL_LENGTH / DISTANCE + SPREAD * ndtri(1.0 - p))
-        for p in ONE_SIGMA
+        BASELINE_TIMES_FOCAL_LENGTH / (BASELINE_TIMES_FOCAL_LENGTH / DISTANCE + SPREAD * ndtri(1.0 - p)) for p in ENDS
     )
     return np.asarray((high - low) / 2.0)
 
@@ -58,7 +57,7 @@ def table() -> CostTable:
             name="q",
             title="Q",
             says="",
-            chosen=INVERSE,
+            taken=Taken(model=MIXED, setting="a: b", compute=lambda run: (1.0 + 0.01 * (run % 2)) * exact_half_width()),
             most_draws=2**15,
         )
     finally:
@@ -77,11 +76,16 @@ def test_the_line_in_depth_errs_by_what_the_closed_form_says(table: CostTable) -
     assert line.error == pytest.approx(expected, rel=1e-6)  # the line's difference quotients cost it some digits
 
 
-def test_the_line_in_inverse_depth_is_exact_here_and_chosen(table: CostTable) -> None:
+def test_the_line_in_inverse_depth_is_exact_here(table: CostTable) -> None:
     (line,) = of(table, INVERSE)
     assert line.error < 1e-8
-    assert line.chosen
-    assert [entry.model for entry in table.entries if entry.chosen] == [INVERSE]
+
+
+def test_what_a_run_takes_is_chosen_and_errs_by_the_mean_square_of_its_runs(table: CostTable) -> None:
+    (own,) = of(table, MIXED)
+    assert [entry for entry in table.entries if entry.chosen] == [own]
+    assert own.setting == "a: b"
+    assert own.error == pytest.approx(0.01 / math.sqrt(2.0), rel=1e-6)  # two of the four runs kept err by 1 %
 
 
 def test_the_reference_is_within_its_error_of_the_closed_form() -> None:
@@ -106,7 +110,7 @@ def test_without_time_for_draws_nothing_is_measured() -> None:
 def test_plain_draws_err_by_the_standard_error_of_their_quantiles(table: CostTable) -> None:
     """Of a half-width of n normal draws: √(p (1 − p) − p²)/(φ √(2 n)) of it, p = 15.87 %; near enough in depth."""
     density = math.exp(-0.5) / math.sqrt(2.0 * math.pi)
-    p = ONE_SIGMA[0]
+    p = ENDS[0]
     for entry in of(table, PLAIN):
         expected = math.sqrt(p * (1.0 - p) - p * p) / (density * math.sqrt(2.0 * entry.evaluations))
         # Three correlated places and a handful of repeats: a factor of three either way is beyond doubt.
@@ -126,7 +130,7 @@ def test_places_without_a_far_end_are_left_out_and_counted(
         name="q",
         title="Q",
         says="",
-        chosen=LINEAR,
+        taken=Taken(model=MIXED, setting="a: b", compute=lambda _run: np.array(distance) / 50.0),
         most_draws=2**12,
     )
     assert found.left_out[0].startswith(f"{endless} of 2 places")
@@ -134,7 +138,10 @@ def test_places_without_a_far_end_are_left_out_and_counted(
     assert bool(found.entries) == (endless == 1)
     assert all(math.isfinite(entry.error) for entry in found.entries)
     # At 2 m r = s Z/f B = 3.75 % of the distance, and half of 1/(1 − r) − 1/(1 + r) is r/(1 − r²).
-    said = [f"What a run takes, {LINEAR}, errs most for S at 2 m, where the uncertainty is 3.76 % of the distance."]
+    said = [
+        "What a run takes, what acts in each camera, a: b, errs most for S at 2 m, where the uncertainty is 3.76 % of "
+        "the distance."
+    ]
     assert [note for note in found.notes if "errs most" in note] == said * bool(found.entries)
 
 
@@ -146,7 +153,7 @@ def test_sobol_draws_need_at_least_eight_times_fewer_evaluations(table: CostTabl
 
 
 def test_every_entry_was_timed_and_its_memory_traced(table: CostTable) -> None:
-    assert {entry.model for entry in table.entries} == {LINEAR, INVERSE, QUADRATURE, SOBOL, PLAIN}
+    assert {entry.model for entry in table.entries} == {LINEAR, INVERSE, MIXED, QUADRATURE, SOBOL, PLAIN}
     for entry in table.entries:
         assert 0.0 < entry.least_seconds <= entry.seconds
         assert entry.repeats >= 1

@@ -11,16 +11,16 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import ndtr
 
-from tradestudy.analysis.depth import ONE_SIGMA
 from tradestudy.cost import depth_reference
-from tradestudy.cost.depth_reference import DepthCase, reference_of
+from tradestudy.cost.depth_reference import ENDS, DepthCase, reference_of
 from tradestudy.cost.interval_quadrature import half_width_by_quadrature
 from tradestudy.cost.measuring import Allowance
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.distributions import Distribution, Empirical, Normal, Uniform
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Model, Outcome
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 
 INVERSE_DEPTH = np.array([2.0, 0.5])
 ALLOWED = Allowance(seconds=1e4)
@@ -34,9 +34,7 @@ def sources(**laws: Distribution) -> Sources:
 
 
 def case(model: Model, **laws: Distribution) -> DepthCase:
-    return DepthCase(
-        name="c", title="C", model=model, sources=sources(**laws), distance=1.0 / INVERSE_DEPTH, closed_form=None
-    )
+    return DepthCase(name="c", title="C", model=model, sources=sources(**laws), distance=1.0 / INVERSE_DEPTH)
 
 
 def product(values: dict[str, FloatArray]) -> Outcome:
@@ -52,7 +50,7 @@ def half_interval(share_above: Callable[[float], float], middle: float) -> float
     """Half the interval of depth, from the share of inverse depths above a given one."""
     near, far = (
         1.0 / brentq(lambda t, p=p: share_above(t) - p, 0.5 * middle, 1.5 * middle, xtol=1e-15, rtol=1e-15)
-        for p in ONE_SIGMA
+        for p in ENDS
     )
     return (far - near) / 2.0
 
@@ -92,7 +90,7 @@ def test_few_nodes_across_the_steepest_direction_are_enough(exact: dict[str, Flo
     errors = [
         float(np.max(np.abs(found / exact["product"] - 1)))
         for nodes in (1, 3, 5, 9)
-        for found in [half_width_by_quadrature(product, sources(a=STANDARD, b=STANDARD), ONE_SIGMA, nodes)]
+        for found in [half_width_by_quadrature(product, sources(a=STANDARD, b=STANDARD), ENDS, nodes)]
     ]
     assert 1e-5 < errors[0] < 1e-2
     assert all(later < earlier / 10.0 for earlier, later in pairwise(errors[:-1]))
@@ -100,7 +98,7 @@ def test_few_nodes_across_the_steepest_direction_are_enough(exact: dict[str, Flo
 
 
 def test_uniform_errors_are_integrated_too(exact: dict[str, FloatArray]) -> None:
-    found = half_width_by_quadrature(with_uniform, sources(a=STANDARD, u=Uniform(low=-1.0, high=1.0)), ONE_SIGMA, 33)
+    found = half_width_by_quadrature(with_uniform, sources(a=STANDARD, u=Uniform(low=-1.0, high=1.0)), ENDS, 33)
     assert found == pytest.approx(exact["uniform"], rel=1e-11)
 
 
@@ -119,7 +117,7 @@ def test_an_interval_without_a_far_end_is_infinite_in_one_and_none_in_the_other(
     def model(values: dict[str, FloatArray]) -> Outcome:
         return Outcome(values=np.maximum(np.array([1.0, 0.2]) + 0.25 * values["a"], 0.0))
 
-    found = half_width_by_quadrature(model, sources(a=STANDARD), ONE_SIGMA, 3)
+    found = half_width_by_quadrature(model, sources(a=STANDARD), ENDS, 3)
     expected = (1.0 / 0.75 - 1.0 / 1.25) / 2.0
     assert found.tolist() == [pytest.approx(expected, rel=1e-11), math.inf]
     reference = reference_of([case(model, a=STANDARD)], ALLOWED, 2**12)
@@ -141,10 +139,10 @@ def test_what_cannot_be_integrated_is_drawn_for_reference_and_refused_as_an_entr
     drawn = Empirical(draws=np.linspace(-1.0, 1.0, 200))
     assert "draws in 8 scrambles" in reference_of([case(with_uniform, a=STANDARD, u=drawn)], ALLOWED, 2**12).words
     with pytest.raises(OutOfRangeError, match=r"u .*normal or uniform"):
-        half_width_by_quadrature(with_uniform, sources(a=STANDARD, u=drawn), ONE_SIGMA, 3)
+        half_width_by_quadrature(with_uniform, sources(a=STANDARD, u=drawn), ENDS, 3)
     with pytest.raises(OutOfRangeError, match="effect of the normal errors"):
         half_width_by_quadrature(
-            lambda v: with_uniform({**v, "a": 0.0 * v["u"]}), sources(u=Uniform(low=-1.0, high=1.0)), ONE_SIGMA, 3
+            lambda v: with_uniform({**v, "a": 0.0 * v["u"]}), sources(u=Uniform(low=-1.0, high=1.0)), ENDS, 3
         )
     with pytest.raises(OutOfRangeError, match=r"100000 in each of 1 dim"):
-        half_width_by_quadrature(product, sources(a=STANDARD, b=STANDARD), ONE_SIGMA, 100_000)
+        half_width_by_quadrature(product, sources(a=STANDARD, b=STANDARD), ENDS, 100_000)

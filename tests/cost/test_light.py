@@ -154,14 +154,14 @@ def small_spot(*changes: str) -> tuple[LightSpotPart, SpotModels]:
     """Narrow lenses, one of them behind the main lens, and the picture that the study's plan makes of a small spot."""
     small = [
         "light_spot.main_lens.f_number=40",
-        "light_spot.microlenses.across=1",
+        "light_spot.microlenses.lenses_across=1",
         "light_spot.microlenses.f_number=20",
         "light_spot.detector.pixels=8",
         "light_spot.detector.pixel_pitch=15.8125 um",
         "light_spot.spot.diameter=0.2 mm",
         "light_spot.tolerance=20 %",
         "light_spot.benchmarks=false",
-        "light_spot.published=null",
+        "light_spot.published_times=null",
         "point_spread=null",
         "readings=null",
         "claims=null",

@@ -34,14 +34,14 @@ def test_an_omission_is_bounded_where_the_far_end_of_depth_runs_away(tmp_path: P
         "scene.distances.from": "156.6 mm",
         "scene.distances.to": f"{end} mm",
         "scene.wavelength": "464.7 nm",
-        "scene.temperature.deviation": "12.3 K",
+        "cameras.one.calibration.stability.temperature.standard_deviation": "12.3 K",
         "scene.picture.texture.contrast": "9 %",
         "scene.picture.texture.correlation_length": "1.5 mm",
-        "scene.picture.window": "23 px",
+        "scene.picture.matching_window": "23 px",
         "scene.picture.light.electrons": "2488 electrons",
         "scene.picture.light.at_f_number": 9.4,
         "scene.picture.read_noise": "13 electrons",
-        "scene.picture.bits": 14,
+        "scene.picture.bit_depth": 14,
         "cameras.one.main_lens.focal_length": "6 mm",
         "cameras.one.main_lens.f_number": 9.4,
         "cameras.one.focus.distance": "176.5 mm",
@@ -101,7 +101,7 @@ def test_aberration_is_bounded_in_light_far_from_the_central_colour(tmp_path: Pa
         "scene.picture.light.electrons": "5000 electrons",
         "scene.picture.light.at_f_number": 4.0,
         "scene.picture.read_noise": "1.1 electrons",
-        "scene.picture.window": "25 px",
+        "scene.picture.matching_window": "25 px",
         "scene.picture.spectrum": [
             {"wavelength": "400 nm", "weight": 100.0},
             {"wavelength": "1000 nm", "weight": 0.01},
@@ -125,7 +125,7 @@ def test_a_sweep_that_goes_through_focus_is_weighed_there_too(tmp_path: Path) ->
         "scene.distances.to": "305 mm",
         "scene.picture.texture.contrast": "40 %",
         "scene.picture.texture.correlation_length": "0.2 mm",
-        "scene.picture.window": "41 px",
+        "scene.picture.matching_window": "41 px",
         "scene.picture.light.electrons": "20000 electrons",
         "scene.picture.read_noise": "5 electrons",
         "scene.picture.full_well": "1e7 electrons",
@@ -133,7 +133,7 @@ def test_a_sweep_that_goes_through_focus_is_weighed_there_too(tmp_path: Path) ->
         "cameras.one.lenses.f_number": 8,
         "cameras.one.baseline": "20 mm",
         "cameras.one.principal_distance": "focused",
-        "cameras.one.calibration.yaw.standard_deviation": "1e-5 deg",
+        "cameras.one.calibration.errors.yaw.standard_deviation": "1e-5 deg",
         swept: "100 mm",
     }
     one = base_study("stereo", tmp_path).with_values(values)
@@ -166,7 +166,9 @@ def test_calibration_that_is_left_out_does_not_hide_what_else_is(tmp_path: Path)
     }
     bounds = []
     for yaw in ("0.001 deg", "3 deg"):
-        one = base_study("stereo", tmp_path).with_values(few | {"cameras.one.calibration.yaw.standard_deviation": yaw})
+        one = base_study("stereo", tmp_path).with_values(
+            few | {"cameras.one.calibration.errors.yaw.standard_deviation": yaw}
+        )
         (situation,) = depth_situations(one, {"calibration": "off"})
         picture = [slot for slot in situation.slots if slot.name not in ("calibration", "temperature")]
         bounds.append([model.change_of("depth_uncertainty") for slot in picture for model in slot.models])

@@ -22,7 +22,7 @@ from tradestudy.study.schema.light_spot import LightSpotPart
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 SMALL = [
-    "light_spot.microlenses.across=1",
+    "light_spot.microlenses.lenses_across=1",
     "light_spot.detector.pixels=23",
     "light_spot.spot.diameter=0.2 mm",
 ]
@@ -48,7 +48,9 @@ def test_each_digit_of_the_light_spot_picks_another_set_and_costs_more() -> None
 
 @pytest.mark.parametrize("gaps", ["opaque", "clear"])
 def test_nodes_are_not_placed_to_count_what_a_picture_costs(gaps: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    part = spot(f"light_spot.microlenses.gaps={gaps}", "light_spot.spot.diameter=3.9 mm")  # weighed by no other test
+    part = spot(
+        f"light_spot.microlenses.interstices={gaps}", "light_spot.spot.diameter=3.9 mm"
+    )  # weighed by no other test
 
     def placed(*_: object, **__: object) -> None:
         raise AssertionError("nodes were placed")

@@ -21,7 +21,6 @@ import pytest
 import xarray as xr
 
 import tradestudy
-from tests.calibration.conftest import HEAD
 from tests.execution.execution_points import LoggedPoint, compute, keys_on_disk, times_computed, workers
 from tradestudy import api
 from tradestudy.errors import OutOfRangeError, ResultsError
@@ -32,7 +31,7 @@ from tradestudy.execution.fingerprint import fingerprint
 from tradestudy.execution.steps import DeadlyPointError
 
 SWEEP = """
-format: 1
+format: 2
 study: swept
 title: T
 question: Q
@@ -43,17 +42,53 @@ cameras:
     lenses: {focal_length: 8 mm, f_number: 4}
     sensor: {pixels: [2048, 2048], pixel_pitch: 5.5 um}
     baseline: 100 mm
-    axes_meet_at: 1 m
-    focus_distance: every-object
+    convergence_distance: 1 m
+    focus_distance: autofocus
     depth: {estimator: disparity, disparity_error: 0.1 px, discrimination_step: 1 px}
-    calibration: {yaw: {standard_deviation: 0.2 deg}}
+    calibration: {errors: {yaw: {standard_deviation: 0.2 deg}}}
 scene: {distances: {from: 0.3 m, to: 3 m, points: 12}, wavelength: 550 nm}
-usable: {overlap: 80 %, failed_fraction: 2.5 %, relative_uncertainty: 10 %}
+usable_range: {overlap: 80 %, failed_fraction: 2.5 %, relative_uncertainty: 10 %}
 sweep:
   rig.baseline: {from: 50 mm, to: 200 mm, points: 4}
   rig.lenses.focal_length: {from: 5 mm, to: 20 mm, points: 6}
 """
 POINTS = 4 * 6
+EXACT = """
+format: 2
+study: exact
+title: T
+question: Q
+cameras:
+  rig:
+    kind: stereo
+    title: Rig
+    lenses: {focal_length: 30.5 mm, f_number: 8}
+    sensor: {pixels: [1024, 1024], pixel_pitch: 10 um}
+    baseline: 100 mm
+    convergence_distance: infinity
+    focus_distance: 1 m
+    depth: {estimator: disparity, disparity_error: 0.1 px, discrimination_step: 0.1 px}
+    calibration: {errors: {yaw: {standard_deviation: 0.2 deg}, roll: {half_width: 0.1 deg}}}
+  r5:
+    kind: focused-plenoptic
+    title: R5
+    main_lens: {focal_length: 12.5 mm, f_number: 3.8}
+    sensor: {pixels: [2048, 2048], pixel_pitch: 5.5 um}
+    microlenses: {layout: hexagonal, pitch: 126.5 um, gap: f-number-matching, types: 3}
+    focus: {total_covering_plane: 150 mm, relay: keplerian}
+    depth: {estimator: same-type-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}
+    calibration:
+      errors:
+        mla_distance: {standard_deviation: 2 um}
+        focal_length: {standard_deviation: 2 um}
+        microlens_gap: {standard_deviation: 0.2 um}
+      correlations: {mla_distance: {focal_length: 0.9}}
+scene: {distances: {from: 0.3 m, to: 10 m, points: 11, spacing: log}, wavelength: 550 nm}
+accuracy: {tolerance: 5 %}
+effects: {calibration: exact}
+propagation: {field_places: [50 %], max_draws: 4096}
+sensitivity: {at: [0.5 m, 3 m]}
+"""
 
 
 @pytest.fixture(scope="module")
@@ -163,21 +198,18 @@ class TestExecutors:
             make(count)
 
 
-def test_calibration_errors_have_the_same_bits_everywhere_and_are_taken_up(tmp_path: Path) -> None:
-    text = HEAD.replace("budget: 65536", "budget: 4096").replace("accuracy: 0.5 %", "accuracy: 5 %")
-    file = tmp_path / "small.yaml"
-    file.write_text(f"{text}    rig: {{}}\n    r5: {{}}\n", encoding="utf-8")
+def test_exact_draws_have_the_same_bits_everywhere_and_are_taken_up(tmp_path: Path) -> None:
+    file = tmp_path / "exact.yaml"
+    file.write_text(EXACT, encoding="utf-8")
     results = []
     for executor in (Serial(), Processes(2)):
         with contextlib.closing(Checkpoints(tmp_path / repr(executor))) as kept:
             results.append(tradestudy.load(file).run(executor=executor, checkpoints=kept))
-    serial, spread = ({name: one.data[name].to_dataset() for name in ("calibration", "sensitivity")} for one in results)
-    for name, group in serial.items():
-        computed = [one for one in group.data_vars if one != "tier_seconds"]  # what a clock says
-        xr.testing.assert_identical(group[computed], spread[name][computed])
+    assert {"depth", "depth_field", "sensitivity"} <= set(results[0].data.children)
+    assert_same_results(*results)
     with contextlib.closing(Checkpoints(tmp_path / repr(Serial()))) as kept:
         again = tradestudy.load(file).run(executor=Threads(2), checkpoints=kept)
-    assert [counts["computed"] for counts in again.run_record["points"].values()] == [0, 0, 0, 0]
+    assert {counts["computed"] for counts in again.run_record["points"].values()} == {0}
     assert_same_results(results[0], again)
 
 

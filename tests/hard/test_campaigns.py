@@ -12,7 +12,7 @@ from tests.campaigns import faults, fuzz
 
 INPUTS = 300
 # One figure and no PDF: a run of it costs little more than starting the program.
-QUICK = "format: 1\nstudy: faults\ntitle: T\nquestion: Q\nhard_cases: {families: [equation-27]}\n"
+QUICK = "format: 2\nstudy: faults\ntitle: T\nquestion: Q\nhard_cases: {families: [equation-27]}\n"
 
 
 @pytest.fixture(scope="module")

@@ -35,18 +35,18 @@ def starter(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
     path = tmp_path_factory.mktemp("starter") / "starter.yaml"
     path.write_text(api.starter("starter"), encoding="utf-8")
     # Far enough for intervals without a far end, and one blur that nothing meets.
-    changed = ("scene.distances.points=30", "scene.distances.to=1 km", "usable.blur=0.01 px")
+    changed = ("scene.distances.points=30", "scene.distances.to=1 km", "usable_range.blur=0.01 px")
     return api.load(path, changed).run().data
 
 
 def test_what_is_not_finite_says_why(starter: xr.DataTree) -> None:
     assert unexplained(starter) == []
     assert np.isinf(starter["depth"]["depth_uncertainty"].values).any()
-    assert np.isnan(starter["depth"]["depth_uncertainty_part"].values).any()
+    assert np.isnan(starter["depth"]["variance_share"].values).any()
 
 
 def test_what_is_not_sharp_says_why() -> None:
-    changed = ("scene.distances.points=5", "depth_of_field.scene=[20 mm, 10 m]")
+    changed = ("scene.distances.points=5", "depth_of_field.range=[20 mm, 10 m]")
     tree = api.load(STUDIES / "hand_lens.yaml", changed).run().data
     assert unexplained(tree) == []
     data = tree["depth_of_field"].to_dataset()

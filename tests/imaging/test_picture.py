@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.cameras.builders import F_MAIN, PITCH, r5, stereo
+from tests.cameras.builders import F_MAIN, PITCH, YAW, r5, stereo
 from tests.cameras.test_unfocused_plenoptic import camera as unfocused
 from tests.imaging.scenes import RAYS, unit_geometry
-from tradestudy.cameras.depth_camera import ErrorSource, declared_disparity_error
+from tradestudy.cameras.calibration import Calibration, Propagation
+from tradestudy.cameras.depth_camera import declared_disparity_error
 from tradestudy.cameras.parts import Lens, Sensor
-from tradestudy.cameras.stereo.errors import StereoCalibration
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.kirchhoff import kirchhoff_correction
@@ -234,11 +234,9 @@ def test_the_margin_is_negative_exactly_where_a_matcher_misses_the_bound(f_numbe
 def test_the_error_does_not_know_how_well_the_camera_is_calibrated() -> None:
     law = PictureDisparityError(settings=SETTINGS, models=CLOSED)
     distance = np.array([50e-3, 55e-3])
-    off = StereoCalibration(yaw=ErrorSource(standard_deviation=0.1))
-    np.testing.assert_array_equal(
-        law.error_px(hand_lens(), distance),
-        law.error_px(replace(hand_lens(), calibration=off, expansion=0.1), distance),
-    )
+    perfect = replace(hand_lens(), calibration=Calibration())
+    off = replace(perfect, calibration=Calibration(groups=(YAW,)), propagation=Propagation(model="exact"))
+    np.testing.assert_array_equal(law.error_px(perfect, distance), law.error_px(off, distance))
     assert not np.allclose(law.error_px(hand_lens(), distance), law.error_px(hand_lens(5.6), distance))
 
 
@@ -391,9 +389,7 @@ def test_the_law_follows_its_camera_and_survives_transport() -> None:
     assert found.ravel()[:3] == pytest.approx(error_of(hand_lens(), distance.ravel()[:3]).value)
     stopped = replace(camera, lens=Lens(focal_length=18.3e-3, f_number=22))
     assert law.error_px(stopped, 55e-3) == pytest.approx(error_of(hand_lens(22), 55e-3).value[0])
-    noise = next(part for part in camera.depth_error_parts(distance[0]) if part.name == "pixel_noise")
-    assert noise.disparity_error == pytest.approx(found[0] * 7.4e-6)
-    assert camera.error_directions(distance[0])["pixel_noise"][0]["pixel_noise"] == pytest.approx(found[0] * 7.4e-6)
+    assert camera.noise(distance[0]) == pytest.approx(found[0] * 7.4e-6)
     with pytest.raises(OutOfRangeError, match="declare disparity_error"):
         declared_disparity_error(camera)
     assert declared_disparity_error(hand_lens()) == 0.1

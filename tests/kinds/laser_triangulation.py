@@ -7,40 +7,27 @@ nothing else changes.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import Field
 
+from tradestudy.cameras.calibration_declaration import calibration_part
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
-from tradestudy.cameras.declaration import (
-    AngleErrorPart,
-    DepthCameraDeclaration,
-    DisparityPart,
-    LengthErrorPart,
-    LensPart,
-    SensorPart,
-    error_of,
-)
-from tradestudy.cameras.depth_camera import (
-    NO_ERROR,
-    DepthErrorPart,
-    DisparityErrorLaw,
-    ErrorSource,
-    declared_disparity_error,
-)
+from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
+from tradestudy.cameras.depth_camera import DepthCamera, DisparityErrorLaw
 from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.exact_model import ExactModel
+from tradestudy.cameras.error_vocabulary import NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.focus import SingleLensFocus
 from tradestudy.cameras.method import Formula, Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
 from tradestudy.cameras.through_lens import picture_through_lens
-from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import Angle, Baseline, ObjectDistanceOrInfinity
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.thin_lens import blur_diameter
@@ -49,29 +36,24 @@ from tradestudy.units import ANGLE, LENGTH, pretty
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
-    from tradestudy.uncertainty.sources import Group
 
-ERRORS: Final = {"baseline": "m", "projector_angle": "rad", "focal_length": "m", "pixel_noise": "m"}
-
-
-@dataclass(frozen=True, kw_only=True)
-class LaserCalibration:
-    """Errors of a laser scanner, each one draw per rig."""
-
-    baseline: ErrorSource = NO_ERROR
-    projector_angle: ErrorSource = NO_ERROR
-    focal_length: ErrorSource = NO_ERROR
+ERRORS: Final[ErrorVocabulary] = {
+    "baseline": ErrorParameter(unit="m", part="relative position", meaning="Distance from camera to projector."),
+    "projector_angle": ErrorParameter(unit="rad", part="relative rotation", meaning="Turn of the sheet of light."),
+    "focal_length": ErrorParameter(unit="m", part="interior orientation", meaning="Principal distance of the camera."),
+    PIXEL_NOISE: NOISE_PARAMETER,
+}
 
 
 @dataclass(frozen=True, kw_only=True)
-class LaserScanner(ExactModel):
+class LaserScanner(DepthCamera):
     """A camera that sees the line which a projector, a baseline beside it and turned towards it, draws on the scene.
 
     The sheet of light is ``X = B − Z tan θ``: the line appears at ``u = f (B/Z − tan θ)``.
     """
 
     family: ClassVar[str] = "laser"
-    error_units: ClassVar[Mapping[str, str]] = ERRORS
+    error_vocabulary: ClassVar[ErrorVocabulary] = ERRORS
     method: ClassVar[Method] = Method(
         name="laser",
         title="Depth from a projected line",
@@ -85,7 +67,6 @@ class LaserScanner(ExactModel):
     focus_distance: float
     baseline: float
     projector_angle: float
-    calibration: LaserCalibration = field(default_factory=LaserCalibration)
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
@@ -116,7 +97,7 @@ class LaserScanner(ExactModel):
 
     def inverse_depth(self, place: ArrayLike, errors: Errors) -> FloatArray:
         """The one law: ``1/Z = (u/f + tan θ)/B``, read with a calibration that is off by ``errors``."""
-        slope = (np.asarray(place) + value_of(errors, "pixel_noise")) / (
+        slope = (np.asarray(place) + value_of(errors, PIXEL_NOISE)) / (
             self.lens.focal_length + value_of(errors, "focal_length")
         )
         turned = np.tan(self.projector_angle + value_of(errors, "projector_angle"))
@@ -124,27 +105,6 @@ class LaserScanner(ExactModel):
 
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
         return depth_of_inverse(self.inverse_depth(disparity, {}))
-
-    def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
-        require_known(errors, ERRORS, "a laser scanner")
-        return depth_of_inverse(self.inverse_depth(self.disparity(distance), errors))
-
-    def _deviations(self) -> dict[str, ErrorSource]:
-        errors = self.calibration
-        return {name: getattr(errors, name) for name in ("baseline", "projector_angle", "focal_length")}
-
-    def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
-        f = self.lens.focal_length
-        inverse = 1.0 / np.asarray(distance, dtype=np.float64)
-        slopes = {
-            "baseline": f * inverse,
-            "projector_angle": np.full_like(inverse, f / math.cos(self.projector_angle) ** 2),
-            "focal_length": np.abs(self.disparity(distance)) / f,
-        }
-        return self.parts_of(distance, {name: (source, slopes[name]) for name, source in self._deviations().items()})
-
-    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
-        return self.directions_of(distance, self._deviations())
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         return np.full(np.shape(distance), self.baseline)
@@ -158,15 +118,6 @@ class LaserScanner(ExactModel):
         a = np.asarray(distance, dtype=np.float64)
         a = np.where(self.images(a), a, np.nan)
         return picture_through_lens(a, self.lens, self.sensor, np.full_like(a, self.focus_distance))
-
-    def without_calibration_errors(self) -> LaserScanner:
-        return replace(self, calibration=LaserCalibration())
-
-    def declared_errors(self) -> tuple[Group, ...]:
-        from tradestudy.cameras.error_groups import measurement_noise, per_rig
-
-        of_rig = (group for name, source in self._deviations().items() for group in per_rig(name, source))
-        return (*of_rig, measurement_noise("pixel_noise", declared_disparity_error(self) * self.sensor.pixel_pitch))
 
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
@@ -201,12 +152,7 @@ class LaserScanner(ExactModel):
         return lens_contradictions(self.lens, self.sensor, stated)
 
 
-class LaserCalibrationPart(Part):
-    """Calibration errors of a laser scanner."""
-
-    projector_angle: AngleErrorPart
-    baseline: LengthErrorPart | None = None
-    focal_length: LengthErrorPart | None = None
+LaserCalibration = calibration_part(LaserScanner, "laser-triangulation")
 
 
 class LaserDeclaration(DepthCameraDeclaration):
@@ -221,10 +167,10 @@ class LaserDeclaration(DepthCameraDeclaration):
     projector_angle: Angle
     focus_distance: ObjectDistanceOrInfinity
     depth: DisparityPart
-    calibration: LaserCalibrationPart
+    calibration: LaserCalibration = Field(default_factory=LaserCalibration)
 
     def design(self, picture_law: DisparityErrorLaw | None) -> LaserScanner:
-        sensor, errors = self.sensor.sensor(), self.calibration
+        sensor = self.sensor.sensor()
         return LaserScanner(
             lens=self.lens.lens(sensor),
             sensor=sensor,
@@ -233,9 +179,4 @@ class LaserDeclaration(DepthCameraDeclaration):
             focus_distance=self.focus_distance,
             disparity_error_px=self.depth.error(picture_law),
             discrimination_step_px=self.depth.discrimination_step,
-            calibration=LaserCalibration(
-                projector_angle=error_of(errors.projector_angle),
-                baseline=error_of(errors.baseline),
-                focal_length=error_of(errors.focal_length),
-            ),
         )

@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 KINDS = Path("tradestudy", "cameras", "kinds.py")
 
 STUDY = """
-format: 1
+format: 2
 study: laser
 title: Laser triangulation against a stereo rig
 question: Which of them measures better?
@@ -30,7 +30,11 @@ cameras:
     projector_angle: 5 deg
     focus_distance: 1 m
     depth: {disparity_error: 0.1 px, discrimination_step: 0.1 px}
-    calibration: {projector_angle: {standard_deviation: 0.01 deg}, baseline: {half_width: 0.1 mm}}
+    calibration:
+      errors:
+        projector_angle: {standard_deviation: 0.01 deg}
+        baseline: {half_width: 0.1 mm}
+        focal_length: {standard_deviation: 5 um}
   scanner-derived: {like: scanner, title: Scanner with its own picture, depth: {disparity_error: derived}}
   rig:
     kind: stereo
@@ -38,39 +42,30 @@ cameras:
     lenses: {focal_length: 8 mm, f_number: 8}
     sensor: {pixels: [2048, 1024], pixel_pitch: 5 um}
     baseline: 100 mm
-    axes_meet_at: infinity
+    convergence_distance: infinity
     focus_distance: 1 m
     depth: {estimator: disparity, disparity_error: 0.1 px, discrimination_step: 0.1 px}
-    calibration: {yaw: {standard_deviation: 0.01 deg}}
+    calibration: {errors: {yaw: {standard_deviation: 0.01 deg}}}
 scene:
   distances: {from: 0.3 m, to: 3 m, points: 21}
   wavelength: 550 nm
   picture:
     texture: {contrast: 15 %, correlation_length: 2 mm}
-    window: 15 px
+    matching_window: 15 px
     light: {electrons: 4000 electrons, at_f_number: 8}
     read_noise: 10 electrons
     full_well: 20000 electrons
-    bits: 12
-usable: {blur: 4 px, relative_uncertainty: 5 %}
+    bit_depth: 12
+usable_range: {blur: 4 px, relative_uncertainty: 5 %}
 depth_of_field:
-  scene: [0.9 m, 1.1 m]
-  sharp: {two-pixels: {blur: 2 px, diffraction: none}}
-criteria: {step_height: 10 mm, surface_tilt: 20 deg}
+  range: [0.9 m, 1.1 m]
+  criteria: {two-pixels: {blur: 2 px, diffraction: none}}
+relief: {step_height: 10 mm, surface_tilt: 20 deg}
 decision: {between: [scanner, rig], at: [0.5 m, 1 m]}
+propagation: {seed: 1, field_places: [30 %], max_draws: 16384}
 sweep: {scanner.baseline: [50 mm, 200 mm]}
 requirements:
   near: {camera: any, says: near, depth_uncertainty: {below_relative: 1 %, over: [0.5 m, 1 m]}}
-calibration:
-  seed: 1
-  distances: [0.5 m, 1 m]
-  edge: 0.3
-  accuracy: 5 %
-  budget: 16384
-  cameras:
-    scanner: {errors: {focal_length: {shape: normal, standard_deviation: 5 um}}}
-    rig: {}
-  compare: [[scanner, rig]]
 """
 
 
@@ -125,17 +120,17 @@ def test_a_new_kind_is_one_file_and_one_entry(copy: Path) -> None:
     for baseline in (0.05, 0.1, 0.2):
         noise = depth["depth_uncertainty_way"].sel(way="noise").sel({"scanner.baseline": baseline}).sel(distance=3.0)
         assert float(noise) == pytest.approx(3.0**2 * 0.5e-6 / (8e-3 * baseline), rel=2e-3)
-    propagated = tree["calibration"].to_dataset().sel(camera="scanner", field="axis", way="calibration")
-    # Along the axis of the projector's angle: f/cos²θ δθ, f/Z δB, and u/f δf, at 1 m.
+    calibrated = depth["depth_uncertainty_way"].sel({"way": "calibration", "scanner.baseline": 0.1, "distance": 3.0})
+    # As errors of the place of the line: f/cos²θ δθ, f/Z δB, and u/f δf, at Z = 3 m.
     slopes = np.array(
         [
             8e-3 / np.cos(np.radians(5.0)) ** 2 * np.radians(0.01),
-            8e-3 * 1e-4 / np.sqrt(3.0),
-            (0.1 - np.tan(np.radians(5.0))) * 5e-6,
+            8e-3 / 3.0 * 1e-4 / np.sqrt(3.0),
+            (0.1 / 3.0 - np.tan(np.radians(5.0))) * 5e-6,
         ]
     )
-    expected = np.hypot.reduce(slopes) / (8e-3 * 0.1)
-    assert float(propagated["depth_uncertainty"].sel(distance=1.0)) == pytest.approx(expected, rel=0.05)
+    expected = np.hypot.reduce(slopes) * 3.0**2 / (8e-3 * 0.1)
+    assert float(calibrated) == pytest.approx(expected, rel=0.05)
 
     wrong = call(copy, "check", "laser.yaml", "--set", "scanner.projector_angle=5 mm")
     assert wrong.returncode == 2

@@ -1,4 +1,4 @@
-"""A stereo pair has one law from rays to depth: closed form, draws, posteriors and inverse answers go through it."""
+"""A stereo pair has one law from rays to depth: disparity, draws, posteriors and inverse answers go through it."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ import pytest
 
 import tradestudy
 from tests.cameras.builders import stereo
-from tradestudy.analysis.decision import solve
-from tradestudy.analysis.depth import evaluate_depth
+from tradestudy.analysis.inverse_questions import solve
 from tradestudy.calibration.corners.real_rig import depth_of_draws
 from tradestudy.optics import triangulation
 
@@ -23,25 +22,37 @@ DISTANCES = np.array([0.5, 1.0, 3.0])
 WEBCAMS = np.array([800.0, 800, 320, 240, 0, 0] * 2 + [0.001, 0.002, 0.001, -0.06, 0.001, 0.0005])
 
 
+def forget() -> None:
+    """What is kept of depths that were read by the law as it was."""
+    for name, module in list(sys.modules.items()):
+        if name.startswith("tradestudy.analysis."):
+            for value in vars(module).values():
+                if hasattr(value, "cache_clear"):
+                    value.cache_clear()
+
+
 @pytest.fixture
 def scaled(monkeypatch: pytest.MonkeyPatch) -> Any:
     """Scale the law wherever the program holds it."""
     law = triangulation.inverse_depth_on_ray
 
     def apply() -> None:
+        forget()
         for name, module in list(sys.modules.items()):
             if name.startswith("tradestudy."):
                 for key, value in list(vars(module).items()):
                     if value is law:
                         monkeypatch.setattr(module, key, lambda *ray: SCALE * law(*ray))
 
-    return apply
+    yield apply
+    forget()
 
 
-def test_the_closed_form_reads_by_it(scaled: Any) -> None:
-    before = evaluate_depth(stereo(), DISTANCES).quantile
+def test_a_disparity_is_read_by_it(scaled: Any) -> None:
+    rig, disparity = stereo(), stereo().disparity(DISTANCES)
+    before = rig.depth_of_disparity(disparity, DISTANCES)
     scaled()
-    np.testing.assert_allclose(evaluate_depth(stereo(), DISTANCES).quantile * SCALE, before, rtol=1e-12)
+    np.testing.assert_allclose(rig.depth_of_disparity(disparity, DISTANCES) * SCALE, before, rtol=1e-12)
 
 
 def test_draws_read_by_it(scaled: Any) -> None:

@@ -18,7 +18,7 @@ from tradestudy.results import dataset
 DISTANCE = np.geomspace(0.05, 10.0, 160)
 WAYS = ["noise", "calibration", "both"]
 QUANTILES = [0.025, 0.15865525393145707, 0.5, 0.8413447460685429, 0.975]
-PARTS = ["pixel_noise", "yaw", "baseline", "mla_distance", "roll"]
+PARTS = ["noise", "relative rotation", "relative position", "interior orientation", "array"]
 READINGS = {
     "as declared": "the study as declared",
     "least-squares-all": "every lens that sees the point, all types sharp",
@@ -90,10 +90,11 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
     calibration = np.stack([0.006 * z**2, 0.0349 * z**2, 0.0349 * z**2])
     both = np.hypot(noise, calibration)
     way = np.stack([noise, calibration, both], axis=-1)
-    part = np.full((*noise.shape, len(PARTS)), np.nan)
-    part[..., 0] = noise
-    part[1:, :, 1], part[1:, :, 2], part[0, :, 3] = calibration[1:], 0.001 * z, calibration[0]
-    part[1:, :, 4] = 0.0  # on the axis, roll moves no depth
+    # Of the stereo rigs' calibration the rotation has 90 % and the position 10 %; on the axis the array moves no depth.
+    share = np.full((*noise.shape, len(PARTS)), np.nan)
+    share[..., 0] = noise**2 / both**2
+    share[1:, :, 1], share[1:, :, 2] = 0.9 * (1.0 - share[1:, :, 0]), 0.1 * (1.0 - share[1:, :, 0])
+    share[0, :, 3], share[0, :, 4] = 1.0 - share[0, :, 0], 0.0
     near, far = np.array([0.15, 1.489, 0.391]), np.array([1.0, 10.0, 10.0])
     step_far = np.where(z > 7.0, np.inf, both * 1.1)
     farther = np.where(np.arange(3)[:, None] == 0, step_far, noise * 1.05)
@@ -101,11 +102,14 @@ def _depth(keys: list[str], sweep: Sweep, declared: dict[str, float]) -> xr.Data
         "depth_discrimination": np.stack([noise, farther], axis=-1),
         "depth_uncertainty": both,
         "depth_uncertainty_way": way,
-        "depth_uncertainty_part": part,
+        "depth_uncertainty_way_error": 0.004 * way,
+        "variance_share": share,
+        "converged": np.ones_like(both, dtype=bool),
         "depth_quantile": z[None, :, None, None] + way[..., None] * np.array([-1.96, -1, 0, 1, 1.96]),
         "depth_uncertainty_error": 0.004 * both,
         "equivalent_baseline": np.stack([np.full_like(z, b) for b in (3.6e-4, 0.1, 0.1)]),
         "failed_fraction": np.where(way > 3.0, 0.02, 0.0),
+        "failed_fraction_error": np.zeros_like(way),
         "usable": (z >= near[:, None]) & (z <= far[:, None]),
         "limit_met": np.stack([z >= near[:, None], z <= far[:, None]], axis=-1).astype(np.int8),
         "usable_near": near[:, None],
@@ -152,11 +156,14 @@ def _decision(keys: list[str]) -> xr.Dataset:
         "flips": winner != winner[:1],
         "certainty_flips": certain != certain[:1],
         "change_distance": np.repeat(np.array([[[0.391]], [[0.391]], [[0.52]], [[np.nan]]]), 3, axis=1),
+        "change_error": np.repeat(np.array([[[0.0]], [[0.0]], [[0.0]], [[np.nan]]]), 3, axis=1),
         "change_nearer": np.repeat(np.array([[[keys[0]]]] * 3 + [[[""]]]), 3, axis=1),
         "change_farther": np.repeat(np.array([[[keys[2]]]] * 3 + [[[""]]]), 3, axis=1),
         "crossover_distance": np.repeat(np.array([[[np.nan]], [[0.52]], [[0.4]], [[np.nan]]]), 3, axis=1),
+        "crossover_error": np.repeat(np.array([[[np.nan]], [[0.0]], [[0.0]], [[np.nan]]]), 3, axis=1),
         "crossover_nearer": np.repeat(np.array([[[""]], [[keys[0]]], [[keys[0]]], [[""]]]), 3, axis=1),
         "solved_value": [0.0119, np.nan],
+        "solved_error": [1e-5, np.nan],
         "solved_units": ["rad", "m"],
         "solved_says": ["Which yaw makes stereo equal the R5 at 0.5 m?", "Which baseline does?"],
         "solved_answer": ["0.682°", "nowhere between 50 mm and 200 mm"],
@@ -198,7 +205,7 @@ def _registers(keys: list[str]) -> dict[str, xr.Dataset]:
                 "note": ["", "f-number matching"],
                 "cameras": ["stereo-30mm, stereo-65deg", keys[0]],
             },
-            {"path": ["calibration.yaw", "microlenses.gap"]},
+            {"path": ["calibration.errors.yaw", "microlenses.gap"]},
         ),
         "/contradictions": dataset(
             "contradictions",

@@ -74,7 +74,7 @@ def test_a_camera_that_is_usable_nowhere_is_named_with_what_it_lacks(make_tree: 
     tree["depth"] = xr.DataTree(depth)
     row = table(document_of(tree), "usable-range-table")[1]
     assert row == ["Stereo 100 mm, f = 30.5 mm", "nowhere", "focus (even at 50 mm)", "", ""]
-    for name in ("whole_range", "uncertainty_parts"):
+    for name in ("whole_range", "variance_shares"):
         assert figures.figure(tree, name).svg()
 
 
@@ -157,7 +157,7 @@ def test_the_answer_gives_both_ends_of_a_stretch_in_millimetres_and_per_cent(tre
     first = distance[distance >= 0.391][0]
     sigma = np.hypot(6.9e-4, 0.0349)
     assert f"±{1e3 * sigma * first**2:.3g} mm ({100 * sigma * first:.3g} %) near" in sentence
-    assert f"to ±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far, set by yaw" in sentence
+    assert f"to ±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far, set by relative rotation" in sentence
 
 
 def test_without_the_declared_design_the_answer_has_no_numbers(make_tree: Callable[..., xr.DataTree]) -> None:
@@ -178,7 +178,7 @@ def test_assumed_values_come_first_with_the_cameras_they_belong_to(tree: xr.Data
         ["Assumed (1)"],
         ["Raytrix R5, Keplerian", "microlenses › gap", "0.568 mm", "f-number matching"],
         ["Paper (1)"],
-        ["Stereo 100 mm, f = 30.5 mm, Stereo 100 mm, 65.24° across", "calibration › yaw", "0.2°", ""],
+        ["Stereo 100 mm, f = 30.5 mm, Stereo 100 mm, 65.24° across", "calibration › errors › yaw", "0.2°", ""],
     ]
 
 

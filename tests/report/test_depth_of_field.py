@@ -97,7 +97,7 @@ def test_gaps_of_a_short_stack_are_written_out() -> None:
     short = [
         "scene.distances.points=12",
         "mahli-stack.focus.stack.images=2",
-        "depth_of_field.sharp.one-pixel.blur=0.5 px",
+        "depth_of_field.criteria.one-pixel.blur=0.5 px",
         "readings=null",
         "claims=null",
     ]

@@ -137,12 +137,14 @@ def test_where_numbers_stand_names_the_distances_that_are_asked_for(plan: Plan, 
 
 @pytest.mark.parametrize(("yaw", "is_told"), [("1e-5 deg", False), ("0.02 deg", True)])
 def test_how_little_noise_makes_is_told_where_calibration_makes_more(tmp_path: Path, yaw: str, is_told: bool) -> None:
-    changed = {"cameras.one.calibration.yaw.standard_deviation": yaw, "accuracy.relative": "20 %"}
+    changed = {"cameras.one.calibration.errors.yaw.standard_deviation": yaw, "accuracy.tolerance": "20 %"}
     study = base_study("stereo", tmp_path).with_values(changed)
     tree = compute(plan_of(study))
     depth = tree["depth"].to_dataset().sel(camera="one")
     table = next(block for block in describe_effects(tree, {}) if isinstance(block, Table))
-    found = re.search(r"Of the variance of depth of (.+), noise makes at most ([\d.]+).% where", plain(table.notes[0]))
+    found = re.search(
+        r"Of the variance of inverse depth of (.+), noise makes at most ([\d.]+).% where", plain(table.notes[0])
+    )
     assert (found is not None) == is_told
     if found is not None:
         ways = depth["depth_uncertainty_way"].where(depth["usable"] > 0)

@@ -24,7 +24,7 @@ HOSTILE = r"_R5 $x_1$ \frac{1}{0} <b>&amp; %s {0} #id '\"" + "日本"
 
 
 def test_what_can_be_drawn_follows_from_the_groups(tree: xr.DataTree, make_tree: Callable[..., xr.DataTree]) -> None:
-    base = ["whole_range", "close_range", "mid_range", "uncertainty_parts"]
+    base = ["whole_range", "close_range", "mid_range", "variance_shares"]
     assert list(figures.build(tree)) == [*base, "readings"]
     only_depth = xr.DataTree.from_dict({"/cameras": tree["cameras"].to_dataset(), "/depth": tree["depth"].to_dataset()})
     assert list(figures.build(only_depth)) == base
@@ -43,7 +43,7 @@ def test_hostile_names_are_drawn_as_they_are(
     make_tree: Callable[..., xr.DataTree], sweep: dict[str, list[float]]
 ) -> None:
     tree = make_tree(titles={"r5": HOSTILE}, sweep=sweep)
-    names = ("sweep_map", "pareto") if sweep else ("whole_range", "close_range", "uncertainty_parts", "readings")
+    names = ("sweep_map", "pareto") if sweep else ("whole_range", "close_range", "variance_shares", "readings")
     for drawing in (figures.build(tree)[name] for name in names):
         ET.fromstring(drawing.draw().svg())  # well formed, and no warning about letters or layout on the way
 
@@ -163,13 +163,17 @@ def test_stretches_of_one_winner_touch_and_cover_the_range(tree: xr.DataTree) ->
     assert all(a[1] == b[0] for a, b in itertools.pairwise(stretches))
 
 
-def test_parts_that_move_no_depth_are_named_and_not_drawn(tree: xr.DataTree) -> None:
-    figure = figures.figure(tree, "uncertainty_parts")
+def test_shares_are_stacked_to_one_and_small_ones_named(tree: xr.DataTree) -> None:
+    figure = figures.figure(tree, "variance_shares")
     names = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert names == ["all together", "pixel noise", "yaw", "baseline", "mla distance"]
-    assert "moves no depth here: roll." in figures.build(tree)["uncertainty_parts"].caption
-    # Black for the total, and the three parts that a stereo rig has.
-    assert len(figure.axes[1].get_lines()) == 1 + 3
+    assert names == ["noise", "relative rotation", "relative position", "pale: not usable"]
+    assert "nowhere above 0.5 %: interior orientation and array." in figures.build(tree)["variance_shares"].caption
+    # The stereo rig: noise below, the rotation on it, the position up to 1.
+    areas = [np.asarray(area.get_paths()[0].vertices) for area in figure.axes[1].collections]
+    noise, yaw = 1.8e-4, 0.0349
+    share = noise**2 / (noise**2 + yaw**2)
+    tops = [area[:, 1].max() for area in areas]
+    np.testing.assert_allclose(tops, [share, share + 0.9 * (1 - share), 1.0], rtol=1e-9)
 
 
 @pytest.mark.parametrize(("panel", "way"), [(0, "both"), (1, "noise"), (2, "calibration")])
@@ -224,7 +228,7 @@ def test_near_axes_are_in_millimetres_and_begin_with_the_study(make_tree: Callab
     only = xr.DataTree.from_dict({"/cameras": tree["cameras"].to_dataset(), "/depth": near})
     drawn = figures.build(only)
     assert "from 42\u00a0mm to 80\u00a0mm" in drawn["close_range"].caption
-    for name in ("close_range", "whole_range", "uncertainty_parts"):
+    for name in ("close_range", "whole_range", "variance_shares"):
         figure = drawn[name].draw()
         axes = next(axes for axes in figure.axes if axes.get_xlabel())
         assert axes.get_xlabel() == "distance [mm]"

@@ -55,7 +55,16 @@ def pages(printed: bytes) -> list[str]:
 def test_headings_stand_on_their_pages_in_order(pages: list[str]) -> None:
     assert "1 The answer" in pages[0]
     body = " ".join(pages[1:]).partition("Assumptions register")[2]  # behind the contents
-    names = ["Method", "Results", "What accuracy costs", "Claims", "Requirements", "Contradictions found", "Provenance"]
+    names = [
+        "Method",
+        "Results",
+        "Calibration",
+        "What accuracy costs",
+        "Claims",
+        "Requirements",
+        "Contradictions found",
+        "Provenance",
+    ]
     places = [re.search(rf"\b{number} {name}", body) for number, name in enumerate(names, start=4)]
     assert all(places)
     starts = [place.start() for place in places if place]

@@ -26,15 +26,17 @@ def variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:
 def test_every_variant_is_what_a_whole_validation_makes_of_it(path: Any) -> None:
     for one in variants(load(path).definition):
         assert one.declared == validate(one.document, StudyFile)
-        assert one.case.all_cameras == StudyDefinition.of(one.document).case.all_cameras
+        whole = StudyDefinition.of(one.document)
+        assert one.designs == whole.designs
+        assert one.posterior_keys == whole.posterior_keys
 
 
 @pytest.mark.parametrize(
     "values",
     [
-        {"accuracy.relative": "2 %"},  # of which the study says nothing
-        {"usable": {"overlap": "70 %"}},
-        {"usable": None, "readings": None},
+        {"accuracy.tolerance": "2 %"},  # of which the study says nothing
+        {"usable_range": {"overlap": "70 %"}},
+        {"usable_range": None, "readings": None},
         {"raytrix-r5": {"kind": "conventional"}},
         {"scene.distances": ["1 m", "2 m"], "title": "Another"},
         {"cameras.third": {"title": "Third"}},

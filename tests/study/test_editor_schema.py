@@ -42,7 +42,7 @@ def test_accepts_studies_as_they_are_written(path: Path) -> None:
         ("list_for_a_mapping", "$.cameras"),
         ("bare_number_for_a_length", "$.scene"),
         ("another_format", "$.format"),
-        ("bad_basis", "$.usable.overlap"),
+        ("bad_basis", "$.usable_range.overlap"),
     ],
 )
 def test_marks_mistakes_where_they_are(name: str, place: str) -> None:

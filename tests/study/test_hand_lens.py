@@ -295,8 +295,8 @@ def test_a_study_of_cameras_that_measure_no_depth_has_no_depth(studies: Path) ->
         ("claims.H1.reading=centimetre", "nearest: 'centimetres'"),
         ("claims.H4.blur=1 px", "exactly one of blur and resolution"),
         ("claims.H4.diffraction=fwhm", "belongs to blur"),
-        ("depth_of_field.scene=[160 mm, 140 mm]", "must lie beyond the first"),
-        ("criteria.surface_tilt=90 deg", "shows only its edge"),
+        ("depth_of_field.range=[160 mm, 140 mm]", "must lie beyond the first"),
+        ("relief.surface_tilt=90 deg", "shows only its edge"),
         ("mahli.focus.image_scale=10 um", "exactly one of distance, image_scale and working_distance"),
         ("mahli-contact.focus.reference=null", "counts from the front of the lens"),
         ("mahli-stack.focus.stack.to=100 mm", "must lie beyond from"),
@@ -322,13 +322,13 @@ def test_what_the_criteria_call_sharp_is_what_the_selection_does() -> None:
         plan = load(
             STUDIES / "hand_lens.yaml",
             [
-                "depth_of_field.sharp.one-pixel.diffraction=airy-diameter",
+                "depth_of_field.criteria.one-pixel.diffraction=airy-diameter",
                 f"effects={{main_lens_diffraction: {forced}}}",
             ],
         ).plan()
         file = plan.definition.file
-        assert file.criteria is not None
+        assert file.relief is not None
         assert file.depth_of_field is not None
-        found = criteria_group(plan.definition, file.criteria, file.depth_of_field, plan.selections["depth-of-field"])
+        found = criteria_group(plan.definition, file.relief, file.depth_of_field, plan.selections["depth-of-field"])
         images.append(found["number"].sel(criterion="images per scene").values[1])
     assert not np.array_equal(images[0], images[1], equal_nan=True)

@@ -10,6 +10,9 @@ from tradestudy.api import Result, Study, load
 from tradestudy.errors import StudyError
 from tradestudy.study.sweep import sweep_axes
 
+# A study that is asked for nothing but depth and its decision.
+ALONE = dict.fromkeys(("readings", "claims", "solve", "requirements"))
+
 
 def value(result: Result, claim: str, reading: str = "as declared") -> float:
     return float(result.data["claims"].to_dataset()["value"].sel(claim=claim, reading=reading))
@@ -71,11 +74,13 @@ def test_contradictions_of_table_1_are_reported(headline_result: Result) -> None
 
 def test_yaw_that_equals_the_r5_at_half_a_metre(headline: Study, headline_result: Result) -> None:
     solved = float(headline_result.data["decision"].to_dataset()["solved_value"].sel(question="yaw-at-half-metre"))
-    depth = headline.with_values({"stereo-65-across.calibration.yaw.standard_deviation": f"{solved!r} rad"}).run()
+    depth = headline.with_values(
+        {"stereo-65-across.calibration.errors.yaw.standard_deviation": f"{solved!r} rad", **ALONE}
+    ).run()
     table = depth.data["decision"].to_dataset()
     assert float(table["uncertainty_ratio"].sel(reading="as declared", place=0.5, way="both")) == pytest.approx(
-        1, rel=1e-6
-    )
+        1, rel=1e-3
+    )  # draws are settled at other distances for a question than for a run
     # By hand: u ≈ Z²/B ψ (1 + (B/2Z)²) for yaw alone must equal the R5's 25.8 mm.
     by_hand = 25.8e-3 * 0.1 / 0.25 / (1 + 0.01)
     assert solved == pytest.approx(by_hand, rel=0.02)
@@ -92,19 +97,25 @@ def test_every_variable_has_units_and_name(headline_result: Result) -> None:
 
 def test_every_nan_and_infinity_of_depth_has_its_reason(headline_result: Result) -> None:
     depth = headline_result.data["depth"].to_dataset()
-    assert not np.isnan(depth["depth_uncertainty"]).any()
-    assert not np.isnan(depth["depth_quantile"]).any()
+    stereo = depth["camera"].str.startswith("stereo")
+    # Unknown exactly where the two views of a rig have nothing in common.
+    seen = ~stereo | (depth["limit_value"].sel(limit="overlap") > 0.0)
+    assert seen.sel(camera=~stereo).all()
+    assert 0.9 < float(seen.mean()) < 1.0
+    assert (np.isnan(depth["depth_uncertainty"]) == ~seen).all()
+    assert (np.isnan(depth["depth_quantile"]) == ~seen).all()
+    assert (np.isnan(depth["failed_fraction"]) == ~seen).all()
     # Infinite exactly where the far end of the interval is beyond the pole.
     beyond = depth["failed_fraction"].sel(way="both") >= 0.15865525393145707
     assert (np.isinf(depth["depth_uncertainty"]) == beyond).all()
-    stereo = depth["camera"].str.startswith("stereo")
     assert np.isnan(depth["virtual_depth"].sel(camera=stereo)).all()
     assert not np.isnan(depth["virtual_depth"].sel(camera=~stereo)).any()
 
 
 def test_calibration_of_the_plenoptic_camera_is_never_zero(headline_result: Result) -> None:
     way = headline_result.data["depth"].to_dataset()["depth_uncertainty_way"].sel(way="calibration")
-    assert (way > 0).all()
+    assert ((way > 0) | np.isnan(way)).all()
+    assert (way.sel(camera=~way["camera"].str.startswith("stereo")) > 0).all()
 
 
 def test_flips_are_counted_against_the_study_as_declared(headline_result: Result) -> None:
@@ -137,12 +148,12 @@ def test_the_answer_changes_hands_where_overlap_begins(headline_result: Result) 
     assert set(table["best_camera"].values.tolist()) == {"", "raytrix-r5", "stereo-65-across", "stereo-short"}
 
 
-def test_other_cameras_give_sensible_different_answers(headline: Study) -> None:
+def test_other_cameras_give_sensible_different_answers(headline: Study, headline_result: Result) -> None:
     """A 300 mm baseline and a 25 mm plenoptic lens: nearer end of stereo and plenoptic noise move as geometry says."""
     changed = headline.with_values(
-        {"stereo-65-across.baseline": "300 mm", "raytrix-r5.main_lens.focal_length": "25 mm"}
+        {"stereo-65-across.baseline": "300 mm", "raytrix-r5.main_lens.focal_length": "25 mm", **ALONE}
     )
-    depth, before = (study.run().data["depth"].to_dataset() for study in (changed, headline))
+    depth, before = changed.run().data["depth"].to_dataset(), headline_result.data["depth"].to_dataset()
     near = [float(d["usable_near"].sel(camera="stereo-65-across", interval=0)) for d in (depth, before)]
     assert near[0] / near[1] == pytest.approx(3.0, rel=1e-9)  # overlap scales with the baseline
     one = {"distance": 1.0, "method": "nearest"}
@@ -175,13 +186,13 @@ def test_a_sweep_adds_its_dimensions_and_holds_each_point(headline: Study) -> No
         "stereo-short.baseline": ["10 mm", "20 mm", "40 mm"],
         "raytrix-r5.depth.estimator": ["adjacent-pair", "same-type-pair"],
     }
-    document = {"sweep": axes} | {"readings": {}, "claims": {}, "solve": {}, "requirements": {}}
-    study = headline.with_values({key: str(value) for key, value in document.items()})
+    few = headline.with_values({**ALONE, "scene.distances.points": 41})
+    study = few.with_values({"sweep": str(axes)})
     depth = study.run().data["depth"].to_dataset()
     assert depth["depth_uncertainty"].dims == (*axes, "camera", "distance")
     assert depth["stereo-short.baseline"].values.tolist() == [0.01, 0.02, 0.04]
     assert depth["stereo-short.baseline"].attrs["declared"] == 0.02
-    single = headline.with_values({"stereo-short.baseline": "40 mm", "raytrix-r5.depth.estimator": "adjacent-pair"})
+    single = few.with_values({"stereo-short.baseline": "40 mm", "raytrix-r5.depth.estimator": "adjacent-pair"})
     alone = single.run().data["depth"].to_dataset()
     at = depth.sel({"stereo-short.baseline": 0.04, "raytrix-r5.depth.estimator": "adjacent-pair"})
     np.testing.assert_array_equal(at["depth_uncertainty"], alone["depth_uncertainty"])

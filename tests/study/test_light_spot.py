@@ -23,7 +23,7 @@ from tradestudy.report.sections.light_spot import describe_light_spot_answer
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 # One microlens of the scene, and a spot of which it sees the whole.
 SMALL = [
-    "light_spot.microlenses.across=1",
+    "light_spot.microlenses.lenses_across=1",
     "light_spot.detector.pixels=23",
     "light_spot.spot.diameter=2 mm",
     "light_spot.tolerance=5 %",
@@ -65,9 +65,9 @@ def test_the_scene_is_closed_as_declared() -> None:
     assert spot is not None
     lens, array = spot.main_lens, spot.microlenses
     main_image = 1 / (1 / lens.focal_length - 1 / spot.spot.distance)
-    depth = spot.array_distance - main_image
+    depth = spot.mla_distance - main_image
     assert 1 / depth + 1 / array.gap == pytest.approx(1 / array.focal_length, rel=1e-3)
-    assert array.gap / array.pitch == pytest.approx(spot.array_distance / (lens.focal_length / lens.f_number), rel=1e-3)
+    assert array.gap / array.pitch == pytest.approx(spot.mla_distance / (lens.focal_length / lens.f_number), rel=1e-3)
     assert depth / array.gap == pytest.approx(2.78, abs=0.01)
     assert array.pitch == pytest.approx(23 * spot.detector.pixel_pitch)
 

@@ -24,16 +24,16 @@ def again(path: Path, found: tuple[str, ...]) -> Study:
     ("study", "values", "tolerance"),
     [
         ("plenoptic_vs_stereo", ["stereo-short.baseline=50 mm"], "1 %"),
-        ("plenoptic_vs_stereo", ["title='it''s: a test # 1'", "question='12'", "accuracy.relative=10 %"], None),
+        ("plenoptic_vs_stereo", ["title='it''s: a test # 1'", "question='12'", "accuracy.tolerance=10 %"], None),
         ("close_range", ["scene.picture.texture.contrast={value: 20 %, basis: measured, note: 'it''s new'}"], None),
         ("close_range", ["requirements=null", "pair-f22.lenses.f_number=1.60e1"], "10 %"),
         ("close_range", ["scene.distances={from: 43 mm, to: 70 mm, points: 20, spacing: linear}"], None),
         ("light_spot", [], "10 %"),
         ("light_spot", ["light_spot.tolerance=10 %"], "10 %"),
         ("light_spot", ["light_spot.tolerance=3 %"], "2 %"),
-        ("light_spot", ["accuracy.relative=10 %", "light_spot.tolerance=3 %"], None),
+        ("light_spot", ["accuracy.tolerance=10 %", "light_spot.tolerance=3 %"], None),
         ("calibration", [], "10 %"),
-        ("calibration", ["accuracy.relative=3 %"], None),  # the study's own depth_uncertainty stays
+        ("calibration", ["accuracy.tolerance=3 %"], None),  # the study's own depth_uncertainty stays
     ],
 )
 def test_the_study_is_the_same_again(study: str, values: list[str], tolerance: str | None) -> None:
@@ -48,9 +48,10 @@ def test_a_study_as_it_is_needs_none() -> None:
 
 
 def test_a_tolerance_is_one_option_whatever_it_takes_back() -> None:
-    given = load(STUDIES / "calibration.yaml", tolerance="10 %")
-    assert len(given.definition.under_tolerance.overrides) == 2
-    assert options(given.definition) == ("--tolerance", "10 %")
+    finer = ["accuracy.depth_uncertainty=3 %"]
+    given = load(STUDIES / "calibration.yaml", finer, tolerance="10 %").definition
+    assert given.file.accuracy.wanted().relative["depth_uncertainty"] == 0.1
+    assert options(given) == ("--set", *finer, "--tolerance", "10 %")
 
 
 def test_pictures_that_a_tolerance_loosens_need_no_option_of_their_own() -> None:
@@ -65,4 +66,4 @@ def test_a_tolerance_that_is_none_is_reported_where_it_was_given() -> None:
     with pytest.raises(StudyError) as error:
         load(STUDIES / "close_range.yaml", tolerance="300 %")
     (problem,) = error.value.problems
-    assert (problem.file, problem.path) == ("--tolerance", "accuracy.relative")
+    assert (problem.file, problem.path) == ("--tolerance", "accuracy.tolerance")

@@ -54,7 +54,7 @@ def test_what_the_report_says_of_it() -> None:
     rows = dict(rig_of("cameras.pair-declared.principal_distance=focal_length").properties())
     assert (rows["principal distance"], rows["thin lens to sensor, as focused"]) == ("18.3 mm", "27.35 mm")
     assert rows["field of view on the diagonal"] == "44.03°"  # 14.8 mm behind 18.3 mm
-    refocused = ["focus_distance=every-object", "principal_distance=focal_length"]
+    refocused = ["focus_distance=autofocus", "principal_distance=focal_length"]
     rows = dict(rig_of(*(f"cameras.pair-declared.{change}" for change in refocused)).properties())
     assert rows["thin lens to sensor, as focused"] == "changes"
     run = load(CLOSE).definition
@@ -62,7 +62,7 @@ def test_what_the_report_says_of_it() -> None:
 
 
 def test_a_focus_at_infinity_is_a_focal_length() -> None:
-    changes = ["cameras.pair-declared.focus_distance=infinity", "cameras.pair-declared.axes_meet_at=infinity"]
+    changes = ["cameras.pair-declared.focus_distance=infinity", "cameras.pair-declared.convergence_distance=infinity"]
     rig = rig_of(*changes)
     assert rig.principal_distance == 18.3e-3
     assert np.isclose(rig.field_of_view, 2 * math.atan(1600 * 7.4e-6 / 2 / 18.3e-3), rtol=1e-15)
@@ -73,4 +73,4 @@ def test_lenses_that_refocus_are_refused_with_the_place() -> None:
         r"pair-declared.principal_distance: lenses that refocus on every object have no one distance to the sensor"
     )
     with pytest.raises(StudyError, match=message):
-        load(CLOSE, ["cameras.pair-declared.focus_distance=every-object"])
+        load(CLOSE, ["cameras.pair-declared.focus_distance=autofocus"])

@@ -59,7 +59,7 @@ def test_what_is_added_taken_back_or_given_with_its_own_basis_is_told() -> None:
 def test_a_tolerance_is_set_for_the_run_and_a_reading_s_value_is_the_study_s_own() -> None:
     loaded = load(CLOSE, [], tolerance="10 %")
     (given,) = loaded.definition.under_tolerance.overrides
-    assert (given.path, given.text) == (("accuracy", "relative"), "10 %")
+    assert (given.path, given.text) == (("accuracy", "tolerance"), "10 %")
     headline = load(CLOSE.with_name("plenoptic_vs_stereo.yaml")).definition
     assert headline.readings
     assert all(not reading.document.overrides for reading in headline.readings.values())
@@ -94,4 +94,4 @@ def test_two_scales_within_the_accuracy_wanted_are_none(focus: str, named: bool)
 
 
 def test_lenses_that_refocus_have_no_blur_to_contradict() -> None:
-    assert found("principal_distance=focal_length", "focus_distance=every-object") == []
+    assert found("principal_distance=focal_length", "focus_distance=autofocus") == []

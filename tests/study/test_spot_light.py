@@ -31,28 +31,28 @@ from tradestudy.plan.situations.light_spot import light_spot_situation, picture_
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 STUDY = """
-format: 1
+format: 2
 study: small-spot
 title: A spot behind a few microlenses of two types
 question: What does the picture look like?
 light_spot:
   main_lens: {focal_length: 12.5 mm, f_number: 8, lens_phase: parabolic}
-  array_distance: 14.8 mm
+  mla_distance: 14.8 mm
   microlenses:
     layout: hexagonal
-    across: 3
+    lenses_across: 3
     pitch: 60 um
     focal_length: [0.40 mm, 0.45 mm]
     aperture_width: 54 um
     gap: 0.55 mm
-    gaps: opaque
+    interstices: opaque
     lens_phase: parabolic
   detector: {pixels: 15, pixel_pitch: 12 um}
   spot: {diameter: 0.1 mm, distance: 150 mm}
   spectrum: {wavelengths: [450 nm, 550 nm, 650 nm], weights: [1, 2, 1]}
   methods: [fresnel]
   tolerance: 20 %
-accuracy: {relative: 20 %}
+accuracy: {tolerance: 20 %}
 effects: {main_lens_diffraction: fresnel, microlens_diffraction: fresnel}
 """
 SPECTRUM = "spectrum: {wavelengths: [450 nm, 550 nm, 650 nm], weights: [1, 2, 1]}"
@@ -283,7 +283,7 @@ def test_three_types_on_a_hexagonal_array_stand_on_arrays_of_their_own(tmp_path:
     part = spot(
         tmp_path,
         ("focal_length: [0.40 mm, 0.45 mm]", "focal_length: [0.40 mm, 0.42 mm, 0.45 mm]"),
-        ("across: 3", "across: 5"),
+        ("lenses_across: 3", "lenses_across: 5"),
     )
     lenses = light_path(part).microlenses
     assert lenses.count == 19

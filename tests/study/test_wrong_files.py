@@ -62,10 +62,10 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
     contents = {
         "nothing": (b"", "1:1: it is empty; a study is expected, and `tradestudy new NAME` writes one to start from"),
         "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "1:1: it is a binary file; a study is text in YAML"),
-        "latin": (b"format: 1\ntitle: Gr\xf6\xdfe\n", "2:10: the byte 0xf6 is not UTF-8; save it as UTF-8"),
-        "utf16": ("format: 1".encode("utf-16"), "1:1: it is a binary file; a study is text in YAML"),
+        "latin": (b"format: 2\ntitle: Gr\xf6\xdfe\n", "2:10: the byte 0xf6 is not UTF-8; save it as UTF-8"),
+        "utf16": ("format: 2".encode("utf-16"), "1:1: it is a binary file; a study is text in YAML"),
         "control": (
-            b"format: 1\nstudy: a\x07b\n",
+            b"format: 2\nstudy: a\x07b\n",
             "2:9: the character U+0007 is not allowed in YAML; this may be no text",
         ),
         "large": (
@@ -80,7 +80,7 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
 
 
 def test_files_that_are_no_files(tmp_path: Path) -> None:
-    (tmp_path / "study.yaml").write_text("format: 1")
+    (tmp_path / "study.yaml").write_text("format: 2")
     near = tmp_path / "stduy.yaml"
     assert messages(near) == [f"{near}:1:1: there is no such file; nearest: '{tmp_path / 'study.yaml'}'"]
     assert messages(tmp_path) == [f"{tmp_path}:1:1: it is a folder; a study file is expected"]

@@ -5,8 +5,9 @@ from scipy.special import ndtri
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT, Triangular, Uniform
+from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
-from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
 
 RIG = ErrorClass.RIG
@@ -119,17 +120,45 @@ def test_copula_keeps_marginals_and_ties_ranks():
     np.testing.assert_allclose(group.covariance, np.cov(drawn), atol=2e-3)
 
 
-def test_copula_of_uniforms_has_the_closed_form_covariance():
-    rho = 0.5
+@pytest.mark.parametrize("rho", [-1.0, -0.3, 0.5, 0.999, 1.0])
+def test_copula_of_uniforms_has_the_closed_form_covariance(rho):
     group = GaussianCopula(
         name="rig",
         parameters=("a", "b"),
-        marginals=(Uniform(low=0.0, high=1.0),) * 2,
+        marginals=(Uniform(low=0.0, high=1.0), Uniform(low=-5.0, high=1.0)),
         correlation=np.array([[1.0, rho], [rho, 1.0]]),
         error_class=RIG,
     )
     # Pearson (1907): the correlation of two probability integrals is (6/π) asin(ρ/2).
-    assert group.covariance[0, 1] == pytest.approx(np.arcsin(rho / 2.0) / (2.0 * np.pi), abs=1e-6)
+    assert group.covariance[0, 1] == pytest.approx(6.0 * np.arcsin(rho / 2.0) / (2.0 * np.pi), rel=1e-12)
+    np.testing.assert_allclose(np.diag(group.covariance), [1.0 / 12.0, 3.0], rtol=1e-12)
+
+
+def test_copula_of_tied_marginals_has_a_covariance_that_can_be_drawn_from():
+    group = GaussianCopula(
+        name="rig",
+        parameters=("a", "b", "c", "d"),
+        marginals=(
+            Triangular(low=0.0, mode=0.2, high=1.0),
+            Triangular(low=0.0, mode=0.4, high=2.0),
+            Uniform(low=-1.0, high=1.0),
+            Uniform(low=2.0, high=2.0),
+        ),
+        correlation=np.ones((4, 4)),
+        error_class=RIG,
+    )
+    covariance = group.covariance
+    np.testing.assert_array_equal(covariance[3], 0.0)
+    assert covariance[0, 1] == pytest.approx(np.sqrt(covariance[0, 0] * covariance[1, 1]), rel=1e-12)
+    # Means of products of quantile functions over evenly spaced probabilities.
+    p = (np.arange(200_000) + 0.5) / 200_000
+    np.testing.assert_allclose(covariance, np.cov([m.quantile(p) for m in group.marginals]), atol=2e-5)
+    assert (
+        JointNormal(
+            name="rig", parameters=group.parameters, mean=np.zeros(4), covariance=covariance, error_class=RIG
+        ).dimensions
+        == 2
+    )
 
 
 def test_copula_of_normals_has_the_covariance_of_the_joint_normal():

@@ -7,11 +7,12 @@ from scipy.special import ndtri
 
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.uncertainty.distributions import Normal, Uniform
+from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome, alignment_with
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.monte_carlo import Sampling, propagate
 from tradestudy.uncertainty.outputs import PROBABILITIES
-from tradestudy.uncertainty.sources import CALIBRATION, NOISE, ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 from tradestudy.uncertainty.streams import plain_random, point_generator, scrambled_sobol
 
 ALL = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14)
@@ -108,6 +109,23 @@ def test_alignment_is_a_rotation_that_puts_each_response_first():
     responses = (weights * [1.0, 2.0, 0.5, 1.0, 3.0]) @ rotation
     assert np.all(np.abs(responses[:, :2]).max(axis=1) > 1.0)
     np.testing.assert_allclose(responses[:, 2:], 0.0, atol=1e-12)
+
+
+def test_alignment_changes_as_little_as_the_design_does():
+    sources = independent(a=1.0, b=2.0, c=0.5, d=1.0, e=3.0)
+    rng = np.random.default_rng(8)
+    for _ in range(200):
+        weights, step = rng.standard_normal((2, 3, 5))
+        # A parameter without effect leaves a component of rounding, of either sign.
+        weights[:, 0] = 1e-17 * rng.standard_normal(3)
+
+        before, after = (
+            alignment_with(
+                [lambda v, w=w: Outcome(values=np.concatenate(list(v.values()), axis=1) @ w.T)], sources
+            ).apply(np.eye(5))
+            for w in (weights, weights + 1e-9 * step)
+        )
+        np.testing.assert_allclose(after, before, atol=1e-5)
 
 
 def test_alignment_leaves_out_what_is_not_finite():

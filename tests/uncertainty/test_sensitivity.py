@@ -3,11 +3,12 @@ import pytest
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
 from tradestudy.uncertainty.monte_carlo import Sampling
 from tradestudy.uncertainty.sensitivity import parameter_tornado, sobol_indices, tornado
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
+from tradestudy.uncertainty.sources import Source, Sources
 
 RIG = ErrorClass.RIG
 SAMPLING = Sampling(absolute_tolerance=0.0, relative_tolerance=0.0, budget_draws=2**14)

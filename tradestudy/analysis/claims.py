@@ -32,7 +32,7 @@ from tradestudy.study.schema.questions import (
 from tradestudy.units import FRACTION, LENGTH, Dimension, parse, pretty
 
 # Enough for a smooth curve over two decades; ends of ranges are always among them.
-_POINTS = 801
+_POINTS = 401
 _NEAREST, _FARTHEST = 1e-3, 1e5
 
 
@@ -43,14 +43,14 @@ def claim_quantity(claim: ClaimPart) -> str:
             return f"{claim.end} end of the {claim.limit.replace('_', ' ')} limit of {claim.camera}"
         case UncertaintyRatioClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
-            return f"largest uncertainty of {claim.camera} over that of {claim.against}, {span} ({claim.way})"
+            return f"largest uncertainty of {claim.camera} over that of {claim.against}, {span} ({claim.errors})"
         case ShareBetterClaim():
             span = " to ".join(pretty(end, LENGTH) for end in claim.over)
             other = f"{claim.against} is not, or is less certain"
             return f"share of {span} (log scale) where {claim.camera} is usable and {other}"
         case RelativeUncertaintyDistanceClaim():
             share = pretty(claim.threshold, FRACTION)
-            return f"distance where the uncertainty of {claim.camera} reaches {share} of it ({claim.way})"
+            return f"distance where the uncertainty of {claim.camera} reaches {share} of it ({claim.errors})"
         case DepthOfFieldClaim():
             return depth_of_field_words(claim)
         case DepthOfFieldRatioClaim():
@@ -69,7 +69,7 @@ def claim_value(claim: ClaimPart, case: Case) -> float:
             return _limit_distance(claim, case)
         case UncertaintyRatioClaim():
             first, second = (
-                depth_uncertainty(case.cameras[name], _span(claim.over), claim.way)
+                depth_uncertainty(case.cameras[name], _span(claim.over), claim.errors)
                 for name in (claim.camera, claim.against)
             )
             with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
@@ -122,7 +122,7 @@ def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case
     camera = case.cameras[claim.camera]
 
     def above(points: FloatArray) -> FloatArray:
-        difference = depth_uncertainty(camera, points, claim.way) - claim.threshold * points
+        difference = depth_uncertainty(camera, points, claim.errors) - claim.threshold * points
         return margin(difference > 0.0, difference)
 
     begins = [end.distance for end in boundaries(above, case.distance) if end.begins]
@@ -131,7 +131,9 @@ def _relative_uncertainty_distance(claim: RelativeUncertaintyDistanceClaim, case
 
 def _share_better(claim: ShareBetterClaim, case: Case) -> float:
     points = _span(claim.over)
-    first, second = (depth_uncertainty(case.cameras[name], points, claim.way) for name in (claim.camera, claim.against))
+    first, second = (
+        depth_uncertainty(case.cameras[name], points, claim.errors) for name in (claim.camera, claim.against)
+    )
     usable, other = (is_usable(case, name, points) for name in (claim.camera, claim.against))
     better = usable & (~other | (first < second))
     return float(np.mean(better[1:] & better[:-1]))
@@ -217,8 +219,9 @@ def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> Requ
     values = depth_uncertainty(camera, points) / scale
     worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
     value = float(values[worst])
-    error = float(evaluate_depth(camera, points[worst : worst + 1]).uncertainty_error[0] / scale[worst])
+    error = float(evaluate_depth(camera, points[worst : worst + 1]).uncertainty_error[-1, 0] / scale[worst])
     usable = is_usable(case, name, points)
+    certain = bool(usable.all()) and error > 0.0 and math.isfinite(value)
     reason = f"worst {pretty(value, dimension)} at {pretty(float(points[worst]), LENGTH)}"
     if not usable.all():
         reason = f"not usable at {pretty(float(points[np.argmin(usable)]), LENGTH)}; {reason}"
@@ -227,6 +230,6 @@ def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> Requ
         camera=name,
         # A camera that cannot be used misses by all of the bound.
         margin_percent=(bound.limit / value - 1.0) * 100.0 if usable.all() else -100.0,
-        margin_sigma=(bound.limit - value) / error if error > 0.0 and math.isfinite(value) else math.nan,
+        margin_sigma=(bound.limit - value) / error if certain else math.nan,
         reason=reason,
     )

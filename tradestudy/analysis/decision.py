@@ -1,25 +1,58 @@
-"""Which camera for which distance: winners, crossovers, what other readings change, and inverse questions."""
+"""Which camera for which distance: winners, ties, crossovers, and where the winner changes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import WAYS, depth_uncertainty
-from tradestudy.analysis.usable import all_met, boundaries, evaluate_limits, margin, usable_ends
+from tradestudy.analysis.depth import WAYS, depth_uncertainty, distribution, evaluate_depth
+from tradestudy.analysis.usable import (
+    all_met,
+    boundaries,
+    evaluate_limits,
+    margin,
+    places_around,
+    scramble_error,
+    usable_ends,
+)
+from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.expectations import question_ends
-from tradestudy.study.schema.questions import SolvePart
-from tradestudy.study.sweep import quantity_entry
-from tradestudy.units import Dimension, pretty
+from tradestudy.study.definition import Case
 
-_ROOT_TOLERANCE = 1e-10
+_BESIDE: Final = 1e-9  # share of a distance by which what lies on either side of it is told
+_ROUNDING: Final = 1e-9
+_MOST_PLACES: Final = 100  # at which a lead is looked at; two crossings between neighbours are not seen
+
+
+TIED: Final = ", "
+"""Between the names of cameras whose difference is below its stated error: one answer."""
+# Standard errors of a difference that decides: one in a thousand exceeds them by chance, over eight scrambles. Fewer
+# would let some of many distances pass, and answers alternate between cameras that are alike.
+_SURE: Final = 5.4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """Where two cameras are equally uncertain [m], its standard error, and who is more certain nearer than that."""
+
+    distance: float
+    error: float
+    nearer: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """Where the winner changes [m], its standard error, and who wins nearer and farther; empty where nobody does."""
+
+    distance: float
+    error: float
+    nearer: str
+    farther: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,21 +62,19 @@ class PairVerdict:
     Parameters
     ----------
     winner, more_certain
-        Names by place and way, shape (place, way); ``winner`` counts only usable cameras and may be empty.
+        Names by place and way, shape (place, way); ``winner`` counts only usable cameras and may be empty, and names
+        both where they are tied.
     ratio
         Uncertainty of the first camera over that of the second, shape (place, way).
-    crossings
-        For each way, the distances [m] where the two are equally uncertain, usable or not, and the camera that is more
-        certain nearer than that.
-    changes
-        For each way, the distances [m] where the winner changes, and who wins nearer and farther.
+    crossings, changes
+        For each way, where the two are equally uncertain, usable or not, and where the winner changes.
     """
 
     winner: list[list[str]]
     more_certain: list[list[str]]
     ratio: FloatArray
-    crossings: Mapping[str, tuple[tuple[float, str], ...]]
-    changes: Mapping[str, tuple[tuple[float, str, str], ...]]
+    crossings: Mapping[str, tuple[Crossing, ...]]
+    changes: Mapping[str, tuple[Change, ...]]
 
 
 def is_usable(case: Case, name: str, distance: FloatArray) -> BoolArray:
@@ -51,51 +82,80 @@ def is_usable(case: Case, name: str, distance: FloatArray) -> BoolArray:
     return all_met(evaluate_limits(case.cameras[name], case.criteria, distance), distance.shape)
 
 
-def best_cameras(usable: Mapping[str, BoolArray], uncertainty: Mapping[str, FloatArray]) -> list[str]:
-    """The usable camera of lowest uncertainty at each distance; empty where none is usable."""
+def stated_error(camera: DepthCamera, error: FloatArray) -> FloatArray:
+    """What a depth uncertainty may be off by [m], from its error: standard of draws, measured of another model."""
+    return _SURE * error if camera.propagation.model == "exact" else error
+
+
+def best_cameras(
+    usable: Mapping[str, BoolArray], uncertainty: Mapping[str, FloatArray], error: Mapping[str, FloatArray]
+) -> list[str]:
+    """The usable camera of lowest uncertainty at each distance; empty where none is usable.
+
+    Every camera that is worse by no more than both may be off by (see `stated_error`) is tied with it and named too.
+    """
     names = list(usable)
     table = np.stack([np.where(usable[name], uncertainty[name], np.inf) for name in names])
     table = np.where(np.isnan(table), np.inf, table)
+    errors = np.stack([np.nan_to_num(error[name]) for name in names])
     best = np.argmin(table, axis=0)
-    return [names[i] if math.isfinite(table[i, k]) else "" for k, i in enumerate(best)]
+    lowest, of_lowest = (np.take_along_axis(rows, best[None], axis=0) for rows in (table, errors))
+    with np.errstate(invalid="ignore"):  # infinite less infinite: neither is usable
+        tied = table - lowest <= np.hypot(errors, of_lowest)
+    tied[best, np.arange(best.size)] = True
+    return [
+        TIED.join(name for name, one in zip(names, tied[:, k], strict=True) if one)
+        if math.isfinite(lowest[0, k])
+        else ""
+        for k in range(best.size)
+    ]
 
 
 def decide_pair(case: Case, pair: tuple[str, str], places: FloatArray) -> PairVerdict:
     """Who of two cameras is more certain, and who wins among the usable, at places [m] and three ways."""
-    first, second = (case.cameras[name] for name in pair)
-    ratios = np.stack([_ratio(first, second, places, way) for way in WAYS], axis=-1)
-    winners = _winners(case, pair, places, WAYS)
+    found = {name: evaluate_depth(case.cameras[name], places) for name in pair}
+    usable = {name: is_usable(case, name, places) for name in pair}
+    winners, certain, ratios = [], [], []
+    for number in range(len(WAYS)):
+        uncertainty = {name: one.uncertainty[number] for name, one in found.items()}
+        error = {name: stated_error(case.cameras[name], one.uncertainty_error[number]) for name, one in found.items()}
+        winners.append(best_cameras(usable, uncertainty, error))
+        everywhere = {name: np.ones(places.shape, dtype=bool) for name in pair}
+        certain.append([name if name in pair else "" for name in best_cameras(everywhere, uncertainty, error)])
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+            ratios.append(uncertainty[pair[0]] / uncertainty[pair[1]])
     crossings = {way: _crossings(case, pair, way) for way in WAYS}
-    ends = {place for name in pair for place in _ends_of_use(case, name)}
+    ends = {place: 0.0 for name in pair for place in _ends_of_use(case, name)}
     return PairVerdict(
         winner=[list(row) for row in zip(*winners, strict=True)],
-        more_certain=[[_more_certain(pair, r) for r in row] for row in ratios],
-        ratio=ratios,
+        more_certain=[list(row) for row in zip(*certain, strict=True)],
+        ratio=np.stack(ratios, axis=-1),
         crossings=crossings,
-        changes={way: _changes(case, pair, way, ends | {place for place, _ in crossings[way]}) for way in WAYS},
+        changes={
+            way: _changes(case, pair, way, ends | {one.distance: one.error for one in crossings[way]}) for way in WAYS
+        },
     )
 
 
-def _ratio(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> FloatArray:
-    """u₁/u₂; infinite over infinite is undecided, NaN."""
-    a, b = depth_uncertainty(first, distance, way), depth_uncertainty(second, distance, way)
+def _log_ratios(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> FloatArray:
+    """ln(u₁/u₂) of each scramble; ±∞ where one is unbounded, NaN where both are. Shape (scrambles, distances)."""
+    a, b = (
+        distribution(camera, np.where(camera.images(distance), distance, np.nan), way).half_widths(ONE_SIGMA)
+        for camera in (first, second)
+    )
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
-        return np.asarray(a / b)
+        return np.asarray(np.log(a) - np.log(b))
 
 
-def _more_certain(pair: tuple[str, str], ratio: float) -> str:
-    """Of two that are equal to rounding neither is."""
-    if math.isnan(ratio) or math.isclose(ratio, 1.0, rel_tol=1e-9):
-        return ""
-    return pair[0] if ratio < 1.0 else pair[1]
-
-
-def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, ways: Iterable[str]) -> list[list[str]]:
-    usable = {name: is_usable(case, name, distance) for name in pair}
-    return [
-        best_cameras(usable, {name: depth_uncertainty(case.cameras[name], distance, way) for name in pair})
-        for way in ways
-    ]
+def _winners(case: Case, pair: tuple[str, str], distance: FloatArray, way: str) -> list[str]:
+    """The one of lower uncertainty where it is usable, whatever its error."""
+    sure = {name: np.zeros(distance.shape) for name in pair}
+    found = best_cameras(
+        {name: is_usable(case, name, distance) for name in pair},
+        {name: depth_uncertainty(case.cameras[name], distance, way) for name in pair},
+        sure,
+    )
+    return [name.split(TIED)[0] for name in found]
 
 
 def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
@@ -105,80 +165,56 @@ def _ends_of_use(case: Case, name: str) -> tuple[float, ...]:
     return tuple(end.distance for end in usable_ends(camera, case.criteria, case.distance, limits))
 
 
-def _changes(case: Case, pair: tuple[str, str], way: str, places: set[float]) -> tuple[tuple[float, str, str], ...]:
+def _changes(case: Case, pair: tuple[str, str], way: str, places: Mapping[float, float]) -> tuple[Change, ...]:
     """Where the winner changes: only where a camera's use ends or the two are equally uncertain can it."""
     if not places:
         return ()
     ordered = np.array(sorted(places))
-    (sides,) = _winners(case, pair, np.concatenate([ordered * (1.0 - 1e-9), ordered * (1.0 + 1e-9)]), (way,))
-    found: list[tuple[float, str, str]] = []
+    sides = _winners(case, pair, np.concatenate([ordered * (1.0 - _BESIDE), ordered * (1.0 + _BESIDE)]), way)
+    found: list[Change] = []
     for place, nearer, farther in zip(ordered.tolist(), sides[: ordered.size], sides[ordered.size :], strict=True):
         # Both cameras change at one place, to the last digit or next to it: it is told once.
-        if nearer != farther and not (found and place <= found[-1][0] * (1.0 + 1e-9)):
-            found.append((place, nearer, farther))
+        if nearer != farther and not (found and place <= found[-1].distance * (1.0 + _BESIDE)):
+            found.append(Change(distance=place, error=places[place], nearer=nearer, farther=farther))
     return tuple(found)
 
 
-def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[tuple[float, str], ...]:
+def _crossings(case: Case, pair: tuple[str, str], way: str) -> tuple[Crossing, ...]:
+    """Where the smaller uncertainty passes from one camera to the other, from a lead that is sure to one that is."""
     first, second = (case.cameras[name] for name in pair)
+    step = max(1, case.distance.size // _MOST_PLACES)
+    distance = np.union1d(case.distance[::step], case.distance[-1:])
+    ratios = _log_ratios(first, second, distance, way)
+    lead = _sure_lead(ratios)
+    decided = np.flatnonzero(lead)
+    turns = np.flatnonzero(lead[decided[1:]] != lead[decided[:-1]])
+    found = []
+    for before, after in zip(decided[turns], decided[turns + 1], strict=True):
+        grid = distance[before : after + 1]
+        place = _turn(first, second, grid, way, begins=lead[before] > 0)
+        if place is not None:
+            error = scramble_error(_log_ratios(first, second, places_around(place), way), place)
+            found.append(Crossing(distance=place, error=error, nearer=pair[0] if lead[before] < 0 else pair[1]))
+    return tuple(found)
+
+
+def _sure_lead(ratios: FloatArray) -> FloatArray:
+    """−1 where the first camera is more certain by more than its error can explain, +1 the second, 0 undecided."""
+    with np.errstate(invalid="ignore"):  # NaN: both are unbounded
+        mean = np.mean(ratios, axis=0)
+        spread = np.std(ratios, axis=0, ddof=1) / math.sqrt(len(ratios)) if len(ratios) > 1 else np.zeros_like(mean)
+    sure = np.isinf(mean) | (np.abs(mean) > np.maximum(_SURE * np.nan_to_num(spread), _ROUNDING))
+    return np.where(sure & ~np.isnan(mean), np.sign(mean), 0.0)
+
+
+def _turn(first: DepthCamera, second: DepthCamera, grid: FloatArray, way: str, *, begins: bool) -> float | None:
+    """The distance [m] between two of sure lead where the ratio passes one; the middle one of several."""
 
     def below_one(points: FloatArray) -> FloatArray:
-        ratio = _ratio(first, second, points, way)
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+            ratio = depth_uncertainty(first, points, way) / depth_uncertainty(second, points, way)
         return margin(ratio < 1.0, ratio - 1.0)
 
     # Between the poles of either camera the ratio is undecided; it counts as "not below one" on both sides alike.
-    found = boundaries(below_one, case.distance)
-    return tuple((end.distance, pair[1] if end.begins else pair[0]) for end in found)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Solved:
-    """The answer to an inverse question, in the SI unit of what was varied."""
-
-    value: float
-    dimension: Dimension
-    answer: str
-
-
-def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
-    """Find the value of one input that makes two cameras equally certain at a distance.
-
-    The ratio of the uncertainties is followed between the declared ends and its crossing of one is found by Brent's
-    method, on a logarithmic scale where both ends are positive.
-
-    Raises
-    ------
-    OutOfRangeError
-        Where the ends do not share a unit, or the varied path does not exist.
-    NotConvergedError
-        If the root finder fails.
-    """
-    from scipy.optimize import brentq
-
-    dimension, low, high = question_ends(question)
-    distance = np.array([question.at])
-
-    def log_ratio(log_value: float) -> float:
-        value = quantity_entry(math.exp(log_value), dimension)
-        cameras = definition.with_values({question.vary: value}).case.cameras
-        first, second = (cameras[name] for name in question.equal)
-        ratio = float(_ratio(first, second, distance, question.way)[0])
-        return math.log(ratio) if ratio > 0.0 and math.isfinite(ratio) else math.copysign(700.0, ratio - 1.0)
-
-    ends = [log_ratio(math.log(value)) for value in (low, high)]
-    between = f"{pretty(low, dimension)} and {pretty(high, dimension)}"
-    if ends[0] * ends[1] > 0.0:
-        certain = question.equal[0] if ends[0] < 0.0 else question.equal[1]
-        return Solved(
-            value=math.nan,
-            dimension=dimension,
-            answer=f"nowhere between {between}: {certain} is more certain throughout",
-        )
-    root, report = brentq(log_ratio, math.log(low), math.log(high), xtol=_ROOT_TOLERANCE, full_output=True)
-    if not report.converged:
-        raise NotConvergedError("an inverse question was not solved", value=question.says, remedy="narrow its ends")
-    value = math.exp(root)
-    answer = pretty(value, dimension, digits=3)
-    if definition.document.entry(question.vary) is not None:
-        answer += f" (declared: {definition.document.text_of(question.vary)})"
-    return Solved(value=value, dimension=dimension, answer=answer)
+    ends = [end.distance for end in boundaries(below_one, grid) if end.begins == begins]
+    return ends[len(ends) // 2] if ends else None

@@ -1,30 +1,34 @@
-"""Depth of one camera over distances: discrimination, uncertainty with its parts, quantiles, failures."""
+"""Depth of one camera over distances: discrimination, uncertainty and what decides it, quantiles, failures."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from tradestudy.cameras.depth_camera import (
-    DepthCamera,
-    DepthErrorPart,
-    disparity_error_at,
-    numerical_error_of_disparity_error,
+from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.analysis.depth_draws import exact_distribution, trial_distribution
+from tradestudy.analysis.linear_depth import (
+    has_covariance,
+    linear_distribution,
+    linear_reading,
+    noise_distribution,
+    scaled_noise,
 )
+from tradestudy.cameras.calibration import ONE_SIGMA
+from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.uncertainty.sum_of_errors import SumOfErrors
+from tradestudy.uncertainty.shapley import shapley_shares
 
 WAYS: Final = ("noise", "calibration", "both")
-ONE_SIGMA: Final = (0.15865525393145707, 0.8413447460685429)
-QUANTILES: Final = (0.025, ONE_SIGMA[0], 0.5, ONE_SIGMA[1], 0.975)
+_PILOTS: Final = 9  # distances at which a model is held against draws
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class DepthEvaluation:
     """What one camera knows about depth; arrays over distance unless said otherwise.
 
@@ -38,10 +42,13 @@ class DepthEvaluation:
         For noise only, calibration only and both: half the central 68.27 % interval [m], shape (way, distance); the
         quantiles of depth [m], shape (way, distance, quantile), infinite where they lie beyond the pole; the share of
         measurements beyond it.
-    uncertainty_error
-        Estimated error [m] of the uncertainty for both, from the exact camera model.
-    parts
-        Uncertainty [m] from each part alone.
+    uncertainty_error, failed_fraction_error
+        Estimated errors of these, shape (way, distance): the standard error of the draws, or the measured departure of
+        a cheaper model from draws.
+    converged
+        Whether sampling left no more than the tolerance; always, for the linear model.
+    shares
+        Share of the variance of inverse depth that each part decides [1], by Shapley effects: they sum to 1.
     disparity_px, equivalent_baseline
         As the camera defines them.
     disparity_error_px, disparity_error_px_error
@@ -54,34 +61,43 @@ class DepthEvaluation:
     quantile: FloatArray
     failed_fraction: FloatArray
     uncertainty_error: FloatArray
-    parts: Mapping[str, FloatArray]
+    failed_fraction_error: FloatArray
+    converged: BoolArray
+    shares: Mapping[str, FloatArray]
     disparity_px: FloatArray
     equivalent_baseline: FloatArray
     disparity_error_px: FloatArray
     disparity_error_px_error: FloatArray
 
 
-def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation:
-    """Evaluate a camera at distances [m], shape (distance,).
+def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> DepthEvaluation:
+    """Evaluate a camera at distances [m], shape (distance,), at a place in the field: 0 the axis, 1 the corner.
 
-    Where the camera forms no image everything is NaN.
-
-    All errors are added up as errors of disparity, an inverse depth in which pixel noise acts exactly and calibration
-    almost linearly, and the quantiles are mapped back to depth; a standard deviation of depth, which often does not
-    exist, is never formed.
+    Where the camera forms no image, or does not see the point, everything that it measures is NaN.
     """
     given, distance = distance, _imaged(camera, distance)
-    parts = camera.depth_error_parts(distance)
-    sums = [_sum(_of_way(parts, way), distance.shape) for way in WAYS]
-    quantile = np.stack([np.stack([_depth_quantile(camera, distance, s, p) for p in QUANTILES], axis=-1) for s in sums])
+    found = [distribution(camera, distance, way, field) for way in WAYS]
+    uncertainty, failed = (np.stack([getattr(one, of) for one in found]) for of in ("half_width", "failed_fraction"))
+    if camera.propagation.model != "exact":
+        measured = [model_error(camera, distance, way, field) for way in WAYS]
+        relative = np.stack([one.half_width for one in measured])
+        uncertainty_error = np.where(np.isinf(uncertainty), np.nan, relative * np.nan_to_num(uncertainty, posinf=0.0))
+        failed_error = np.stack([one.failed_fraction for one in measured])
+        converged = np.ones(distance.shape, dtype=bool)
+    else:
+        uncertainty_error = np.stack([one.half_width_error for one in found])
+        failed_error = np.stack([one.failed_fraction_error for one in found])
+        converged = np.logical_and.reduce([one.converged(camera.propagation.tolerance) for one in found])
     return DepthEvaluation(
         distance=given,
         discrimination=np.stack(camera.depth_discrimination(distance)),
-        uncertainty=_half_width(quantile[..., 1], quantile[..., 3]),
-        quantile=quantile,
-        failed_fraction=np.stack([_failed_fraction(camera, distance, s) for s in sums]),
-        uncertainty_error=_linearisation_error(camera, distance, parts),
-        parts={part.name: _uncertainty(camera, distance, _sum((part,), distance.shape)) for part in parts},
+        uncertainty=uncertainty,
+        quantile=np.stack([one.quantile.T for one in found]),
+        failed_fraction=failed,
+        uncertainty_error=uncertainty_error,
+        failed_fraction_error=failed_error,
+        converged=converged,
+        shares=variance_shares(camera, distance, field),
         disparity_px=camera.disparity_px(distance),
         equivalent_baseline=camera.equivalent_baseline(distance),
         disparity_error_px=np.where(np.isnan(distance), np.nan, disparity_error_at(camera, distance)),
@@ -91,6 +107,25 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray) -> DepthEvaluation
     )
 
 
+def distribution(camera: DepthCamera, distance: FloatArray, way: str, field: float = 0.0) -> DepthDistribution:
+    """The distribution of depth at distances [m], by the model of propagation that acts in the camera.
+
+    Noise alone is exact in every model.
+    """
+    return _known(camera, distance.tobytes(), field, way)
+
+
+@lru_cache(maxsize=256)
+def _known(camera: DepthCamera, distances: bytes, field: float, way: str) -> DepthDistribution:
+    """What limits, ratios and tables of one camera ask for again and again."""
+    distance, model, groups = np.frombuffer(distances), camera.propagation.model, camera.calibration.groups
+    if way == "noise" or (way == "both" and (model == "off" or not groups)):
+        return noise_distribution(camera, distance, field)
+    if not groups or (model != "exact" and has_covariance(camera)):
+        return linear_distribution(camera, distance, field, way)
+    return exact_distribution(camera, distance, field, way)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthErrors:
     """What the errors of a camera together do to depth at distances [m]; answers share what they rest on.
@@ -98,7 +133,7 @@ class DepthErrors:
     Parameters
     ----------
     camera
-        With the errors that it declares.
+        With its calibration, and the model that propagates it.
     distance
         [m]; NaN where the camera forms no image.
     way
@@ -115,139 +150,122 @@ class DepthErrors:
         return cls(camera=camera, distance=_imaged(camera, distance), way=way)
 
     @cached_property
-    def _parts(self) -> tuple[DepthErrorPart, ...]:
-        return _of_way(self.camera.depth_error_parts(self.distance), self.way)
+    def _distribution(self) -> DepthDistribution:
+        return distribution(self.camera, self.distance, self.way)
 
-    @cached_property
-    def _sum(self) -> SumOfErrors:
-        return _sum(self._parts, self.distance.shape)
-
-    @cached_property
-    def _reach(self) -> FloatArray:
-        return self._sum.quantile(ONE_SIGMA[1])
-
-    @cached_property
+    @property
     def uncertainty(self) -> FloatArray:
         """Half the central 68.27 % interval of depth [m]."""
-        return _uncertainty_of_reach(self.camera, self.distance, self._reach)
-
-    def largest_change(self, change: float) -> FloatArray:
-        """Relative change of the uncertainty at most, if every error changed by up to such a share, either way.
-
-        Larger errors change it by more than smaller ones, for depth falls ever more steeply towards its far end.
-        Infinite where that is lost for some of these errors only; NaN where for all, and where no image is formed.
-        """
-        wide = _uncertainty_of_reach(self.camera, self.distance, (1.0 + change) * self._reach)
-        lost, narrow = np.isinf(wide), self.uncertainty
-        if np.isinf(narrow).any():
-            narrow = _uncertainty_of_reach(self.camera, self.distance, max(0.0, 1.0 - change) * self._reach)
-        known = np.where(~lost & (self.uncertainty > 0.0), self.uncertainty, np.nan)
-        return np.where(lost & np.isfinite(narrow), np.inf, wide / known - 1.0)
+        return self._distribution.half_width
 
     @property
     def failed_fraction(self) -> FloatArray:
         """Share of measurements that end beyond infinity."""
-        return _failed_fraction(self.camera, self.distance, self._sum)
+        return self._distribution.failed_fraction
 
-    @property
-    def closed_form_error(self) -> FloatArray:
-        """Estimated error of the uncertainty, as a share of it; NaN where either has no bound."""
-        known = np.where(self.uncertainty > 0.0, self.uncertainty, np.nan)
-        return np.asarray(_linearisation_error(self.camera, self.distance, self._parts) / known)
+    def largest_change(self, change: float) -> FloatArray:
+        """Relative change of the uncertainty at most, if the noise changed by up to such a share, either way.
+
+        With calibration linear. More noise changes it by more than less does, for depth falls ever more steeply
+        towards its far end. Infinite where that is lost for some of these errors only; NaN where for all, and where no
+        image is formed.
+        """
+        wide, known, narrow = (self._scaled(factor) for factor in (1.0 + change, 1.0, max(0.0, 1.0 - change)))
+        lost = np.isinf(wide)
+        bounded = np.where(~lost & (known > 0.0), known, np.nan)
+        return np.where(lost & np.isfinite(narrow), np.inf, wide / bounded - 1.0)
+
+    @cached_property
+    def _beside_noise(self) -> tuple[float, FloatArray]:
+        """Whether noise acts, and what calibration does in deviations of the noise, shape (distance,)."""
+        noise, calibration = (
+            linear_reading(self.camera, self.distance, 0.0, way).standard_deviation for way in ("noise", "calibration")
+        )
+        acts = self.way != "noise" and self.camera.propagation.model != "off"
+        return float(self.way != "calibration"), calibration / noise if acts else np.zeros_like(noise)
+
+    def _scaled(self, factor: float) -> FloatArray:
+        acts, beside = self._beside_noise
+        return scaled_noise(self.camera, self.distance, 0.0, np.hypot(factor * acts, beside)).half_width
 
 
 def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "both") -> FloatArray:
     """Half the central 68.27 % interval of depth [m], and nothing else: for root finding."""
-    distance = _imaged(camera, distance)
-    return _uncertainty(camera, distance, _sum(_of_way(camera.depth_error_parts(distance), way), distance.shape))
+    return distribution(camera, _imaged(camera, distance), way).half_width
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ModelError:
+    """How far a model is from draws, over distances.
+
+    Parameters
+    ----------
+    half_width
+        Of the depth uncertainty, over what the model makes of it.
+    intervals
+        Of the half width of any reported interval, over what draws make of it: the largest.
+    failed_fraction
+        Of the failed fraction, as such.
+    """
+
+    half_width: FloatArray
+    intervals: FloatArray
+    failed_fraction: FloatArray
+
+
+def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", field: float = 0.0) -> ModelError:
+    """Measure the error of the model of propagation that acts in a camera against draws at some of these distances.
+
+    Between two of them the larger error of both is taken; the standard error of the draws counts twice.
+    """
+    known = distance[~np.isnan(distance)]
+    if not known.size or way == "noise" or not camera.calibration.groups:  # exact in every model
+        none = np.where(np.isnan(distance), np.nan, 0.0)
+        return ModelError(half_width=none, intervals=none, failed_fraction=none)
+    places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
+    draws = trial_distribution(camera, places, field, way)
+    line = distribution(camera, places, way, field)
+    intervals = [_apart(line, draws, coverage) for coverage in camera.propagation.coverages]
+    failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error
+    return ModelError(
+        half_width=_larger_neighbour(distance, places, _apart(draws, line, ONE_SIGMA)),
+        intervals=_larger_neighbour(distance, places, np.fmax.reduce(intervals)),
+        failed_fraction=_larger_neighbour(distance, places, failed),
+    )
+
+
+def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) -> FloatArray:
+    """Difference of half widths over that of the other, at most; infinite where only one of the two has a far end."""
+    width, drawn = (np.mean(either.half_widths(coverage), axis=0) for either in (one, other))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        error = np.nan_to_num((one.half_width_errors(coverage) + other.half_width_errors(coverage)) / drawn)
+        relative = np.abs(width / drawn - 1.0) + 2.0 * error
+    lost = np.isinf(width) | np.isinf(drawn)
+    return np.where(np.isinf(width) & np.isinf(drawn), 0.0, np.where(lost, np.inf, relative))
+
+
+def _larger_neighbour(distance: FloatArray, places: FloatArray, values: FloatArray) -> FloatArray:
+    """At each distance the larger value of the two places around it; NaN where neither is known."""
+    above = np.clip(np.searchsorted(places, distance), 0, places.size - 1)
+    below = np.maximum(above - 1, 0)
+    return np.where(np.isnan(distance), np.nan, np.fmax(values[above], values[below]))
+
+
+def variance_shares(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> dict[str, FloatArray]:
+    """Share of the variance of inverse depth that each part of the errors decides; see `shapley_shares`.
+
+    By the line in inverse depth; NaN where something uncertain has no variance, or nothing is measured.
+    """
+    parts = {name: camera.parameter(name).part for group in camera.calibration.groups for name in group.parameters}
+    names = ("noise", *dict.fromkeys(parts.values()))
+    try:
+        line = linear_reading(camera, distance, field, "noise" if camera.propagation.model == "off" else "both")
+    except OutOfRangeError:
+        return {name: np.full(distance.shape, np.nan) for name in names}
+    rows = [[k for k, own in enumerate(line.parameters) if parts.get(own, "noise") == name] for name in names]
+    return dict(zip(names, shapley_shares(line.sensitivity, line.covariance, rows), strict=True))
 
 
 def _imaged(camera: DepthCamera, distance: FloatArray) -> FloatArray:
     """Distances with NaN where the camera forms no image, so that no number comes out there."""
     return np.where(camera.images(distance), distance, np.nan)
-
-
-def _of_way(parts: tuple[DepthErrorPart, ...], way: str) -> tuple[DepthErrorPart, ...]:
-    if way == "both":
-        return parts
-    return tuple(part for part in parts if (part.error_class == "per measurement") == (way == "noise"))
-
-
-def _sum(parts: tuple[DepthErrorPart, ...], shape: tuple[int, ...]) -> SumOfErrors:
-    acting = [part for part in parts if np.any(part.disparity_error != 0.0)]
-    return SumOfErrors.of(
-        [part.disparity_error for part in acting if part.shape == "normal"],
-        [part.disparity_error for part in acting if part.shape == "uniform"],
-        shape,
-    )
-
-
-def _depth_quantile(camera: DepthCamera, distance: FloatArray, errors: SumOfErrors, probability: float) -> FloatArray:
-    # Depth falls with disparity: its p-quantile is the (1 − p)-quantile there, and the sum is symmetric.
-    return camera.depth_of_disparity(camera.disparity(distance) - errors.quantile(probability), distance)
-
-
-def _half_width(low: FloatArray, high: FloatArray) -> FloatArray:
-    """Half an interval; infinite where its far end is, also where both are."""
-    unbounded = np.isinf(high)
-    return np.asarray(np.where(unbounded, np.inf, (high - np.where(unbounded, 0.0, low)) / 2.0))
-
-
-def _uncertainty(camera: DepthCamera, distance: FloatArray, errors: SumOfErrors) -> FloatArray:
-    return _uncertainty_of_reach(camera, distance, errors.quantile(ONE_SIGMA[1]))
-
-
-def _uncertainty_of_reach(camera: DepthCamera, distance: FloatArray, reach: FloatArray) -> FloatArray:
-    """Of errors of disparity that stay within so much of it [m on the sensor] in 68.27 % of cases, either way alike."""
-    disparity = camera.disparity(distance)
-    low, high = (camera.depth_of_disparity(disparity + sign * reach, distance) for sign in (1.0, -1.0))
-    return _half_width(low, high)
-
-
-def _failed_fraction(camera: DepthCamera, distance: FloatArray, errors: SumOfErrors) -> FloatArray:
-    return errors.cumulative(camera.disparity_of_infinity(distance) - camera.disparity(distance))
-
-
-def _linearisation_error(camera: DepthCamera, distance: FloatArray, parts: tuple[DepthErrorPart, ...]) -> FloatArray:
-    """How far errors added up in disparity miss the exact model, summed over one-deviation errors of each part [m].
-
-    Both the half difference (the width of the interval) and the half sum (its middle) of the two ends count; NaN where
-    an end is infinite, where the uncertainty is infinite or about to be.
-    """
-    directions = camera.error_directions(distance)
-    linear = {part.name: part.disparity_error for part in parts}
-    errors = np.stack([np.broadcast_to(linear.get(name, 0.0), distance.shape) for name in directions])
-    disparity = camera.disparity(distance)
-    far, near = (camera.depth_of_disparity(disparity + sign * errors, distance) for sign in (-1.0, 1.0))
-    linear_width, linear_shift = _half_difference_and_sum(far, near, np.isfinite(far))
-    plus, minus = _read_with_each(camera, distance, [error for group in directions.values() for error in group])
-    exact_width, exact_shift = _half_difference_and_sum(plus, minus, np.isfinite(plus) & np.isfinite(minus))
-    total, first = np.zeros_like(distance), 0
-    for k, group in enumerate(directions.values()):
-        own = slice(first, first + len(group))
-        width = np.hypot.reduce(exact_width[own], axis=0)
-        shift = np.sum(exact_shift[own] - distance, axis=0)
-        total = total + np.abs(width - linear_width[k]) + np.abs(shift - (linear_shift[k] - distance))
-        first += len(group)
-    return total
-
-
-def _half_difference_and_sum(high: FloatArray, low: FloatArray, known: BoolArray) -> tuple[FloatArray, FloatArray]:
-    high, low = np.where(known, high, np.nan), np.where(known, low, np.nan)
-    return (high - low) / 2.0, (high + low) / 2.0
-
-
-def _read_with_each(
-    camera: DepthCamera, distance: FloatArray, errors: Sequence[Mapping[str, ArrayLike]]
-) -> tuple[FloatArray, FloatArray]:
-    """Depth read with every one of some errors alone, added and taken away [m]; shape (errors, distances)."""
-    names = dict.fromkeys(name for error in errors for name in error)
-    rows: dict[str, FloatArray] = {}
-    for name in names:
-        own = [np.asarray(error.get(name, 0.0), dtype=np.float64) for error in errors]
-        shape = distance.shape if any(value.ndim for value in own) else (1,)
-        rows[name] = np.stack([np.broadcast_to(value, shape) for value in own])
-    plus, minus = (
-        camera.depth_with_errors(distance, {name: sign * row for name, row in rows.items()}) for sign in (1.0, -1.0)
-    )
-    return plus, minus

@@ -42,3 +42,17 @@ def depth_table(point: DepthPoint) -> DepthTable:
         virtual_depth=camera.virtual_depth(distance),
         usable=all_met(limits, distance.shape),
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldPoint:
+    """A camera that measures depth at places in its field, and distances [m]."""
+
+    camera: DepthCamera
+    fields: tuple[float, ...]
+    distance: FloatArray
+
+
+def depth_over_field(point: FieldPoint) -> list[DepthEvaluation]:
+    """Evaluate a camera at each place in the field."""
+    return [evaluate_depth(point.camera, point.distance, field) for field in point.fields]

@@ -151,7 +151,7 @@ def standing_values(part: PointSpreadPart, element: ElementPart) -> Mapping[str,
     """What each is while something else is varied."""
     return {
         "f_number": element.f_number,
-        "wavelength": part.standing_wavelength,
+        "wavelength": part.reference_wavelength,
         "field_angle": 0.0,
         "defocus": 0.0,
     }

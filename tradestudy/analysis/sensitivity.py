@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tradestudy.analysis.propagation import sampling_of
-from tradestudy.calibration.sources import SEPARATOR
-from tradestudy.calibration.uncertain_cameras import UncertainCamera
+from tradestudy.analysis.depth_draws import outcome_model, uncertain_sources
+from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.monte_carlo import Sampling
 from tradestudy.uncertainty.sensitivity import SobolIndices, Tornado, parameter_tornado, sobol_indices, tornado
 
 # Bars and shares are read to two digits.
@@ -34,24 +34,24 @@ class CameraSensitivity:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SensitivityPoint:
-    """One camera whose errors are taken apart: at distances [m] and places in the field."""
+    """One camera of a study whose errors are taken apart: at distances [m] and places in the field."""
 
-    camera: UncertainCamera
+    name: str
+    camera: DepthCamera
     distance: FloatArray
     fields: tuple[float, ...]
-    seed: int
 
 
 def sensitivity_over_field(point: SensitivityPoint) -> list[CameraSensitivity]:
     """`sensitivity_of` at every place in the field."""
-    return [sensitivity_of(point.camera, point.distance, field, seed=point.seed) for field in point.fields]
+    return [sensitivity_of(point.name, point.camera, point.distance, field) for field in point.fields]
 
 
-def sensitivity_of(camera: UncertainCamera, distance: FloatArray, field: float, *, seed: int) -> CameraSensitivity:
+def sensitivity_of(name: str, camera: DepthCamera, distance: FloatArray, field: float) -> CameraSensitivity:
     """Work out what drives the depth of one camera at distances [m] and a place in the field."""
-    model, sources = camera.model(distance, field), camera.sources
-    sampling = sampling_of(_ACCURACY, _TORNADO_BUDGET, distance.size)
-    point = f"{camera.name}/{field:g}/sensitivity"
+    model, sources = outcome_model(camera, distance, field), uncertain_sources(camera, "both")
+    sampling, seed = _sampling(distance.size), camera.propagation.seed
+    point = f"{name}/{field:g}/sensitivity"
     groups = tornado(model, sources, sampling, seed=seed, point=point, inverse_depth=True)
     parameters, refused = None, ""
     try:
@@ -59,12 +59,22 @@ def sensitivity_of(camera: UncertainCamera, distance: FloatArray, field: float, 
             model, sources, sampling, seed=seed, point=f"{point}/parameter", inverse_depth=True
         )
     except OutOfRangeError as error:
-        refused = str(error).replace(camera.name + SEPARATOR, "")
+        refused = str(error)
     indices, no_indices = None, ""
     try:
         indices = sobol_indices(model, sources, sampling, draws=_SOBOL_DRAWS, seed=seed, point=f"{point}/sobol")
     except OutOfRangeError as error:
-        no_indices = str(error).replace(camera.name + SEPARATOR, "")
+        no_indices = str(error)
     return CameraSensitivity(
         groups=groups, parameters=parameters, refused=refused, indices=indices, no_indices=no_indices
+    )
+
+
+def _sampling(outputs: int) -> Sampling:
+    return Sampling(
+        absolute_tolerance=0.0,
+        relative_tolerance=_ACCURACY,
+        budget_draws=_TORNADO_BUDGET,
+        batch_draws=max(2**8, 2**14 >> max(outputs - 1, 0).bit_length()),
+        memory_bytes=2**28,
     )

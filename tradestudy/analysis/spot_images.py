@@ -75,7 +75,7 @@ def light_path(part: LightSpotPart) -> LightPath:
             focus_distance=part.spot.distance if lens.lens_phase == "stigmatic" else None,
         ),
         microlenses=_microlenses(part),
-        array_distance=part.array_distance,
+        array_distance=part.mla_distance,
         detector_distance=part.microlenses.gap,
         pixels=PixelGrid(pitch=part.detector.pixel_pitch, shape=(part.detector.pixels, part.detector.pixels)),
     )
@@ -84,9 +84,9 @@ def light_path(part: LightSpotPart) -> LightPath:
 def _microlenses(part: LightSpotPart) -> Microlenses:
     array = part.microlenses
     if array.layout == "square":
-        centres, row_pitch, shift = square_centres(pitch=array.pitch, count=array.across), array.pitch, 0.0
+        centres, row_pitch, shift = square_centres(pitch=array.pitch, count=array.lenses_across), array.pitch, 0.0
     else:
-        centres = hexagonal_centres(pitch=array.pitch, rings=array.across // 2)
+        centres = hexagonal_centres(pitch=array.pitch, rings=array.lenses_across // 2)
         row_pitch, shift = array.pitch * math.sqrt(3.0) / 2.0, 0.5
     rows = centres[:, 1] / row_pitch
     columns = centres[:, 0] / array.pitch - shift * rows
@@ -98,9 +98,9 @@ def _microlenses(part: LightSpotPart) -> Microlenses:
         aperture_width=array.width,
         pitch=array.pitch,
         layout=array.layout,
-        gaps=array.gaps,
+        gaps=array.interstices,
         lens_phase=array.lens_phase,
-        focus_distance=part.array_distance - part.main_image_distance if array.lens_phase == "stigmatic" else None,
+        focus_distance=part.mla_distance - part.main_image_distance if array.lens_phase == "stigmatic" else None,
     )
 
 

@@ -9,7 +9,8 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import DepthErrors
+from tradestudy.analysis.depth import DepthErrors, distribution
+from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
@@ -24,13 +25,11 @@ LIMIT_NAMES: Final = (
     "last_disparity_step",
     "failed_fraction",
     "relative_uncertainty",
-    "closed_form",
 )
-_OF_ERRORS: Final = frozenset(
-    ("saturation", "matching", "closed_form", "failed_fraction", "relative_uncertainty")
-)  # the others are of the geometry, and known together
-# An uncertainty that may be off by more than this share of itself must not name a usable distance.
-_LARGEST_ERROR: Final = 0.1
+_OF_DEPTH: Final = frozenset(("failed_fraction", "relative_uncertainty"))
+_OF_ERRORS: Final = _OF_DEPTH | {"saturation", "matching"}  # the others are of the geometry, and known together
+_REACH: Final = 1.2  # factor of a distance within which its scrambles are sought
+_AROUND: Final = 33  # places
 END_OF_STUDY: Final = "range of the study"
 
 # Each round divides the bracket of every boundary by this number at least, until the last digits are reached.
@@ -39,12 +38,17 @@ SUBDIVISIONS: Final = 16
 
 @dataclass(frozen=True, kw_only=True)
 class Interval:
-    """One usable interval of distance [m] and the limit that ends it on either side."""
+    """One usable interval of distance [m] and the limit that ends it on either side.
+
+    The errors are standard errors of the ends from scramble to scramble of the draws; 0 where no draws decide.
+    """
 
     near: float
     far: float
     near_limit: str
     far_limit: str
+    near_error: float = 0.0
+    far_error: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,8 +65,7 @@ def evaluate_limits(
     """All limits that the study declares and the camera knows, at distances [m]; none holds where it forms no image.
 
     ``saturation`` and ``matching`` are among them for a camera whose disparity error is derived: where the brightest
-    pixels are full, or no matcher reaches that error, the camera measures nothing that is known. ``closed_form`` is
-    always among them: where the uncertainty is not known to a tenth of itself, it decides nothing.
+    pixels are full, or no matcher reaches that error, the camera measures nothing that is known.
 
     Only those of the given ``names``, if not all are of interest.
     """
@@ -75,9 +78,6 @@ def evaluate_limits(
         limits["saturation"] = law.saturation(camera, distance)
     if "matching" in names and not isinstance(law, float | int):
         limits["matching"] = law.limit(camera, distance)
-    if "closed_form" in names:
-        error = errors.closed_form_error
-        limits["closed_form"] = Limit(value=error, bound=_LARGEST_ERROR, met=~(error > _LARGEST_ERROR))
     if "failed_fraction" in names and criteria.failed_fraction is not None:
         value = errors.failed_fraction
         limits["failed_fraction"] = Limit(
@@ -225,22 +225,86 @@ def usable_intervals(
 ) -> tuple[Interval, ...]:
     """The usable intervals within a grid of distances [m], from near to far, each end with the limit that sets it.
 
-    Ends are found to the last digits between grid points, whose ``limits`` may be known; an end at the edge of the grid
-    is named so.
+    Ends are found to the last digits between grid points, whose ``limits`` may be known, and those that rest on draws
+    in each scramble too. An end at the edge of the grid is named so.
     """
     limits = evaluate_limits(camera, criteria, distance) if limits is None else limits
     ends = usable_ends(camera, criteria, distance, limits)
-    bindings = zip(ends, _binding(camera, criteria, ends), strict=True)
-    names = {(end.begins, end.distance): name for end, name in bindings}
-    return tuple(
-        Interval(
-            near=near,
-            far=far,
-            near_limit=names.get((True, near), END_OF_STUDY),
-            far_limit=names.get((False, far), END_OF_STUDY),
+    found = {
+        (end.begins, end.distance): (name, _end_error(camera, criteria, end, name))
+        for end, name in zip(ends, _binding(camera, criteria, ends), strict=True)
+    }
+    intervals = []
+    for near, far in usable_stretches(ends, distance, all_met(limits, distance.shape)):
+        (near_limit, near_error), (far_limit, far_error) = (
+            found.get(end, (END_OF_STUDY, 0.0)) for end in ((True, near), (False, far))
         )
-        for near, far in usable_stretches(ends, distance, all_met(limits, distance.shape))
-    )
+        intervals.append(
+            Interval(
+                near=near,
+                far=far,
+                near_limit=near_limit,
+                far_limit=far_limit,
+                near_error=near_error,
+                far_error=far_error,
+            )
+        )
+    return tuple(intervals)
+
+
+def _end_error(camera: DepthCamera, criteria: UsableCriteria, end: Boundary, name: str) -> float:
+    """Standard error [m] of an end that a limit of drawn depths sets; 0 for others."""
+    names = [one for one in name.split(", ") if one in _OF_DEPTH]
+    if camera.propagation.model != "exact" or not names:
+        return 0.0
+    grid = places_around(end.distance)
+    found = distribution(camera, np.where(camera.images(grid), grid, np.nan), "both")
+    kept = []
+    if "failed_fraction" in names:
+        kept.append((criteria.failed_fraction or 0.0) - found.failed)
+    if "relative_uncertainty" in names:
+        kept.append((criteria.relative_uncertainty or 0.0) - found.half_widths(ONE_SIGMA) / grid)
+    return scramble_error(np.min(kept, axis=0), end.distance)
+
+
+def places_around(distance: float) -> FloatArray:
+    """Distances [m] around one among which its scrambles are sought."""
+    return np.asarray(distance * np.geomspace(1.0 / _REACH, _REACH, _AROUND))
+
+
+def scramble_error(values: FloatArray, distance: float) -> float:
+    """Standard error [m] of a distance where a value changes its sign, from where it does in each scramble.
+
+    Parameters
+    ----------
+    values
+        Of each scramble at `places_around` that distance, shape (scrambles, places).
+    distance
+        [m].
+
+    Returns
+    -------
+    float
+        0 for one scramble; infinite where a scramble has no change of sign there.
+    """
+    if len(values) < 2:
+        return 0.0
+    logs, found = np.log(places_around(distance)), []
+    for row in values:
+        with np.errstate(invalid="ignore"):  # an infinite value has a sign
+            turns = np.flatnonzero(np.sign(row[1:]) * np.sign(row[:-1]) <= 0.0)
+            shares = _share_of_zero(row[turns], row[turns + 1])
+        if not turns.size:
+            return float("inf")
+        roots = logs[turns] + shares * (logs[turns + 1] - logs[turns])
+        found.append(float(roots[np.argmin(np.abs(roots - np.log(distance)))]))
+    return float(distance * np.std(found, ddof=1) / np.sqrt(len(found)))
+
+
+def _share_of_zero(low: FloatArray, high: FloatArray) -> FloatArray:
+    """Where between two values of opposite sign a line through both vanishes; the middle where one is infinite."""
+    share = low / (low - high)
+    return np.where(np.isfinite(share), share, 0.5)
 
 
 def _binding(camera: DepthCamera, criteria: UsableCriteria, ends: Sequence[Boundary]) -> list[str]:

@@ -3,14 +3,17 @@
 CSV with draws: the first line names the parameters, every further line is one joint draw. CSV with a covariance: the
 first line is ``parameter,mean,NAME,NAME…``, then one line per parameter with its name, its mean and its row of the
 covariance. NetCDF: ``draws(draw, parameter)``, or ``mean(parameter)`` and ``covariance(parameter, parameter_)``, with
-the names in a text variable ``parameter``. Numbers are in SI units, and in pixels where the name ends in ``_px``.
+the names in a text variable ``parameter``. Numbers are in SI units, and in pixels where the name ends in ``_px``. The
+posterior of a rig calibrated from corners has ``best(parameter)`` and ``pixels(side)`` too: its reading needs them.
 """
 
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 
@@ -28,7 +31,7 @@ class CalibrationFileError(TradestudyError):
     exit_status = 2
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationCovariance:
     """Calibration as a mean and a covariance.
 
@@ -47,7 +50,7 @@ class CalibrationCovariance:
     covariance: FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationDraws:
     """Calibration as joint draws.
 
@@ -57,10 +60,16 @@ class CalibrationDraws:
         Parameters.
     draws : array (K, P)
         Joint draws.
+    best : array (P,), optional
+        Best parameters of a rig calibrated from corners, about which it reads.
+    pixels : tuple of int, optional
+        Columns and rows of its pictures.
     """
 
     names: tuple[str, ...]
     draws: FloatArray
+    best: FloatArray | None = None
+    pixels: tuple[int, int] | None = None
 
 
 def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDraws:
@@ -82,30 +91,33 @@ def read_calibration(path: str | Path) -> CalibrationCovariance | CalibrationDra
         With what is wrong, the limit and a remedy.
     """
     path = Path(path)
-    if path.suffix == ".csv":
-        names, mean, table = _read_csv(path)
-    elif path.suffix == ".nc":
-        names, mean, table = _read_netcdf(path)
-    else:
+    if path.suffix not in _READERS:
         raise CalibrationFileError(
-            f"{path.name} has no known format", value=path.suffix, limit=".csv, .nc", remedy="rename or convert it"
+            f"{path.name} has no known format",
+            value=path.suffix or "no suffix",
+            limit=", ".join(_READERS),
+            remedy="rename or convert it",
         )
-    _check_names(path, names)
-    if not np.all(np.isfinite(table)) or (mean is not None and not np.all(np.isfinite(mean))):
+    try:
+        path.open("rb").close()  # the operating system says best what is wrong with a file
+        found = _READERS[path.suffix](path)
+    except (OSError, UnicodeDecodeError, KeyError) as error:
         raise CalibrationFileError(
-            f"{path.name} holds what is no finite number",
-            value=f"{int(np.sum(~np.isfinite(table)))} cells",
-            limit="finite numbers",
-            remedy="remove draws that failed, and say why they did",
-        )
-    if mean is None:
-        _check_draws(path, names, table)
-        return CalibrationDraws(names=names, draws=table)
-    return CalibrationCovariance(names=names, mean=mean, covariance=_checked_covariance(path, names, table))
+            f"{path.name} cannot be read",
+            value=getattr(error, "strerror", None) or f"no {path.suffix.removeprefix('.')} file",
+            remedy="check its name, its folder and what wrote it",
+        ) from None
+    _check_names(path, found.names)
+    if isinstance(found, CalibrationDraws):
+        _check_finite(path, found.draws, *(() if found.best is None else (found.best,)))
+        _check_draws(path, found.names, found.draws)
+        return found
+    _check_finite(path, found.covariance, found.mean)
+    return replace(found, covariance=_checked_covariance(path, found.names, found.covariance))
 
 
-def _read_csv(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatArray]:
-    """Names, mean (None for draws) and the table of covariance or draws."""
+def _read_csv(path: Path) -> CalibrationCovariance | CalibrationDraws:
+    """What the first line says the table is."""
     with path.open(newline="", encoding="utf-8") as stream:
         lines = [[cell.strip() for cell in line] for line in csv.reader(stream) if line]
     if len(lines) < 2:
@@ -122,7 +134,7 @@ def _read_csv(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatArra
                 remedy="complete the line",
             )
     if header[:2] != ["parameter", "mean"]:
-        return tuple(header), None, _numbers(path, rows)
+        return CalibrationDraws(names=tuple(header), draws=_numbers(path, rows))
     names = tuple(header[2:])
     if tuple(row[0] for row in rows) != names:
         raise CalibrationFileError(
@@ -132,7 +144,7 @@ def _read_csv(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatArra
             remedy="give the parameters in the same order both ways",
         )
     table = _numbers(path, [row[1:] for row in rows])
-    return names, table[:, 0], table[:, 1:]
+    return CalibrationCovariance(names=names, mean=table[:, 0], covariance=table[:, 1:])
 
 
 def _numbers(path: Path, rows: list[list[str]]) -> FloatArray:
@@ -148,8 +160,8 @@ def _numbers(path: Path, rows: list[list[str]]) -> FloatArray:
         ) from error
 
 
-def _read_netcdf(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatArray]:
-    """Names, mean (None for draws) and the table of covariance or draws."""
+def _read_netcdf(path: Path) -> CalibrationCovariance | CalibrationDraws:
+    """What its variables say it is."""
     import h5netcdf
 
     with h5netcdf.File(path, "r") as file:
@@ -164,7 +176,7 @@ def _read_netcdf(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatA
             name.decode() if isinstance(name, bytes) else str(name) for name in file.variables["parameter"][...]
         )
         if "draws" in file.variables:
-            return names, None, np.asarray(file.variables["draws"][...], dtype=np.float64)
+            return _netcdf_draws(names, file.variables)
         if "mean" not in file.variables:
             raise CalibrationFileError(
                 f"{path.name} has a covariance without its mean",
@@ -173,7 +185,42 @@ def _read_netcdf(path: Path) -> tuple[tuple[str, ...], FloatArray | None, FloatA
                 remedy="add the best values",
             )
         mean = np.asarray(file.variables["mean"][...], dtype=np.float64)
-        return names, mean, np.asarray(file.variables["covariance"][...], dtype=np.float64)
+        covariance = np.asarray(file.variables["covariance"][...], dtype=np.float64)
+        return CalibrationCovariance(names=names, mean=mean, covariance=covariance)
+
+
+def _netcdf_draws(names: tuple[str, ...], variables: Mapping[str, Any]) -> CalibrationDraws:
+    """Draws, and what the reading of a rig calibrated from corners takes."""
+    draws = np.asarray(variables["draws"][...], dtype=np.float64)
+    if "best" not in variables:
+        return CalibrationDraws(names=names, draws=draws)
+    size = np.asarray(variables["pixels"][...]).ravel() if "pixels" in variables else np.zeros(0)
+    best = np.asarray(variables["best"][...], dtype=np.float64)
+    if size.size != 2 or best.shape != (len(names),):
+        raise CalibrationFileError(
+            "the posterior of a rig needs pixels (columns and rows) and one best value for each parameter",
+            value=f"{size.size} pixels, {best.size} best values for {len(names)} parameters",
+            remedy="take the file as a run wrote it",
+        )
+    columns, rows = (int(count) for count in size)
+    return CalibrationDraws(names=names, draws=draws, best=best, pixels=(columns, rows))
+
+
+_READERS: Final[Mapping[str, Callable[[Path], CalibrationCovariance | CalibrationDraws]]] = {
+    ".csv": _read_csv,
+    ".nc": _read_netcdf,
+}
+
+
+def _check_finite(path: Path, *tables: FloatArray) -> None:
+    """No NaN, no infinity."""
+    if bad := sum(int(np.sum(~np.isfinite(table))) for table in tables):
+        raise CalibrationFileError(
+            f"{path.name} holds what is no finite number",
+            value=f"{bad} cells",
+            limit="finite numbers",
+            remedy="remove draws that failed, and say why they did",
+        )
 
 
 def _check_names(path: Path, names: tuple[str, ...]) -> None:

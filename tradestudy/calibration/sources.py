@@ -1,234 +1,250 @@
-"""Which errors a camera of the study has, how they are distributed, and which are drawn together."""
+"""From what a study declares of a camera's calibration to the joint distribution of its errors."""
 
 from __future__ import annotations
 
 import csv
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import assert_never
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tradestudy.calibration.calibration_file import CalibrationDraws, read_calibration
-from tradestudy.calibration.declaration import (
-    ArcsinePart,
-    CameraCalibrationPart,
-    CurvilinearTrapezoidPart,
-    DistributionPart,
-    EmpiricalPart,
-    NormalPart,
-    StudentTPart,
-    SurroundingsPart,
-    TriangularPart,
-    UniformPart,
+from tradestudy.cameras.calibration import Calibration
+from tradestudy.cameras.calibration_declaration import (
+    CalibrationPart,
+    StabilityPart,
+    correlated,
+    correlation_matrix,
 )
-from tradestudy.cameras.exact_model import ExactModel
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorVocabulary
+from tradestudy.declarations.distributions import AnyDistribution
+from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.uncertainty.distributions import (
-    Arcsine,
-    CurvilinearTrapezoid,
-    Distribution,
-    Empirical,
-    Normal,
-    StudentT,
-    Triangular,
-    Uniform,
-)
-from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
-from tradestudy.uncertainty.sources import ErrorClass, Group, Source
+from tradestudy.uncertainty.error_class import ErrorClass
 
-_CLASSES = {
-    "per rig": ErrorClass.RIG,
-    "per session": ErrorClass.SESSION,
-    "per lens": ErrorClass.ELEMENT,
-    "per measurement": ErrorClass.MEASUREMENT,
-}
-SEPARATOR = "/"
+if TYPE_CHECKING:  # `check` does without: it loads scipy
+    from tradestudy.uncertainty.distributions import Distribution
+    from tradestudy.uncertainty.joint import JointDraws
+    from tradestudy.uncertainty.sources import Group, Source
+
+CALIBRATION = "calibration"
+"""Name of the group that a source determines."""
 
 
-def distribution_of(part: DistributionPart, folder: Path) -> Distribution:
-    """The distribution that a part of a study file describes; files are looked for in ``folder``.
+def calibration_of(
+    part: CalibrationPart,
+    camera: DepthCamera,
+    *,
+    folder: Path,
+    wavelength: float,
+    posterior: Calibration | None = None,
+) -> Calibration:
+    """The joint distribution of everything that is uncertain about a camera but the noise of a measurement.
+
+    Parameters
+    ----------
+    part
+        What the study declares.
+    camera
+        The camera as designed.
+    folder
+        Where the files that the part names are.
+    wavelength
+        Of the scene [m].
+    posterior
+        What the source of the part says: the groups that it determines, and the exact model that these belong to. None
+        where there is no source, or nothing has been inferred from it yet.
+
+    Returns
+    -------
+    Calibration
+        Not ``inferred``, and without groups, where a posterior is needed and there is none.
+    """
+    if part.source != "errors" and posterior is None:
+        return Calibration(source=part.source, inferred=False)
+    groups = declared_groups(part, camera.error_vocabulary, folder)
+    stability = stability_groups(part.stability, folder)
+    environment = environment_of(part.stability, wavelength)
+    if posterior is None:
+        return Calibration(groups=(*groups, *stability), environment=environment)
+    determined = {name for group in posterior.groups for name in group.parameters}
+    left = [group for group in groups if not determined.intersection(group.parameters)]
+    return replace(
+        posterior,
+        groups=(*left, *posterior.groups, *stability),
+        environment=environment,
+        source=part.source,
+    )
+
+
+def mistakes_of_files(part: CalibrationPart, folder: Path) -> list[MistakeAt]:
+    """Files of draws and corners that a calibration names and that cannot be read; their places are below the part."""
+    mistakes: list[MistakeAt] = []
+    for path, distribution in _distributions(part):
+        if distribution.resolved_shape == "empirical":
+            try:
+                _draws(distribution, folder)
+            except OutOfRangeError as error:
+                mistakes.append(MistakeAt((*path, "file"), str(error)))
+    if part.corners is not None and not (folder / part.corners.file).is_file():
+        mistakes.append(MistakeAt(("corners", "file"), f"there is no file '{folder / part.corners.file}'"))
+    return mistakes
+
+
+def given_twice(part: CalibrationPart, posterior: Calibration) -> list[MistakeAt]:
+    """Errors that are declared, and that a saved posterior determines; their places are below the part."""
+    assert part.posterior is not None
+    determined = {name for group in posterior.groups for name in group.parameters}
+    of_a_rig = posterior.reading is not None
+    says = "determines every parameter of the rig" if of_a_rig else "determines it already"
+    return [
+        MistakeAt(("errors", name), f"{part.posterior.file} (posterior.file) {says}; give it once")
+        for name in part.errors.given()
+        if of_a_rig or name in determined
+    ]
+
+
+def declared_groups(part: CalibrationPart, vocabulary: ErrorVocabulary, folder: Path) -> tuple[Group, ...]:
+    """The declared errors in the order of the vocabulary; those that are correlated are drawn together."""
+    from tradestudy.uncertainty.joint import GaussianCopula
+    from tradestudy.uncertainty.sources import Source
+
+    marginals = {name: distribution_of(error, folder) for name, error in part.errors.given().items()}
+    tied = {name: group for group in correlated(part.correlations) for name in group}
+    groups: list[Group] = []
+    for name, marginal in marginals.items():
+        together = tuple(other for other in marginals if other in tied.get(name, ()))
+        if not together:
+            groups.append(Source(name=name, distribution=marginal, error_class=vocabulary[name].error_class))
+        elif name == together[0]:
+            groups.append(
+                GaussianCopula(
+                    name=" and ".join(together),
+                    parameters=together,
+                    marginals=tuple(marginals[other] for other in together),
+                    correlation=correlation_matrix(together, part.correlations),
+                    error_class=vocabulary[name].error_class,
+                )
+            )
+    return tuple(groups)
+
+
+def stability_groups(part: StabilityPart, folder: Path) -> tuple[Source, ...]:
+    """What has happened since the calibration: ageing, and changes of temperature, pressure and color."""
+    from tradestudy.uncertainty.sources import Source
+
+    changes: dict[str, AnyDistribution | None] = dict(
+        zip(SESSION_PARAMETERS, (part.temperature, part.pressure, part.color), strict=True)
+    )
+    changes |= {AGEING + name: error for name, error in part.ageing.given().items()}
+    return tuple(
+        Source(name=name, distribution=distribution_of(change, folder), error_class=ErrorClass.SESSION)
+        for name, change in changes.items()
+        if change is not None
+    )
+
+
+def environment_of(part: StabilityPart, wavelength: float) -> Environment | None:
+    """How the camera answers to temperature and pressure; None where neither changes."""
+    if part.temperature is None and part.pressure is None:
+        return None
+    assert part.glass_index is not None  # both need it, says the validator
+    return Environment(
+        housing_expansion=part.housing_expansion or 0.0,
+        focal_length_expansion=part.focal_length_expansion or 0.0,
+        glass_index=part.glass_index,
+        wavelength=wavelength,
+        temperature=part.calibrated_at.temperature,
+        pressure=part.calibrated_at.pressure,
+    )
+
+
+def distribution_of(part: AnyDistribution, folder: Path) -> Distribution:
+    """The distribution that a part of a study describes; files are looked for in ``folder``.
 
     Raises
     ------
     OutOfRangeError
         A file of draws cannot be read, or values that do not make a distribution.
     """
-    if isinstance(part, EmpiricalPart):
-        return Empirical(draws=_column(folder / part.file, part.column))
-    middle = float(part.mean or 0.0)
-    match part:
-        case NormalPart():
-            return Normal(mean=middle, standard_deviation=part.standard_deviation)
-        case UniformPart():
-            return Uniform(low=middle - part.half_width, high=middle + part.half_width)
-        case TriangularPart():
-            return Triangular(low=middle - part.half_width, mode=middle, high=middle + part.half_width)
-        case StudentTPart():
-            return StudentT(location=middle, scale=part.scale, degrees_of_freedom=part.degrees_of_freedom)
-        case ArcsinePart():
-            return Arcsine(low=middle - part.half_width, high=middle + part.half_width)
-        case CurvilinearTrapezoidPart():
-            return CurvilinearTrapezoid(
-                low=middle - part.half_width, high=middle + part.half_width, inexactness=part.inexactness
-            )
-        case _:
-            assert_never(part)
+    from tradestudy.uncertainty.distributions import (
+        Arcsine,
+        CurvilinearTrapezoid,
+        Empirical,
+        Normal,
+        StudentT,
+        Triangular,
+        Uniform,
+    )
+
+    middle, half_width = part.mean or 0.0, part.half_width or 0.0
+    low, high = middle - half_width, middle + half_width
+    match part.resolved_shape:
+        case "normal":
+            return Normal(mean=middle, standard_deviation=part.standard_deviation or 0.0)
+        case "uniform":
+            return Uniform(low=low, high=high)
+        case "triangular":
+            return Triangular(low=low, mode=middle, high=high)
+        case "student-t":
+            return StudentT(location=middle, scale=part.scale or 0.0, degrees_of_freedom=part.degrees_of_freedom or 0.0)
+        case "arcsine":
+            return Arcsine(low=low, high=high)
+        case "curvilinear-trapezoid":
+            return CurvilinearTrapezoid(low=low, high=high, inexactness=part.inexactness or 0.0)
+        case "empirical":
+            return Empirical(draws=_draws(part, folder))
 
 
-def error_class_of(part: DistributionPart, default: ErrorClass) -> ErrorClass:
-    """How often an error is drawn anew."""
-    return default if part.drawn is None else _CLASSES[part.drawn]
+def group_of_draws(name: str, parameters: tuple[str, ...], draws: FloatArray) -> JointDraws:
+    """Joint draws of a calibration as errors about their mean: what the calibration leaves open."""
+    from tradestudy.uncertainty.joint import JointDraws
+
+    return JointDraws(name=name, parameters=parameters, draws=draws - draws.mean(axis=0), error_class=ErrorClass.RIG)
 
 
-def _column(path: Path, name: str) -> FloatArray:
+def _distributions(part: CalibrationPart) -> Iterable[tuple[tuple[str, ...], AnyDistribution]]:
+    """Every distribution of a calibration, with its place."""
+    stability = part.stability
+    for path, errors in ((("errors",), part.errors), (("stability", "ageing"), stability.ageing)):
+        yield from (((*path, name), error) for name, error in errors.given().items())
+    changes: Mapping[str, AnyDistribution | None] = {
+        name: getattr(stability, name) for name in ("temperature", "pressure", "color")
+    }
+    yield from ((("stability", name), change) for name, change in changes.items() if change is not None)
+
+
+def _draws(part: AnyDistribution, folder: Path) -> FloatArray:
     """One column of numbers from a CSV file."""
+    path, column = folder / (part.file or ""), part.column or ""
     try:
         with path.open(newline="", encoding="utf-8") as stream:
             reader = csv.DictReader(stream)
             header, rows = list(reader.fieldnames or ()), list(reader)
     except (OSError, UnicodeDecodeError) as error:
         why = getattr(error, "strerror", None) or "no text"
-        raise OutOfRangeError("a file of draws cannot be read", value=f"{path.name}: {why}") from None
-    if name not in header:
+        raise OutOfRangeError(f"'{path}' cannot be read", value=why) from None
+    if column not in header:
         raise OutOfRangeError(
-            f"{path.name} has no column of draws",
-            value=name,
+            f"{path.name} has no column of draws of that name",
+            value=column,
             limit=", ".join(header) or "no columns",
             remedy="name the columns in the first line",
         )
     try:
-        return np.array([float(row[name]) for row in rows])
+        draws = np.array([float(row[column]) for row in rows])
     except (TypeError, ValueError):
         raise OutOfRangeError(
-            f"the column {name} of {path.name} holds a cell that is no number", remedy="remove units and text"
+            f"the column {column} of {path.name} holds a cell that is no number", remedy="remove units and text"
         ) from None
-
-
-def declared_groups(camera: ExactModel, part: CameraCalibrationPart, folder: Path) -> tuple[Group, ...]:
-    """All errors of a camera: its own, those of the study's calibration part, and joint ones.
-
-    Raises
-    ------
-    OutOfRangeError
-        An error is given twice, or tied in two joint distributions.
-    """
-    own = camera.declared_errors()
-    given = part.errors.given()
-    taken = {name for group in own for name in group.parameters}
-    if repeated := sorted(taken & set(given)):
+    if draws.size < 2 or not np.all(np.isfinite(draws)):
         raise OutOfRangeError(
-            "errors that the camera's own calibration has already",
-            value=", ".join(repeated),
-            limit="each error once",
-            remedy="take them out of the calibration of the study, or of that of the camera",
+            f"the column {column} of {path.name}",
+            value=f"{draws.size} draws, {int(np.sum(~np.isfinite(draws)))} of them not finite",
+            limit="at least two finite draws",
         )
-    tied = [name for joint in part.joint.values() for name in joint.parameters]
-    if repeated := sorted({name for name in tied if tied.count(name) > 1}):
-        raise OutOfRangeError(
-            "errors that stand in two joint distributions", value=", ".join(repeated), limit="each error once"
-        )
-    marginals = {name: distribution_of(value, folder) for name, value in given.items()}
-    classes = {name: error_class_of(value, ErrorClass.RIG) for name, value in given.items()}
-    alone = tuple(
-        Source(name=name, distribution=marginals[name], error_class=classes[name]) for name in given if name not in tied
-    )
-    together = tuple(
-        GaussianCopula(
-            name=name,
-            parameters=joint.parameters,
-            marginals=tuple(marginals[parameter] for parameter in joint.parameters),
-            correlation=np.array(joint.correlation),
-            error_class=_common_class(name, [classes[parameter] for parameter in joint.parameters]),
-        )
-        for name, joint in part.joint.items()
-    )
-    return (*own, *alone, *together)
-
-
-def _common_class(name: str, classes: list[ErrorClass]) -> ErrorClass:
-    if len(set(classes)) > 1:
-        raise OutOfRangeError(
-            f"the errors of {name} are drawn together but not equally often",
-            value=", ".join(error_class.value for error_class in classes),
-            limit="one class for all",
-            remedy="give all of them the same drawn",
-        )
-    return classes[0]
-
-
-def group_of_file(path: Path, known: Mapping[str, str]) -> Group:
-    """A joint calibration from a file, as errors about its own best values.
-
-    Raises
-    ------
-    CalibrationFileError
-        The file cannot be what it says it is.
-    OutOfRangeError
-        It names parameters that the camera's error model does not have.
-    """
-    found = read_calibration(path)
-    if unknown := [name for name in found.names if name not in known]:
-        raise OutOfRangeError(
-            f"{path.name} names parameters that the camera's error model does not have",
-            value=", ".join(unknown),
-            limit=", ".join(known),
-            remedy="rename the columns; values are in SI units",
-        )
-    if isinstance(found, CalibrationDraws):
-        return group_of_draws("calibration", found.names, found.draws)
-    return JointNormal(
-        name="calibration",
-        parameters=found.names,
-        mean=np.zeros(len(found.names)),
-        covariance=found.covariance,
-        error_class=ErrorClass.RIG,
-    )
-
-
-def group_of_draws(
-    name: str, parameters: tuple[str, ...], draws: np.ndarray[tuple[int, int], np.dtype[np.float64]]
-) -> JointDraws:
-    """Joint draws of a calibration as errors about their mean: what the calibration leaves open."""
-    return JointDraws(name=name, parameters=parameters, draws=draws - draws.mean(axis=0), error_class=ErrorClass.RIG)
-
-
-def replaced(groups: Iterable[Group], calibration: Group) -> tuple[Group, ...]:
-    """The groups with a joint calibration in the place of those whose parameters it determines.
-
-    Raises
-    ------
-    OutOfRangeError
-        It determines a part of a joint group: what is left would have lost its partner.
-    """
-    kept: list[Group] = []
-    covered = set(calibration.parameters)
-    for group in groups:
-        inside = covered & set(group.parameters)
-        if inside and inside != set(group.parameters):
-            raise OutOfRangeError(
-                f"a joint calibration determines a part of {group.name}",
-                value=", ".join(sorted(inside)),
-                limit=", ".join(group.parameters),
-                remedy="let it determine all of them, or declare them apart",
-            )
-        if not inside:
-            kept.append(group)
-    return (*kept, calibration)
-
-
-def session_groups(part: SurroundingsPart | None, folder: Path) -> tuple[Source, ...]:
-    """Changes of temperature and pressure, shared by all cameras."""
-    if part is None:
-        return ()
-    given = {name: getattr(part, name) for name in ("temperature_change", "pressure_change")}
-    return tuple(
-        Source(
-            name=name,
-            distribution=distribution_of(value, folder),
-            error_class=error_class_of(value, ErrorClass.SESSION),
-        )
-        for name, value in given.items()
-        if value is not None
-    )
+    return draws

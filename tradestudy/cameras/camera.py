@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
@@ -33,8 +33,6 @@ class Camera(ABC):
 
     family: ClassVar[str]
     """Which idea it is; reports compare cameras of one family side by side."""
-    error_units: ClassVar[Mapping[str, str]] = {}
-    """What can be in error in its exact model, with its SI unit; empty where it has none."""
     corners_calibrate: ClassVar[bool] = False
     """Whether the corners of a board in its pictures calibrate it as two cameras."""
     lens_count: ClassVar[int] = 1

@@ -8,8 +8,9 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tradestudy.cameras.calibration_declaration import CalibrationPart
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.depth_camera import NO_ERROR, DepthCamera, DisparityError, DisparityErrorLaw, ErrorSource
+from tradestudy.cameras.depth_camera import DepthCamera, DisparityError, DisparityErrorLaw
 from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
 from tradestudy.cameras.stated_declaration import StatedPart
 from tradestudy.declarations.mistakes import MistakeAt
@@ -23,7 +24,6 @@ from tradestudy.declarations.quantities import (
     PositiveCount,
     PositiveLength,
     PositivePixels,
-    ThermalExpansion,
 )
 from tradestudy.errors import OutOfRangeError
 
@@ -119,45 +119,6 @@ class DisparityPart(Part):
         return picture_law
 
 
-class _ErrorPart(Part):
-    @model_validator(mode="after")
-    def _one_shape(self) -> Self:
-        values = self.model_dump()
-        if (values["standard_deviation"] is None) == (values["half_width"] is None):
-            raise MistakeAt((), "give standard_deviation (a normal error) or half_width (a uniform one)")
-        return self
-
-
-class LengthErrorPart(_ErrorPart):
-    """An error of a length: normal by its standard deviation, or uniform by its half width."""
-
-    standard_deviation: PositiveLength | None = None
-    half_width: PositiveLength | None = None
-
-
-class AngleErrorPart(_ErrorPart):
-    """An error of an angle: normal by its standard deviation, or uniform by its half width."""
-
-    standard_deviation: PositiveAngle | None = None
-    half_width: PositiveAngle | None = None
-
-
-class NormalLengthErrorPart(Part):
-    """A normal error of a length."""
-
-    standard_deviation: PositiveLength
-
-
-def error_of(part: LengthErrorPart | AngleErrorPart | NormalLengthErrorPart | None) -> ErrorSource:
-    """A normal error by its standard deviation or a uniform one by its half width h, of deviation h/√3."""
-    if part is None:
-        return NO_ERROR
-    half_width = getattr(part, "half_width", None)
-    if half_width is not None:
-        return ErrorSource(standard_deviation=half_width / math.sqrt(3.0), shape="uniform")
-    return ErrorSource(standard_deviation=part.standard_deviation or 0.0)
-
-
 class AttributesPart(Part):
     """What decides a trade besides curves, declared; what is left out is derived where the other inputs allow it."""
 
@@ -210,10 +171,9 @@ class DepthCameraDeclaration(CameraDeclaration):
     camera: ClassVar[type[DepthCamera]]
 
     depth: DisparityPart
-    thermal_expansion: ThermalExpansion | None = Field(
-        default=None, description="Of what holds its parts apart; default: that of scene.temperature."
-    )
+    calibration: CalibrationPart
+    """Of its kind, see `calibration_part`."""
 
     @abstractmethod
     def design(self, picture_law: DisparityErrorLaw | None) -> DepthCamera:
-        """The camera in SI; see `CameraDeclaration.design`."""
+        """The camera in SI, without its calibration; see `CameraDeclaration.design`."""

@@ -5,65 +5,22 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Literal, Protocol, Self
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.calibration import LINEAR, PERFECT, Calibration, Propagation
 from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
+from tradestudy.cameras.reading import Errors, InverseDepthReading
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
-
-ErrorClass = Literal["per measurement", "per rig"]
-ErrorShape = Literal["normal", "uniform"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ErrorSource:
-    """One declared error: how wide, of which shape.
-
-    Parameters
-    ----------
-    standard_deviation
-        In the unit of the parameter it disturbs (SI); a uniform error of half width h has h/√3.
-    shape
-        Normal or uniform.
-    """
-
-    standard_deviation: float
-    shape: ErrorShape = "normal"
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.standard_deviation < float("inf"):
-            raise OutOfRangeError(
-                "an error's standard deviation is finite and not negative",
-                value=f"{self.standard_deviation:g}",
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class DepthErrorPart:
-    """One independent part of the depth error, as the error of disparity that has the same effect to first order.
-
-    Parameters
-    ----------
-    name
-        What is in error.
-    disparity_error
-        Standard deviation [m on the sensor] over the distances asked for.
-    shape
-        Shape of its distribution.
-    error_class
-        ``per measurement`` averages away over many pictures; ``per rig`` does not.
-    """
-
-    name: str
-    disparity_error: FloatArray
-    shape: ErrorShape
-    error_class: ErrorClass
+from tradestudy.uncertainty.error_class import ErrorClass
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,9 +61,6 @@ class UsableCriteria:
     disparity_step_px: float | None = None
     failed_fraction: float | None = None
     relative_uncertainty: float | None = None
-
-
-NO_ERROR = ErrorSource(standard_deviation=0.0)
 
 
 class DisparityErrorLaw(Protocol):
@@ -152,29 +106,32 @@ class DepthCamera(Camera):
         Standard deviation of the disparity of one measurement [samples], the same everywhere or by a law.
     discrimination_step_px
         The disparity step of the depth discrimination [samples].
-    expansion
-        Standard deviation of the relative change of the length that depth rests on with temperature since the
-        calibration.
+    calibration
+        The joint distribution of everything else that is uncertain about it.
+    propagation
+        How that is propagated to depth.
 
     Raises
     ------
     OutOfRangeError
-        For an error or a step that is not positive, or an impossible expansion.
+        For an error or a step that is not positive.
     """
 
     method: ClassVar[Method]
     """How depth follows from its pictures, for readers of a report."""
+    error_vocabulary: ClassVar[ErrorVocabulary]
+    """Every parameter of its exact model that can be in error, `PIXEL_NOISE` among them."""
     pictured_by_microlenses: ClassVar[bool] = False
     """Whether microlenses blur the picture that is matched."""
 
     disparity_error_px: DisparityError
     discrimination_step_px: float
-    expansion: float = 0.0
+    calibration: Calibration = PERFECT
+    propagation: Propagation = LINEAR
 
     def __post_init__(self) -> None:
         require_disparity_error(self.disparity_error_px)
         require_positive("discrimination step", self.discrimination_step_px, "px")
-        require_expansion(self.expansion)
 
     @property
     def sample_pitch(self) -> float:
@@ -197,16 +154,43 @@ class DepthCamera(Camera):
         """
 
     @abstractmethod
-    def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
-        """The independent parts of the depth error, each to first order in disparity."""
+    def read(
+        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+    ) -> InverseDepthReading:
+        """Inverse depths read in changed surroundings with a calibration that is off by ``errors``.
+
+        Parameters
+        ----------
+        distance
+            True distances [m], shape (distances,).
+        field
+            Where the point lies: 0 on the axis, 1 in the corner of the sensor.
+        errors
+            By the names of `error_vocabulary` and `SESSION_PARAMETERS`, arrays of shape (draws, 1); the pixel noise
+            may be (draws, distances).
+        environment
+            How the camera, as designed at calibration, answers to its surroundings; None: not at all.
+
+        Raises
+        ------
+        OutOfRangeError
+            For an error that the camera does not have, or a place beyond the sensor.
+        """
 
     @abstractmethod
-    def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
-        """The exact depth [m] that is reported for a true distance under given errors; +infinity beyond the pole."""
+    def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
+        """What a camera that deviates from its design by ``errors`` measures of points of a target [m on the sensor].
+
+        The components come last in what inference takes of them; x, y, z as of the camera's own frame [m].
+        """
 
     @abstractmethod
-    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
-        """For each part, the independent one-deviation errors it is made of, as `depth_with_errors` takes them."""
+    def target_noise_px(self, corner_noise_px: float) -> FloatArray:
+        """Noise of each component of `observe_target`, where one coordinate of a corner has the given one."""
+
+    @abstractmethod
+    def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
+        """Which components of `observe_target` [px] lie on the sensor, in the same shape (…, components)."""
 
     @abstractmethod
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
@@ -220,46 +204,29 @@ class DepthCamera(Camera):
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """Where and how large it pictures objects at distances [m]: what blur, noise and window depend on."""
 
-    @abstractmethod
     def without_calibration_errors(self) -> Self:
         """The same camera, perfectly calibrated."""
+        return replace(self, calibration=PERFECT)
 
     def as_pictured(self) -> Self:
         """The camera without what its picture does not know of: its calibration, and how its errors are found."""
-        return replace(self.without_calibration_errors(), disparity_error_px=1.0, expansion=0.0)
+        return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)
+
+    def reading(self, distance: FloatArray, field: float, values: Mapping[str, FloatArray]) -> InverseDepthReading:
+        """Inverse depths read under draws of its calibration and noise, by the exact model that these belong to."""
+        read = self.read if self.calibration.reading is None else self.calibration.reading
+        return read(distance, field, self.calibration.errors(values), self.calibration.environment)
+
+    def parameter(self, name: str) -> ErrorParameter:
+        """What is known of one drawn parameter: its unit, class and part."""
+        known = self.error_vocabulary if self.calibration.vocabulary is None else self.calibration.vocabulary
+        base = name.removeprefix(AGEING)
+        found = known[base] if base in known else SESSION_PARAMETERS[base]
+        return replace(found, part="ageing", error_class=ErrorClass.SESSION) if name != base else found
 
     def noise(self, distance: ArrayLike) -> FloatArray:
         """Standard deviation of the disparity of one measurement [m on the sensor]."""
         return disparity_error_at(self, distance) * self.sample_pitch
-
-    def parts_of(
-        self, distance: ArrayLike, slopes: Mapping[str, tuple[ErrorSource, FloatArray]]
-    ) -> tuple[DepthErrorPart, ...]:
-        """The noise, and every error that has a spread times the change of disparity that a unit of it makes."""
-        noise = DepthErrorPart(
-            name="pixel_noise", disparity_error=self.noise(distance), shape="normal", error_class="per measurement"
-        )
-        of_rig = (
-            DepthErrorPart(
-                name=name,
-                disparity_error=source.standard_deviation * slope,
-                shape=source.shape,
-                error_class="per rig",
-            )
-            for name, (source, slope) in slopes.items()
-            if source.standard_deviation > 0.0
-        )
-        return (noise, *of_rig)
-
-    def directions_of(
-        self, distance: ArrayLike, declared: Mapping[str, ErrorSource]
-    ) -> dict[str, tuple[Mapping[str, ArrayLike], ...]]:
-        """The noise and every declared error of some spread alone, by one standard deviation."""
-        of_rig = {name: s.standard_deviation for name, s in declared.items() if s.standard_deviation > 0.0}
-        return {
-            "pixel_noise": ({"pixel_noise": self.noise(distance)},),
-            **{name: ({name: one},) for name, one in of_rig.items()},
-        }
 
     def images(self, distance: ArrayLike) -> BoolArray:
         """Where an object lies beyond the focal length, so that a real image of it is formed."""
@@ -323,12 +290,6 @@ def require_disparity_error(error: DisparityError) -> None:
     """Refuse a declared error that is not a finite number above zero; a law answers for itself."""
     if isinstance(error, float | int):
         require_positive("disparity error", error, "px")
-
-
-def require_expansion(expansion: float) -> None:
-    """Refuse a relative change of length that is negative or as large as the length."""
-    if not 0.0 <= expansion < 1.0:
-        raise OutOfRangeError("relative expansion with temperature", value=f"{expansion:g}", limit="0 to below 1")
 
 
 def declared_disparity_error(camera: DepthCamera) -> float:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from functools import reduce
 from operator import or_
-from typing import TYPE_CHECKING, Annotated, Final, get_args
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
 from tradestudy.cameras.conventional.declaration import ConventionalDeclaration
-from tradestudy.cameras.declaration import CameraDeclaration
+from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
 from tradestudy.cameras.focused_plenoptic.declaration import FocusedPlenopticDeclaration
 from tradestudy.cameras.stereo.declaration import StereoDeclaration
 from tradestudy.cameras.unfocused_plenoptic.declaration import UnfocusedPlenopticDeclaration
@@ -20,15 +20,13 @@ KINDS: Final[tuple[type[CameraDeclaration], ...]] = (
     StereoDeclaration,
     ConventionalDeclaration,
 )
-ERROR_UNITS: Final = {name: unit for kind in KINDS for name, unit in kind.camera.error_units.items()}
-"""Everything that can be in error about some camera, with its SI unit: one name is one quantity for all kinds."""
+
+DEPTH_PARAMETERS: Final = frozenset(
+    name for kind in KINDS if issubclass(kind, DepthCameraDeclaration) for name in kind.camera.error_vocabulary
+)
+"""Names of everything that can be in error about some camera that measures depth."""
 
 if TYPE_CHECKING:
     CameraPart = CameraDeclaration
 else:
     CameraPart = Annotated[reduce(or_, KINDS), Field(discriminator="kind")]
-
-
-def kind_name(kind: type[CameraDeclaration]) -> str:
-    """What studies call a kind."""
-    return str(get_args(kind.model_fields["kind"].annotation)[0])

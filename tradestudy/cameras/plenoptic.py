@@ -1,148 +1,119 @@
-"""What cameras with a microlens array behind their main lens share: calibration errors, fill factor, matching."""
+"""What cameras with a microlens array behind their main lens share: one vocabulary of errors, and how they are read."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.cameras.contradictions import PRINTED_TOLERANCE, Contradiction, show
-from tradestudy.cameras.depth_camera import NO_ERROR, DepthCamera, DepthErrorPart, ErrorSource
+from tradestudy.cameras.contradictions import PRINTED_TOLERANCE, Contradiction, lens_contradictions, show
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.parts import Lens, MicrolensArray
-from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.cameras.plenoptic_errors import PLENOPTIC_ERRORS
+from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
+from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.units import FRACTION, LENGTH, pretty
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
-    from tradestudy.uncertainty.sources import Group
 
 # f-number matching is a rule of thumb of lens design; a few percent neither wastes nor mixes pixels.
 _MATCHING_TOLERANCE: Final = 0.05
-DECLARED_ERRORS: Final = {"mla_distance": "m", "focal_length": "m", "microlens_gap": "m", "pixel_noise": "m"}
-"""Errors that a camera declares of itself, with their units; the last is that of the disparity."""
 _CELL_OVER_PITCH_SQUARED: Final = {"hexagonal": math.sqrt(3.0) / 2.0, "square": 1.0}
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlenopticCalibration:
-    """Calibration errors of the camera, each one draw per camera.
+class PlenopticCamera(DepthCamera):
+    """Main lens, microlens array and sensor.
 
     Parameters
     ----------
-    mla_distance, focal_length
-        Of z and of f_M [m], both normal.
-    correlation
-        Between the two, because calibration on targets determines z − f_M far better than either; −1 … 1.
-    microlens_gap
-        Of b_L [m].
-
-    Raises
-    ------
-    OutOfRangeError
-        For a correlation outside −1 … 1.
+    main_lens, microlenses
+        The parts.
+    field_curvature
+        How much farther from the main lens its image lies in the corner of the sensor than on the axis [m]: what is
+        known of it; the error of the same name is the rest.
     """
 
-    mla_distance: ErrorSource = NO_ERROR
-    focal_length: ErrorSource = NO_ERROR
-    correlation: float = 0.0
-    microlens_gap: ErrorSource = NO_ERROR
+    family: ClassVar[str] = "plenoptic"
+    error_vocabulary: ClassVar[ErrorVocabulary] = PLENOPTIC_ERRORS
 
-    def __post_init__(self) -> None:
-        if not -1.0 <= self.correlation <= 1.0:
-            raise OutOfRangeError("a correlation", value=f"{self.correlation:g}", limit="−1 to 1")
-        for name in ("mla_distance", "focal_length"):
-            if getattr(self, name).shape != "normal":
-                raise OutOfRangeError(
-                    f"the error of {name} is drawn jointly with its partner", value="uniform", limit="normal"
-                )
+    main_lens: Lens
+    microlenses: MicrolensArray
+    field_curvature: float = 0.0
 
-    def error_directions(
-        self, disparity_noise: ArrayLike, expanded: float = 0.0
-    ) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
-        """Independent one-standard-deviation errors by part; zeros left out.
+    @property
+    def gathering_lens(self) -> Lens:
+        """The main lens."""
+        return self.main_lens
 
-        z and f are split into what they share and what f has alone. ``disparity_noise`` [m] is that of one disparity,
-        ``expanded`` [m] what temperature adds to z.
+    def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - nothing moves
+        """Main lens to sensor [m]."""
+        return self.geometry.mla_distance + self.microlenses.gap
+
+    @property
+    @abstractmethod
+    def geometry(self) -> ArrayGeometry:
+        """The design that both what is seen and what is read follow from."""
+
+    def geometry_at(self, mla_distance: float) -> ArrayGeometry:
+        """The geometry with the array at a distance [m] behind the main lens."""
+        return ArrayGeometry(
+            focal_length=self.main_lens.focal_length,
+            mla_distance=mla_distance,
+            gap=self.microlenses.gap,
+            pitch=self.microlenses.pitch,
+            corner=self.sensor.diagonal / 2.0,
+            field_curvature=self.field_curvature,
+        )
+
+    @abstractmethod
+    def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
+        """What a camera that deviates from its design by ``errors`` sees of a point [m]."""
+
+    @abstractmethod
+    def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
+        """The inverse depth [1/m] that a calibration which is off by ``errors`` reads, and where there is one.
+
+        The true distance [m] tells which microlenses or views the estimator uses.
         """
-        sigma_z, sigma_f = self.mla_distance.standard_deviation, self.focal_length.standard_deviation
-        alone = math.sqrt(1.0 - self.correlation**2)
-        directions: dict[str, tuple[Mapping[str, ArrayLike], ...]] = {
-            "pixel_noise": ({"pixel_noise": disparity_noise},),
-            "mla_distance_and_focal_length": (
-                {"mla_distance": sigma_z, "focal_length": self.correlation * sigma_f},
-                {"focal_length": alone * sigma_f},
-            ),
-            "microlens_gap": ({"microlens_gap": self.microlens_gap.standard_deviation},),
-            "temperature": ({"mla_distance": expanded},),
-        }
-        return {
-            name: parts
-            for name, parts in directions.items()
-            if any(np.any(value) for part in parts for value in part.values())
-        }
 
-    def groups(self, noise: float) -> Iterator[Group]:
-        """These errors and the noise of disparity [m], as they are drawn under the names of an exact model."""
-        from tradestudy.cameras.error_groups import measurement_noise, per_rig
-        from tradestudy.uncertainty.joint import JointNormal
-        from tradestudy.uncertainty.sources import ErrorClass
+    def read(
+        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+    ) -> InverseDepthReading:
+        """See `DepthCamera.read`, and `ArrayGeometry.changed` for what the surroundings do."""
+        require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
+        require_field(field)
+        a, geometry = np.asarray(distance, dtype=np.float64), self.geometry
+        right, down = (
+            field * extent / 2.0 / geometry.mla_distance for extent in (self.sensor.width, self.sensor.height)
+        )
+        seen = self.observe(geometry.changed(errors, environment), right * a, down * a, a)
+        inverse, valid = self.believe(errors, seen, a)
+        return InverseDepthReading(
+            inverse_depth=inverse,
+            no_overlap=np.zeros((1, 1), dtype=bool),
+            out_of_range=~(valid & (a > self.main_lens.focal_length)),
+        )
 
-        deviations = np.array([self.mla_distance.standard_deviation, self.focal_length.standard_deviation])
-        if self.correlation == 0.0:
-            yield from per_rig("mla_distance", self.mla_distance)
-            yield from per_rig("focal_length", self.focal_length)
-        elif np.any(deviations > 0.0):
-            yield JointNormal.from_correlation(
-                name="mla_distance_and_focal_length",
-                parameters=("mla_distance", "focal_length"),
-                mean=np.zeros(2),
-                standard_deviation=deviations,
-                correlation=np.array([[1.0, self.correlation], [self.correlation, 1.0]]),
-                error_class=ErrorClass.RIG,
-            )
-        yield from per_rig("microlens_gap", self.microlens_gap)
-        yield measurement_noise("pixel_noise", noise)
+    def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
+        """A corner is seen where its pictures lie on the sensor."""
+        half = np.array([self.sensor.columns, self.sensor.rows]) / 2.0
+        inside = np.all(np.abs(observed_px[..., 1:]) <= half, axis=-1)
+        return np.repeat(inside[..., np.newaxis], 3, axis=-1)
 
-
-def plenoptic_parts(
-    camera: DepthCamera,
-    calibration: PlenopticCalibration,
-    distance: ArrayLike,
-    *,
-    of_mla_distance: FloatArray,
-    of_focal_length: FloatArray,
-    of_gap: FloatArray,
-    expanded: float,
-) -> tuple[DepthErrorPart, ...]:
-    """Parts of the depth error of a camera as errors of disparity [m], to first order.
-
-    Parameters
-    ----------
-    camera, calibration, distance
-        The camera with its errors, and where [m].
-    of_mla_distance, of_focal_length, of_gap
-        Change of disparity per change of z, of −f_M and of b_L [1]: an error of z acts against one of f_M, and the two
-        are one part, with their correlation.
-    expanded
-        Standard deviation [m] of z with temperature.
-    """
-    sigma_z, sigma_f = calibration.mla_distance.standard_deviation, calibration.focal_length.standard_deviation
-    from_z, from_f = of_mla_distance * sigma_z, of_focal_length * sigma_f
-    joint = np.sqrt(np.maximum(from_z**2 - 2.0 * calibration.correlation * from_z * from_f + from_f**2, 0.0))
-    drawn = ErrorSource(standard_deviation=1.0) if sigma_z > 0.0 or sigma_f > 0.0 else NO_ERROR
-    return camera.parts_of(
-        distance,
-        {
-            "mla_distance_and_focal_length": (drawn, joint),
-            "microlens_gap": (calibration.microlens_gap, np.abs(of_gap)),
-            "temperature": (ErrorSource(standard_deviation=expanded), np.abs(of_mla_distance)),
-        },
-    )
+    def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - none of depth
+        """Those of the main lens and of the array."""
+        array = array_contradictions(self.main_lens, self.microlenses, self.geometry.mla_distance, stated)
+        return [*lens_contradictions(self.main_lens, self.sensor, stated), *array]
 
 
 def fill_factor(array: MicrolensArray) -> str:

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.error_vocabulary import SESSION_PARAMETERS
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 Errors = Mapping[str, ArrayLike]
 """Errors by name, in SI; what is missing is zero. Arrays of shape (draws, 1) give one row per draw."""
-
-SESSION_CHANGES: Final[Mapping[str, str]] = {"temperature_change": "K", "pressure_change": "Pa"}
-"""Changes of the surroundings since the calibration, with their units."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -38,13 +35,13 @@ class InverseDepthReading:
     out_of_range: BoolArray
 
 
-def require_known(errors: Errors, known: Mapping[str, str], camera: str) -> None:
+def require_known(errors: Errors, known: Collection[str], camera: str) -> None:
     """Refuse errors that a camera does not have."""
-    if unknown := sorted(set(errors) - set(known) - set(SESSION_CHANGES)):
+    if unknown := sorted(set(errors) - set(known) - set(SESSION_PARAMETERS)):
         raise OutOfRangeError(
             f"{camera} has no such error",
             value=", ".join(unknown),
-            limit=", ".join(sorted({**known, **SESSION_CHANGES})),
+            limit=", ".join(sorted({*known, *SESSION_PARAMETERS})),
             remedy="use one of the names of its error model",
         )
 

@@ -11,24 +11,21 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tradestudy.analysis.depth import ONE_SIGMA, depth_uncertainty
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_draws import outcome_model, uncertain_sources
 from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cost.depth_reference import SUPERSCRIPTS, DepthCase, reference_of
+from tradestudy.cost.depth_reference import ENDS, SUPERSCRIPTS, DepthCase, reference_of
 from tradestudy.cost.entries import NOWHERE_USABLE, PLAIN, SOBOL, CostTable, Entry, gain, nothing_measured
 from tradestudy.cost.interval_quadrature import half_width_by_quadrature
 from tradestudy.cost.measuring import MOST_PLACES, Allowance, Timed, entry_of, measure
-from tradestudy.effects.depth_errors import LINEAR as EFFECT_LINEAR
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.uncertainty.distributions import Normal, Uniform
-from tradestudy.uncertainty.evaluation import Outcome
 from tradestudy.uncertainty.linear import linear
 from tradestudy.uncertainty.monte_carlo import FEWEST_REPLICATES, Sampling, propagate
-from tradestudy.uncertainty.sources import ErrorClass, Source, Sources
 from tradestudy.uncertainty.streams import Sampler, plain_random, scrambled_sobol
 from tradestudy.units import FRACTION, LENGTH, pretty
 
@@ -36,24 +33,75 @@ _SAMPLERS: Final[Mapping[str, Sampler]] = {SOBOL: scrambled_sobol, PLAIN: plain_
 _POWERS: Final = range(9, 20, 2)
 _MOST_POWER: Final = {SOBOL: 17, PLAIN: 19}
 _REFERENCE_SHARE: Final = 0.4  # of the time allowed
-_RULES_AFTER: Final = 13  # power of two of the draws, after which draws by other rules are tried
-_UNTIL_CONVERGED: Final = 8.0  # times as many draws as those, which such a rule is expected to take
+LINEAR, INVERSE, QUADRATURE = "linear in depth", "linear in inverse depth", "quadrature"
+NOISE_ALONE, MIXED = "noise alone, exactly", "what acts in each camera"
+_NODES: Final = {1: "steepest direction alone", 3: "3 nodes per dimension", 5: "5 nodes per dimension"}
+_ORDER: Final = (LINEAR, INVERSE, NOISE_ALONE, MIXED, QUADRATURE, SOBOL, PLAIN)
+_WAYS: Final[Mapping[str, str]] = {
+    INVERSE: "effects.calibration: linear",
+    SOBOL: "effects.calibration: exact; accuracy.depth_uncertainty says how many draws, propagation.max_draws bounds "
+    "them",
+    NOISE_ALONE: "effects.calibration: off, or a camera without calibration errors",
+    MIXED: "accuracy.depth_uncertainty, by which the cheapest of them is chosen for each camera",
+}
+_WHICH_IS_LINEAR: Final = (
+    f"What the table of effects calls calibration: linear is {INVERSE}: the covariance of all errors through the "
+    "Jacobian of the exact reading, the ends of the interval mapped back to depth. What it calls calibration: exact "
+    f"are {SOBOL} draws through the exact reading."
+)
+_PICTURES: Final = (
+    "What it takes to derive disparity errors from pictures is measured by itself, below; here they are known."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Taken:
+    """The way that a run takes: model and setting in words, and half-widths [m] at all places by a seed."""
+
+    model: str
+    setting: str
+    compute: Callable[[int], FloatArray]
 
 
 def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Progress) -> CostTable:
-    """Cost of the depth uncertainty of the study's cameras as declared; those usable nowhere are left out and named."""
+    """Cost of the depth uncertainty of the study's cameras, noise and calibration, on the axis.
+
+    Parameters
+    ----------
+    definition
+        The study as planned, its calibrations inferred.
+    allowance
+        Time and repeats.
+    progress
+        Called with the step and the share done.
+
+    Returns
+    -------
+    CostTable
+        Cameras that are usable nowhere are left out and named.
+    """
     cameras = definition.case.cameras
-    cases = [case for name, camera in cameras.items() for case in _declared(definition, name, camera)]
-    name, title = "depth_uncertainty", "Depth uncertainty"
-    titles = {camera: definition.file.cameras[camera].title for camera in cameras}
-    usable = [case.name for case in cases]
+    titles = {name: definition.file.cameras[name].title for name in cameras}
+    places = {name: usable_places(definition, camera) for name, camera in cameras.items()}
+    usable = {name: _with_known_errors(cameras[name], places[name]) for name in cameras if places[name].size}
     says = (
         "Half the central 68.27 % interval of depth of "
-        f"{'; '.join(titles[camera] for camera in usable or cameras)} at up to {MOST_PLACES} "
+        f"{'; '.join(titles[name] for name in usable or cameras)} at up to {MOST_PLACES} "
         "distances each where they are usable: seconds for all of them together, relative error at the worst."
     )
-    if not cases:
+    name, title = "depth_uncertainty", "Depth uncertainty"
+    if not usable:
         return nothing_measured(name, title, says, NOWHERE_USABLE)
+    cases = [
+        DepthCase(
+            name=one,
+            title=titles[one],
+            model=outcome_model(camera, places[one], way=_way(camera)),
+            sources=uncertain_sources(camera, _way(camera)),
+            distance=places[one],
+        )
+        for one, camera in usable.items()
+    ]
     measured = propagation_cost(
         cases,
         allowance,
@@ -61,7 +109,7 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
         name=name,
         title=title,
         says=says,
-        chosen=IN_DISPARITY,
+        taken=_taken(usable, cases),
         asked=definition.file.accuracy.wanted().relative["depth_uncertainty"],
     )
     derived = any(isinstance(one.disparity_error_px, PictureDisparityError) for one in cameras.values())
@@ -70,24 +118,37 @@ def depth_cost(definition: StudyDefinition, allowance: Allowance, progress: Prog
         measured,
         left_out=(*unusable, *measured.left_out),
         notes=(_WHICH_IS_LINEAR, *([_PICTURES] * derived), *measured.notes) if measured.entries else measured.notes,
-        ways={IN_DISPARITY: "no option, as every run takes it"},
+        ways=_WAYS,
     )
 
 
-IN_DISPARITY: Final = "linear in disparity, closed form"
-_PICTURES: Final = (
-    "What it takes to derive disparity errors from pictures is measured by itself, below; here they are known."
-)
-LINEAR, INVERSE = "linear in depth", "linear in inverse depth"
-_WHICH_IS_LINEAR: Final = (
-    f"What a run takes, {IN_DISPARITY}, is what the table of effects calls calibration: {EFFECT_LINEAR}. All errors "
-    "that act are added up as errors of disparity, with their distributions, and the ends of the interval are mapped "
-    f"to depth. {LINEAR.capitalize()} and {INVERSE} are other models, which no run takes for this: lines by difference "
-    "quotients of the exact model, one standard deviation wide, in depth itself or in its inverse."
-)
-QUADRATURE: Final = "quadrature"
-_NODES: Final = {1: "steepest direction alone", 3: "3 nodes per dimension", 5: "5 nodes per dimension"}
-_ORDER: Final = (LINEAR, INVERSE, IN_DISPARITY, QUADRATURE, SOBOL, PLAIN)
+def _way(camera: DepthCamera) -> str:
+    """Which errors act in a camera."""
+    return "noise" if camera.propagation.model == "off" else "both"
+
+
+def _taken(cameras: Mapping[str, DepthCamera], cases: Sequence[DepthCase]) -> Taken:
+    """What the models that were chosen make of these cameras; which is which where they differ."""
+    models = {
+        case.title: NOISE_ALONE
+        if not camera.calibration.groups
+        else {"off": NOISE_ALONE, "linear": INVERSE, "exact": SOBOL}[camera.propagation.model]
+        for case, camera in zip(cases, cameras.values(), strict=True)
+    }
+    different = dict.fromkeys(models.values())
+
+    def compute(run: int) -> FloatArray:
+        return _joined(
+            depth_uncertainty(replace(camera, propagation=replace(camera.propagation, seed=run)), case.distance)
+            for case, camera in zip(cases, cameras.values(), strict=True)
+        )
+
+    if len(different) > 1:
+        named = {model: ", ".join(title for title, own in models.items() if own == model) for model in different}
+        return Taken(model=MIXED, setting="; ".join(f"{model}: {who}" for model, who in named.items()), compute=compute)
+    (model,) = different
+    tolerance = next(iter(cameras.values())).propagation.tolerance
+    return Taken(model=model, setting=f"until {100.0 * tolerance:g} %" if model == SOBOL else "", compute=compute)
 
 
 def propagation_cost(
@@ -98,9 +159,8 @@ def propagation_cost(
     name: str,
     title: str,
     says: str,
-    chosen: str,
+    taken: Taken,
     asked: float = math.nan,
-    more: Sequence[tuple[str, str, Sampling]] = (),
     most_draws: int = 2**19,
 ) -> CostTable:
     """Measure every way of propagation.
@@ -115,12 +175,10 @@ def propagation_cost(
         Called with the step and the share done.
     name, title, says
         Of the quantity.
-    chosen
-        The model that the study's run uses.
+    taken
+        What the study's run takes.
     asked
         Relative error that the study asks for; NaN where it asks for none.
-    more
-        Further samplings: model, setting in words, and how it samples.
     most_draws
         Of any way; the reference takes at most eight times as many.
     """
@@ -152,16 +210,19 @@ def propagation_cost(
             entries=(),
             left_out=tuple(left_out),
         )
+    timed = measure(taken.compute, allowance)
+    entries.append(_entry(taken.model, taken.setting, math.nan, timed, reference, chosen=True))
+    notes.append(_where_worst(cases, ", ".join(filter(None, (taken.model, taken.setting))), timed, reference))
     for model, compute in _analytic(cases):
+        if model == taken.model:
+            continue
         try:
             timed = measure(compute, allowance)
         except OutOfRangeError as error:
             left_out.append(f"{model}: {error}")
             continue
-        evaluations = sum(2 * case.sources.dimensions + 1 for case in cases) if model != IN_DISPARITY else math.nan
-        entries.append(_entry(model, "", evaluations, timed, reference, chosen=model == chosen))
-        if model == chosen:
-            notes.append(_where_worst(cases, model, timed, reference))
+        evaluations = sum(2 * case.sources.dimensions + 1 for case in cases)
+        entries.append(_entry(model, "", evaluations, timed, reference))
     took_last = 0.0
     for nodes, setting in _NODES.items():
         # The nodes of up to five dimensions grow by less than a hundredfold from one setting to the next.
@@ -171,7 +232,7 @@ def propagation_cost(
         try:
             timed = measure(
                 lambda _run, nodes=nodes: _joined(  # type: ignore[misc]  # bound at once
-                    half_width_by_quadrature(case.model, case.sources, ONE_SIGMA, nodes) for case in cases
+                    half_width_by_quadrature(case.model, case.sources, ENDS, nodes) for case in cases
                 ),
                 allowance,
             )
@@ -182,32 +243,23 @@ def propagation_cost(
         entries.append(_entry(QUADRATURE, setting, math.nan, timed, reference))
         if entries[-1].error <= 2.0 * reference_error:  # finer ones are as good as can be told
             break
-    took, drawn = dict.fromkeys(_SAMPLERS, 0.0), 0.0
-    # Model, setting, sampling, draws, and how many times longer than the draws of the model before it takes: four times
-    # the draws take four times as long, with one run for the memory, and at least one for the time. Rules come before
-    # the many draws, lest those leave no time for what a run takes.
-    runs: list[tuple[str, str, Sampling, float, float]] = []
-    for power in _POWERS:
-        runs += [
-            (model, f"2{str(power).translate(SUPERSCRIPTS)} draws", fixed_sampling(sampler, 2**power), 2.0**power, 8.0)
-            for model, sampler in _SAMPLERS.items()
-            if power <= _MOST_POWER[model] and 2**power <= most_draws
-        ]
-        runs += [(*rule, math.nan, _UNTIL_CONVERGED) for rule in more if power == _RULES_AFTER]
-    for model, setting, sampling, draws, longer in runs:
-        predicted = longer * took[model]
+    took = dict.fromkeys(_SAMPLERS, 0.0)
+    runs = [
+        (model, 2**power)
+        for power in _POWERS
+        for model in _SAMPLERS
+        if power <= _MOST_POWER[model] and 2**power <= most_draws
+    ]
+    for number, (model, draws) in enumerate(runs):
+        # Four times the draws take four times as long, with one run for the memory, and at least one for the time.
+        setting, predicted = f"2{str(draws.bit_length() - 1).translate(SUPERSCRIPTS)} draws", 8.0 * took[model]
         if not allowance.allows(predicted):
             left_out.append(f"{model}, {setting}: {allowance.lacking(predicted)}")
             continue
-        timed = measure(partial(_sampled, cases, sampling), allowance)
-        is_rule = math.isnan(draws)
-        entries.append(_entry(model, setting, draws, timed, reference, chosen=is_rule and model == chosen))
-        if not is_rule:
-            took[model], drawn = timed.seconds, drawn + draws
-            share = drawn / math.fsum(one[3] for one in runs if not math.isnan(one[3]))
-            progress(f"cost: {name}", _REFERENCE_SHARE + (1.0 - _REFERENCE_SHARE) * share)
-        elif model == chosen:
-            notes.append(_where_worst(cases, f"{model} {setting}", timed, reference))
+        timed = measure(partial(_sampled, cases, fixed_sampling(_SAMPLERS[model], draws)), allowance)
+        entries.append(_entry(model, setting, draws, timed, reference))
+        took[model] = timed.seconds
+        progress(f"cost: {name}", _REFERENCE_SHARE + (1.0 - _REFERENCE_SHARE) * number / len(runs))
     progress(f"cost: {name}", 1.0)
     return CostTable(
         name=name,
@@ -220,51 +272,6 @@ def propagation_cost(
         left_out=tuple(left_out),
         notes=(*notes, *gain(entries, reference_error)),
         asked=asked,
-    )
-
-
-def _declared(definition: StudyDefinition, name: str, camera: DepthCamera) -> Iterator[DepthCase]:
-    """The camera at some of the distances where it is usable and its uncertainty finite; nothing where there is none.
-
-    Its errors are those that it declares, each direction drawn independently, through its exact model.
-    """
-    distance = usable_places(definition, camera)
-    if distance.size == 0:
-        return
-    directions = camera.error_directions(distance)
-    shapes = {part.name: part.shape for part in camera.depth_error_parts(distance)}
-    moved = {
-        f"{part} {number}": (part, error) for part, errors in directions.items() for number, error in enumerate(errors)
-    }
-    sources = tuple(
-        Source(
-            name=key,
-            distribution=Uniform(low=-math.sqrt(3.0), high=math.sqrt(3.0))
-            if shapes.get(part) == "uniform"
-            else Normal(mean=0.0, standard_deviation=1.0),
-            error_class=ErrorClass.RIG,
-        )
-        for key, (part, _) in moved.items()
-    )
-
-    def model(values: Mapping[str, FloatArray]) -> Outcome:
-        errors: dict[str, FloatArray] = {}
-        for key, (_, direction) in moved.items():
-            for parameter, deviation in direction.items():
-                added = values[key] * np.asarray(deviation, dtype=np.float64)
-                errors[parameter] = errors[parameter] + added if parameter in errors else added
-        depth = camera.depth_with_errors(distance, errors)
-        shape = (len(next(iter(values.values()))), distance.size)
-        return Outcome(values=np.broadcast_to(1.0 / depth, shape))
-
-    known = _with_known_errors(camera, distance)
-    yield DepthCase(
-        name=name,
-        title=definition.file.cameras[name].title,
-        model=model,
-        sources=Sources(groups=sources),
-        distance=distance,
-        closed_form=lambda: depth_uncertainty(known, distance),
     )
 
 
@@ -296,16 +303,17 @@ def _with_known_errors(camera: DepthCamera, distance: FloatArray) -> DepthCamera
     law = camera.disparity_error_px
     if not isinstance(law, PictureDisparityError):
         return camera
-    found = law.error_px(camera, distance)
+    places = np.union1d(distance, camera.propagation.judged)
+    found = law.error_px(camera, places)
     known = _KnownDisparityError(
-        settings=law.settings, models=law.models, distance=tuple(distance.tolist()), known_px=tuple(found.tolist())
+        settings=law.settings, models=law.models, distance=tuple(places.tolist()), known_px=tuple(found.tolist())
     )
     return replace(camera, disparity_error_px=known)
 
 
 def _analytic(cases: Sequence[DepthCase]) -> Iterator[tuple[str, Callable[[int], FloatArray]]]:
     def mapped(case: DepthCase) -> FloatArray:
-        low, high = linear(case.model, case.sources, inverse_depth=True).mapped_quantiles(ONE_SIGMA)
+        low, high = linear(case.model, case.sources, inverse_depth=True).mapped_quantiles(ENDS)
         return np.asarray((high - low) / 2.0)
 
     yield (
@@ -315,9 +323,6 @@ def _analytic(cases: Sequence[DepthCase]) -> Iterator[tuple[str, Callable[[int],
         ),
     )
     yield INVERSE, lambda _run: _joined(mapped(case) for case in cases)
-    closed = [case.closed_form for case in cases if case.closed_form is not None]
-    if len(closed) == len(cases):
-        yield IN_DISPARITY, lambda _run: _joined(one() for one in closed)
 
 
 def _joined(parts: Iterator[FloatArray]) -> FloatArray:

@@ -41,7 +41,7 @@ def depth_of_field_cost(
     without = selection.name_of("main_lens_diffraction") == OFF
     step = "cost: depth_of_field"
     progress(step, 0.0)
-    widest = max(one.blur for one in part.sharp.values())  # diffraction alone exceeds narrower ones sooner
+    widest = max(one.blur for one in part.criteria.values())  # diffraction alone exceeds narrower ones sooner
     criteria = {
         measure_: BlurCriterion(blur_px=widest, measure=measure_, wavelength=definition.case.wavelength)
         for measure_ in TITLES
@@ -68,7 +68,7 @@ def depth_of_field_cost(
                 typical_error=float(np.median(errors)),
                 chosen=any(
                     one.blur == widest and measure_ == ("none" if without else one.diffraction)
-                    for one in part.sharp.values()
+                    for one in part.criteria.values()
                 ),
             )
         )
@@ -83,7 +83,7 @@ def depth_of_field_cost(
         reference_error=0.0,
         reference_seconds=next(entry.seconds for entry in entries if entry.error == 0.0),
         entries=tuple(entries),
-        ways={title: f"diffraction: {measure_} under depth_of_field.sharp" for measure_, title in TITLES.items()},
+        ways={title: f"diffraction: {measure_} under depth_of_field.criteria" for measure_, title in TITLES.items()},
     )
 
 

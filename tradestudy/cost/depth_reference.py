@@ -19,7 +19,7 @@ from numpy.polynomial.hermite_e import hermegauss
 from numpy.polynomial.legendre import leggauss
 from scipy.special import erfc, ndtri
 
-from tradestudy.analysis.depth import ONE_SIGMA
+from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cost.measuring import REFERENCE_SEED, Allowance
 from tradestudy.errors import NotConvergedError, UnaffordableError
 from tradestudy.optics.arrays import FloatArray
@@ -41,8 +41,6 @@ class DepthCase:
         Its exact model of inverse depth, and what is uncertain.
     distance
         Where it is asked for [m].
-    closed_form
-        The uncertainty by the closed form of ``/depth`` [m]; None where the errors have none.
     """
 
     name: str
@@ -50,9 +48,10 @@ class DepthCase:
     model: Model
     sources: Sources
     distance: FloatArray
-    closed_form: Callable[[], FloatArray] | None
 
 
+ENDS: Final = ((1.0 - ONE_SIGMA) / 2.0, (1.0 + ONE_SIGMA) / 2.0)
+"""Probabilities of the ends of the interval whose half-width is asked for."""
 SUPERSCRIPTS: Final = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SCRAMBLES: Final = 8
 _MOST_DRAWS, _FEWEST_DRAWS = 2**20, 2**15
@@ -199,7 +198,7 @@ def _scrambles(cases: Sequence[DepthCase], draws: int, alive: Callable[[], None]
                 found = case.model(case.sources.draw(ndtri(uniform)))
                 depths.append(ranked(found, inverse_depth=True, draws=uniform.shape[1])[0])
             with np.errstate(invalid="ignore"):  # between two infinite depths: NaN, no far end
-                low, high = np.quantile(np.concatenate(depths, axis=1), ONE_SIGMA, axis=1, method="hazen")
+                low, high = np.quantile(np.concatenate(depths, axis=1), ENDS, axis=1, method="hazen")
             parts.append((high - low) / 2.0)
         rows.append(np.concatenate(parts))
     return np.stack(rows), time.perf_counter() - begin
@@ -268,7 +267,7 @@ class _Integral:
             scores[name] = np.tile(node, weight.size)
             weight = np.repeat(weight, node.size) * np.tile(share / share.sum(), weight.size)
         moved = {name: self.middle[name] + self.scale[name] * score[:, None] for name, score in scores.items()}
-        nearer, farther = (self._inverse_end(moved, weight, probability) for probability in ONE_SIGMA)
+        nearer, farther = (self._inverse_end(moved, weight, probability) for probability in ENDS)
         return np.asarray((1.0 / farther - 1.0 / nearer) / 2.0)
 
     def _inverse_depth(self, moved: dict[str, FloatArray], score: FloatArray) -> FloatArray:
@@ -323,11 +322,10 @@ class _Integral:
 
 
 def _integral(case: DepthCase) -> _Integral | None:
-    """The case for integration; None for errors of other kinds, draws that are refused, or no normal one that acts."""
+    """The case for integration; None for errors that are of other kinds or too many, or no normal one that acts."""
     laws = {group.name: group.distribution for group in case.sources.active_groups if isinstance(group, Source)}
-    nominal = case.model(case.sources.nominal())
     simple = all(isinstance(law, Normal | Uniform) for law in laws.values())
-    if len(laws) < len(case.sources.groups) or not simple or nominal.no_overlap is not False:
+    if len(laws) < len(case.sources.groups) or not simple or _RULES[0] ** (len(laws) - 1) > _MOST_NODES:
         return None
     middle = {name: float(law.mean or 0.0) for name, law in laws.items()}
     scale = {

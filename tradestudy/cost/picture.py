@@ -12,6 +12,7 @@ import numpy as np
 
 from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cost.depth import usable_places
 from tradestudy.cost.entries import NOWHERE_USABLE, CostTable, nothing_measured
@@ -72,16 +73,18 @@ def picture_cost(
     CostTable
         Without entries where the camera is usable at no distance of the study, or the time does not allow a reference.
     """
-    camera = definition.case.cameras[situation.name]
+    declared = definition.case.cameras[situation.name]
+    taken = acting(declared, {slot: model.name for slot, model in selection.chosen.items()})
+    places = usable_places(definition, taken)
+    camera = declared.without_calibration_errors() if taken.propagation.model == "off" else _by_line(declared)
     chosen = acting(camera, _names(selection))
-    places = usable_places(definition, chosen)
     step = f"cost: {name}"
     progress(step, 0.0)
     title = f"Picture models: {situation.title}"
     says = (
         f"Depth uncertainty of {situation.title} at {places.size} distances where it is usable, its disparity error "
-        "derived anew: seconds for all of them, relative error at the worst. Settings name what is simpler than the "
-        "most complete models."
+        "derived anew and propagated linearly: seconds for all of them, relative error at the worst. Settings name "
+        "what is simpler than the most complete models."
     )
     if places.size == 0:
         return nothing_measured(name, title, says, NOWHERE_USABLE)
@@ -132,8 +135,16 @@ def picture_cost(
     )
 
 
+def _by_line(camera: DepthCamera) -> DepthCamera:
+    """The camera with errors that propagate without draws, whose scatter would hide what pictures change."""
+    if not has_covariance(camera):
+        return camera.without_calibration_errors()
+    return replace(camera, propagation=replace(camera.propagation, model="linear"))
+
+
 def _names(selection: Selection) -> Names:
-    return {slot: model.name for slot, model in selection.chosen.items()}
+    """Of the picture: ways of propagation are priced with the depth uncertainty."""
+    return {slot: model.name for slot, model in selection.chosen.items() if slot != "calibration"}
 
 
 def _reference(
@@ -194,8 +205,8 @@ def _sets(camera: DepthCamera, situation: Situation, selection: Selection) -> di
 
 
 def _complete(situation: Situation) -> Names:
-    """The most complete model of every slot."""
-    return {slot.name: slot.models[-1].name for slot in situation.slots}
+    """The most complete model of every slot of the picture."""
+    return {slot.name: slot.models[-1].name for slot in situation.slots if slot.name != "calibration"}
 
 
 def _with_law(situation: Situation, law: str) -> Names:
@@ -208,7 +219,7 @@ def _omissions(situation: Situation) -> Iterator[Names]:
     """One effect after the other by its simpler models, beside Fresnel's law; none that could never be selected."""
     standing = _with_law(situation, "fresnel")
     for slot in situation.slots:
-        if slot.name in _LENSES:
+        if slot.name in (*_LENSES, "calibration"):
             continue
         for model in slot.models[:-1]:
             if all(math.isfinite(bound.relative_change) for bound in model.bounds.values()):

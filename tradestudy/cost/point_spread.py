@@ -157,7 +157,7 @@ def _case(part: PointSpreadPart, element: ElementPart) -> LensAndPoint:
         focal_length=element.focal_length,
         object_distance=element.object_distance,
         f_number=element.f_number,
-        wavelength=part.standing_wavelength,
+        wavelength=part.reference_wavelength,
         lens_phase=part.lens_phase,
         field_angle=0.0,
         defocus_waves=0.0,

@@ -15,7 +15,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy import machine, provenance
-from tradestudy.cost.calibration import calibration_cost, posterior_cost
+from tradestudy.calibration.posteriors import TargetToInfer
 from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
 from tradestudy.cost.depth import depth_cost
 from tradestudy.cost.depth_of_field import depth_of_field_cost
@@ -33,6 +33,7 @@ from tradestudy.cost.entries import (
 from tradestudy.cost.measuring import Allowance, Pace
 from tradestudy.cost.picture import picture_cost
 from tradestudy.cost.point_spread import point_spread_cost
+from tradestudy.cost.posterior import posterior_cost
 from tradestudy.cost.spot import point_cost, spot_cost
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
@@ -43,6 +44,7 @@ from tradestudy.plan.situations import light_spot, point_spread
 from tradestudy.plan.situations.every import DEPTH_OF_FIELD
 from tradestudy.plan.situations.light_spot import spot_models
 from tradestudy.results import dataset
+from tradestudy.run.inference import infer_calibrations
 from tradestudy.study.definition import StudyDefinition
 
 _ENTRY_FIELDS: Final = {
@@ -126,7 +128,11 @@ def study_cost(
 
 def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Iterator[Callable[[Allowance], CostTable]]:
     """What the study asks for, the quickest first, so that the dear ones get what is left."""
-    definition, file = plan.definition, declared.file
+    file, to_infer = declared.file, plan.definition.calibrations_to_infer()
+    begin = time.perf_counter()
+    definition, _ = infer_calibrations(plan.definition, Steps(progress=progress))
+    inferring = time.perf_counter() - begin
+    declared = declared.with_posteriors(definition.posteriors)
     if (asked := file.depth_of_field) is not None:
         sharpness = plan.selections[DEPTH_OF_FIELD]
         yield lambda allowance: depth_of_field_cost(definition, asked, sharpness, allowance, progress)
@@ -140,19 +146,18 @@ def _questions(declared: StudyDefinition, plan: Plan, progress: Progress) -> Ite
         for number, situation in enumerate(derived, start=1):
             selection, name = plan.selections[situation.name], f"picture_{number}"
             yield partial(picture_cost, declared, situation, selection, progress=progress, name=name)
-    if (calibration := file.calibration) is not None:
-        begin = time.perf_counter()
-        uncertain = definition.uncertain_cameras(calibration, Steps(progress=progress))
-        inferring = time.perf_counter() - begin
-        shown = [name for name, camera in calibration.cameras.items() if camera.target is not None]
-        titles = {name: camera.title for name, camera in file.cameras.items()}
-        yield lambda allowance: calibration_cost(calibration, uncertain, titles, allowance, progress)
-        if shown:  # one stands for all: each is a posterior of a dozen parameters and takes as long
-            camera = uncertain.cameras[shown[0]]
-            inferred = sum(one.target is not None or one.corners is not None for one in calibration.cameras.values())
-            yield lambda allowance: posterior_cost(
-                definition, calibration, camera, allowance, progress, inferring=inferring / inferred
-            )
+    # One stands for all: each is a posterior of a dozen parameters and takes as long.
+    if shown := [one for one in to_infer.values() if isinstance(one, TargetToInfer)]:
+        name, each = shown[0].name, inferring / len(definition.posteriors)
+        yield partial(
+            posterior_cost,
+            shown[0],
+            definition.case.cameras[name],
+            file.cameras[name].title,
+            definition.case.distance,
+            progress=progress,
+            inferring=each,
+        )
     if (spot := file.light_spot) is not None:
         speed, pace = machine.machine_speed(), Pace()
         if not spot.spot.coherent:  # one wave has no points of its own

@@ -13,7 +13,7 @@ from tradestudy.declarations.mistakes import MistakeAt
 class Part(BaseModel):
     """A mapping in a study file: unknown keys are mistakes, values never change after reading."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, defer_build=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:  # noqa: ARG003 - for parts that refer to names

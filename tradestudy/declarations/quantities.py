@@ -149,8 +149,8 @@ PositiveNumber = Annotated[float, *quantity(units.NUMBER, above=0.0)]
 PositiveDuration = Annotated[float, *quantity(units.DURATION, above=0.0)]
 Temperature = Annotated[float, *quantity(units.TEMPERATURE, above=0.0)]
 TemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE)]
-NonNegativeTemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE, at_least=0.0)]
 Pressure = Annotated[float, *quantity(units.PRESSURE, at_least=0.0)]
+PressureDifference = Annotated[float, *quantity(units.PRESSURE)]
 ThermalExpansion = Annotated[float, *quantity(units.EXPANSION)]
 
 # A quantity whose dimension depends on what is asked; a plain number may stand without quotes.

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Hashable
+from typing import Annotated, Literal, TypeVar
 
 from pydantic import AfterValidator, Field
 
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.quantities import ObjectDistance
+
+Item = TypeVar("Item", bound=Hashable)
 
 
 def increasing(span: tuple[float, ...]) -> tuple[float, ...]:
@@ -24,9 +27,17 @@ def different(pair: tuple[str, ...]) -> tuple[str, ...]:
     return pair
 
 
+def distinct(values: tuple[Item, ...]) -> tuple[Item, ...]:
+    """Refuse a list that says something twice."""
+    if twice := [MistakeAt((i,), "stands here twice") for i, value in enumerate(values) if value in values[:i]]:
+        raise MistakeAt.several(twice)
+    return values
+
+
 Way = Literal["noise", "calibration", "both"]
 Span = Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=2), AfterValidator(increasing)]
 Text = Annotated[str, Field(min_length=1, max_length=2000)]
 CameraName = Annotated[str, Field(min_length=1, max_length=80)]
 Pair = Annotated[tuple[CameraName, ...], Field(min_length=2, max_length=2), AfterValidator(different)]
+Seed = Annotated[int, Field(ge=0, le=2**64 - 1, strict=True)]
 Scalar = str | int | float | bool | None

@@ -25,7 +25,6 @@ SlotName = Literal[
     "vignetting",
     "sensor_noise",
     "calibration",
-    "temperature",
     "sampling",
 ]
 OFF: Final = "off"

@@ -1,26 +1,32 @@
-"""The slots of errors that act on depth: calibration, left out or added up in disparity, and temperature."""
+"""The slot of calibration: its errors left out, or propagated to depth linearly or exactly."""
 
 from __future__ import annotations
 
-from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot
+import math
+from typing import Final
 
-LINEAR, EXPANSION = "linear", "expansion"
+from tradestudy.effects.base import COMPLETE, OFF, Bound, EffectCriterion, Model, Slot
+
+LINEAR: Final = "linear"
+EXACT: Final = "exact"
 
 
-def calibration_slot(*, share_of_uncertainty: float, linear_error: float, seconds: float, are_declared: bool) -> Slot:
+def calibration_slot(
+    *, share_of_uncertainty: float, linear_error: float, at: float, exact_seconds: float, are_declared: bool
+) -> Slot:  # fmt: skip
     """Models of calibration errors for the depth uncertainty of one camera.
-
-    Draws through the exact camera model are no model of this slot: a study that asks for them has a calibration part,
-    which stands beside the closed form and is compared with it.
 
     Parameters
     ----------
     share_of_uncertainty
         1 − (uncertainty without them)/(with them), the largest over usable distances: what leaving them out changes.
     linear_error
-        Largest stated error of adding them up in disparity, as a share of the depth uncertainty.
-    seconds
-        Predicted cost of adding them up [s].
+        Largest departure of the linear model from exact draws at the distances tried, as a share of the uncertainty;
+        infinite where it cannot be tried.
+    at
+        Where that is [m]; NaN where it was not tried.
+    exact_seconds
+        Predicted cost of draws [s]; a line costs a few readings, which is nothing beside it.
     are_declared
         Whether the study declares any.
     """
@@ -36,65 +42,24 @@ def calibration_slot(*, share_of_uncertainty: float, linear_error: float, second
         if are_declared
         else "the study declares no calibration error of this camera",
     )
+    tried = EffectCriterion(
+        words="departure from exact draws, over the uncertainty",
+        definition="|u/u₀ − 1|; u half the width of any reported interval by the line, u₀ by draws through the exact "
+        "reading, with twice the standard error of the draws; the largest at the distances tried",
+        value=linear_error,
+        at=at,
+    )
     linear = Bound(
         relative_change=linear_error,
-        criterion=EffectCriterion(
-            words="departure from the exact camera model, over the uncertainty",
-            definition="stated error of the depth uncertainty in closed form over that uncertainty, the largest at "
-            "usable distances",
-            value=linear_error,
-        ),
-        reason="errors add up in disparity, where they act almost linearly; one-deviation errors through the exact "
-        "camera model tell how nearly",
+        criterion=tried,
+        reason="tried against exact draws at the ends and in the middle of the usable range, where the uncertainty "
+        "is the largest share of the distance, and wherever the study asks"
+        if math.isfinite(linear_error)
+        else "its calibration is inferred during the run, or depth is lost: how far a line misses it is not known",
     )
     models = (
         Model(name=OFF, bounds={"depth_uncertainty": off}),
-        Model(name=LINEAR, bounds={"depth_uncertainty": linear}, seconds=seconds),
+        Model(name=LINEAR, bounds={"depth_uncertainty": linear}),
+        Model(name=EXACT, bounds={"depth_uncertainty": COMPLETE}, seconds=exact_seconds),
     )
-    return Slot(name="calibration", models=models if are_declared else models[:1])
-
-
-def temperature_slot(
-    *, share_of_uncertainty: float, expansion: float, error: float, seconds: float, is_declared: bool
-) -> Slot:
-    """Models of a temperature that differs from that of the calibration.
-
-    Parameters
-    ----------
-    share_of_uncertainty
-        1 − (uncertainty without it)/(with it), the largest over usable distances.
-    expansion
-        Relative change of length, one standard deviation.
-    error
-        Stated error of the model that includes it, as a share of the depth uncertainty.
-    seconds
-        Predicted cost of including it [s].
-    is_declared
-        Whether the study declares a temperature.
-    """
-    reason = (
-        "the uncertainty without it falls short of that with it by at most this share, at any distance"
-        if is_declared
-        else "the study declares no change of temperature"
-    )
-    criterion = EffectCriterion(
-        words="relative expansion",
-        definition="coefficient of expansion times the deviation of temperature: relative change, one standard "
-        "deviation, of the baseline or of the distance from main lens to array",
-        value=expansion,
-    )
-    off = Model(
-        name=OFF,
-        bounds={"depth_uncertainty": Bound(
-            relative_change=share_of_uncertainty, criterion=criterion, reason=reason,
-        )},
-    )  # fmt: skip
-    on = Model(
-        name=EXPANSION,
-        seconds=seconds,
-        bounds={"depth_uncertainty": Bound(
-            relative_change=error, criterion=criterion,
-            reason="expansion is one more error of the length that it changes",
-        )},
-    )  # fmt: skip
-    return Slot(name="temperature", models=(off, on) if is_declared else (off,))
+    return Slot(name="calibration", models=models)

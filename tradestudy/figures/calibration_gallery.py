@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from tradestudy.figures import calibration, posterior, sensitivity
+from tradestudy.figures import posterior, ranks, sensitivity
 from tradestudy.figures.drawing import Drawing
 from tradestudy.results.views.depth import largest_source
 from tradestudy.results.views.groups import camera_titles, titles_in
@@ -16,10 +16,7 @@ from tradestudy.units import LENGTH, pretty, significant
 
 
 def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
-    """The figures of a study that propagates its calibration errors; none for another."""
-    if "calibration" in tree.children:
-        yield _bands(tree)
-        yield _failures(tree)
+    """The figures on what drives depth, on ranks and on posteriors; none for a study that asks for none."""
     if "sensitivity" in tree.children:
         yield from _sensitivity(tree)
     if "decision" in tree.children and "rank_first" in tree["decision"].data_vars:
@@ -27,44 +24,6 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     if "calibration" in tree.children and "posterior_draw" in tree["calibration"].data_vars:
         for name in tree["calibration"].to_dataset()["posterior"].values:
             yield from _posterior(tree, str(name))
-
-
-def _bands(tree: xr.DataTree) -> Drawing:
-    data = tree["calibration"].to_dataset().sel(way="both", field="axis")
-    sentences = []
-    for key, title in titles_in(tree, "calibration").items():
-        one = data.sel(camera=key)
-        reached = one["distance"].values[np.isinf(one["depth_quantile"].isel(quantile=-1).values)]
-        sentences.append(
-            f"{title}: the 95 % interval has no far end from {pretty(float(reached[0]), LENGTH)} on. "
-            if reached.size
-            else f"{title}: bounded everywhere. "
-        )
-    return Drawing(
-        name="calibration-bands",
-        caption="Quantiles of one reading by a rig drawn from its errors, over the true distance, by the exact model. "
-        "Dashed: linear theory, whose interval is symmetric and always bounded. Readings at or beyond infinity stay "
-        "in the quantiles; a band that runs out at the top has no far end or one beyond the panel.",
-        alt="One chart per camera of quantile bands of depth over distance. " + "".join(sentences),
-        draw=partial(calibration.draw_bands, tree),
-    )
-
-
-def _failures(tree: xr.DataTree) -> Drawing:
-    data = tree["calibration"].to_dataset().sel(way="both", field="axis")
-    sentences = [
-        f"{title} at {pretty(float(data['distance'].values[-1]), LENGTH)}: "
-        f"{significant(100.0 * float(data['infinite_fraction'].sel(camera=key).isel(distance=-1)))} % beyond "
-        "infinity. "
-        for key, title in titles_in(tree, "calibration").items()
-    ]
-    return Drawing(
-        name="failure-share",
-        caption="Probability that one reading ends at or beyond infinity (top), and that there is none at all because "
-        "the camera does not see the point or the drawn errors leave no camera (bottom). Noise and calibration.",
-        alt="Four charts of probability against distance. " + "".join(sentences),
-        draw=partial(calibration.draw_failures, tree),
-    )
 
 
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -84,8 +43,8 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
     )
     yield Drawing(
         name="sobol-indices",
-        caption="Share of the variance of inverse depth on the axis due to each source, with its interactions (lines) "
-        "and alone (dotted). Inverse depth has a variance where depth has none.",
+        caption="Total (lines) and first-order (dotted) Sobol indices of inverse depth on the axis, over independent "
+        "sources. They tell interactions and are no parts: where sources interact, total indices sum to more than 1.",
         alt="One chart per camera of total Sobol indices against distance; first-order indices lie on them where the "
         "sources do not interact.",
         draw=partial(sensitivity.draw_indices, tree),
@@ -93,7 +52,7 @@ def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
 
 
 def _ranks(tree: xr.DataTree) -> Drawing:
-    decision = tree["decision"].to_dataset().sel(rank_way="calibration", field="axis")
+    decision = tree["decision"].to_dataset().sel(rank_way="calibration")
     titles = camera_titles(tree)
     sentences = []
     for pair in decision["pair"].values:
@@ -108,8 +67,8 @@ def _ranks(tree: xr.DataTree) -> Drawing:
         caption="Probability that the depth error of the first camera is smaller than that of the second. Calibration "
         "alone: over rigs, sessions and calibrations, with the noise averaged away. Single readings: noise as well. "
         "Shaded: two Monte Carlo standard errors. What both cameras share (temperature, pressure) is drawn once.",
-        alt="Four charts of probability against distance. Calibration alone, on the axis: " + "".join(sentences),
-        draw=partial(calibration.draw_rank_probability, tree),
+        alt="Two charts of probability against distance. Calibration alone: " + "".join(sentences),
+        draw=partial(ranks.draw_rank_probability, tree),
     )
 
 

@@ -27,7 +27,7 @@ from tradestudy.figures.style import (
     styled,
     traces,
 )
-from tradestudy.results.views.decision import has_winners, told_winners, winners
+from tradestudy.results.views.decision import answer_title, has_winners, tied, told_winners, winners
 from tradestudy.results.views.depth import nominal, of_camera, where_usable
 from tradestudy.results.views.groups import FloatArray
 from tradestudy.wording import distance as distance_words
@@ -156,13 +156,18 @@ def _bars(axes: Axes, depth: xr.Dataset, shown: tuple[CameraTrace, ...]) -> None
 
 def _best_camera_bar(axes: Axes, tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> None:
     by_key = {camera.key: camera for camera in shown}
+    titles = {camera.key: camera.title for camera in shown}
     row = len(shown) + 0.25
-    for start, end, key in winners(tree):
-        if key:
-            axes.barh(row, end - start, left=start, height=0.9, color=by_key[key].style.color, linewidth=0)
+    for start, end, answer in winners(tree):
+        best = tied(answer)
+        for order, key in enumerate(best):  # cameras that are alike share the bar
+            height = 0.9 / len(best)
+            middle = row - 0.45 + (order + 0.5) * height
+            axes.barh(middle, end - start, left=start, height=height, color=by_key[key].style.color, linewidth=0)
+        if best:
             letters = int(_LETTERS_PER_DECADE * np.log10(end / start))
             if letters >= _SHORTEST_NAME:
-                name = shortened(by_key[key].title, letters)
+                name = shortened(answer_title(titles, answer), letters)
                 axes.text(np.sqrt(start * end), row, name, color="white", ha="center", va="center", fontsize=6.5)
     names = [*(shortened(camera.title) for camera in shown), "best camera"]
     axes.set(yticks=[*range(len(shown)), row], yticklabels=names, ylim=(row + 0.6, -0.6))

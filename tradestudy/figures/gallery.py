@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Mapping
 from functools import partial
 
@@ -13,17 +14,18 @@ from tradestudy.figures import (
     depth_of_field,
     fresnel_validity,
     light_spot,
+    off_axis,
     readings,
     sweeps,
-    uncertainty_parts,
+    variance_shares,
 )
 from tradestudy.figures.calibration_gallery import calibration_drawings
 from tradestudy.figures.cost import cost_drawing, measured_quantities
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
 from tradestudy.figures.style import CameraTrace, traces
-from tradestudy.results.views.decision import candidates, has_winners, told_winners
-from tradestudy.results.views.depth import largest_part, nominal, of_camera, swept, where_usable
+from tradestudy.results.views.decision import answer_title, candidates, has_winners, told_winners
+from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
 from tradestudy.results.views.groups import camera_titles
 from tradestudy.units import LENGTH, pretty, significant
 from tradestudy.wording import counted, distance, listed, span
@@ -43,7 +45,9 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if "depth" in tree.children:
         yield _whole_range(tree)
         yield from _paper_figures(tree)
-        yield _parts(tree)
+        yield _shares(tree)
+        if "depth_field" in tree.children:
+            yield _off_axis(tree)
         if swept(tree["depth"].to_dataset()):
             yield from _sweeps(tree)
     if "decision" in tree.children and "uncertainty_ratio" in tree["decision"]:
@@ -71,7 +75,7 @@ def _whole_range(tree: xr.DataTree) -> Drawing:
         caption += (
             " The last bar names the usable camera with the smallest uncertainty"
             + (f", of the candidates {listed(among)}" if among else "")
-            + "; dashed lines mark where it changes."
+            + ", and all whose difference from it is below its error; dashed lines mark where they change."
         )
     return Drawing(
         name="whole_range",
@@ -104,8 +108,9 @@ def _winner_words(tree: xr.DataTree, shown: tuple[CameraTrace, ...]) -> str:
     if not has_winners(tree):
         return ""
     chosen = candidates(tree)
-    titles = {camera.key: camera.title for camera in shown} | {"": "no candidate" if chosen else "no camera"}
-    found = [f"{span(a, b)} {titles[key]}" for a, b, key in told_winners(tree)]
+    titles = {camera.key: camera.title for camera in shown}
+    nobody = "no candidate" if chosen else "no camera"
+    found = [f"{span(a, b)} {answer_title(titles, names, nobody)}" for a, b, names in told_winners(tree)]
     return f"Smallest uncertainty{' of the candidates' if chosen else ''}: {', '.join(found)}."
 
 
@@ -145,35 +150,59 @@ def _values_at(tree: xr.DataTree, shown: tuple[CameraTrace, ...], place: float) 
     return f"at {distance(float(there['distance'].item()))}: {each}"
 
 
-def _parts(tree: xr.DataTree) -> Drawing:
-    largest = uncertainty_parts.largest_by_part(nominal(tree))
-    silent = ", ".join(name.replace("_", " ") for name, most in largest.items() if most == 0.0)
+def _shares(tree: xr.DataTree) -> Drawing:
+    every, shown = variance_shares.largest_shares(nominal(tree)), variance_shares.shown_parts(nominal(tree))
+    silent = listed([name.replace("_", " ") for name, most in every.items() if most >= 0.0 and name not in shown])
     return Drawing(
-        name="uncertainty_parts",
-        caption="What depth uncertainty is made of: each source of error alone, and all together (black). Shaded: "
-        "usable distances. Sources that are drawn jointly do not add in quadrature."
-        + (f" Not drawn, because it moves no depth here: {silent}." if silent else "")
+        name="variance_shares",
+        caption="What decides the uncertainty at which distance: the share of the variance of inverse depth that each "
+        "part of the errors has (Shapley shares; they sum to 100 %, for correlated errors too). Grey: the noise of a "
+        "measurement, which averaging shrinks; coloured: what it leaves."
+        + (f" Not drawn, because nowhere above 0.5 %: {silent}." if silent else "")
         + _design_words(tree),
-        alt="One log-log chart per camera with a line per source of error. " + _largest_parts(tree),
-        draw=partial(uncertainty_parts.draw_uncertainty_parts, tree),
+        alt="One chart per camera of stacked shares against distance. " + _largest_shares(tree),
+        draw=partial(variance_shares.draw_variance_shares, tree),
     )
 
 
-def _largest_parts(tree: xr.DataTree) -> str:
-    """The largest part of every camera at the middle of its usable range."""
+def _largest_shares(tree: xr.DataTree) -> str:
+    """For every camera, which part has the largest share from where on."""
     depth = nominal(tree)
+    distances = np.asarray(depth["distance"].values, dtype=np.float64)
     sentences = []
     for camera in traces(tree):
-        intervals = where_usable(depth, camera.key)
-        if not intervals:
-            continue
-        near, far = intervals[0]
-        middle = float(np.sqrt(near * min(far, float(depth["distance"].values[-1]))))
-        place = float(depth["distance"].sel(distance=middle, method="nearest"))
-        part = largest_part(depth, camera.key, place)
-        if part is not None:
-            sentences.append(f"{camera.title} at {distance(place)}: {part.replace('_', ' ')} is the largest. ")
+        stretches = [
+            (float(next(group)), part)
+            for part, group in itertools.groupby(distances, key=lambda z: largest_part(depth, camera.key, float(z)))
+            if part is not None
+        ]
+        if stretches:
+            words = [f"{part.replace('_', ' ')} from {distance(start)} on" for start, part in stretches]
+            sentences.append(f"{camera.title}: {', '.join(words)}. ")
     return "".join(sentences)
+
+
+def _off_axis(tree: xr.DataTree) -> Drawing:
+    off = tree["depth_field"].to_dataset()
+    fields = listed([field_words(float(field)) for field in off["field"].values])
+    last = off.isel(field=-1)
+    sentences = []
+    for camera in traces(tree):
+        there, axis = (of_camera(one, "depth_uncertainty", camera.key) for one in (last, nominal(tree)))
+        ratio = there[np.isfinite(there)] / axis[np.isfinite(there)]
+        known = ratio[np.isfinite(ratio)]
+        sentences.append(
+            f"{camera.title}: {significant(float(known.min()))} to {significant(float(known.max()))} times as large. "
+            if known.size
+            else f"{camera.title}: sees none of these distances there. "
+        )
+    return Drawing(
+        name="off_axis",
+        caption=f"Depth uncertainty (half the central 68.27 % interval) {fields} of the sensor, and on the axis. A "
+        "line ends where the camera does not see the point, or the interval has no far end.",
+        alt=f"One log-log chart per camera. Uncertainty {field_words(float(last['field']))}: " + "".join(sentences),
+        draw=partial(off_axis.draw_off_axis, tree),
+    )
 
 
 def _readings(tree: xr.DataTree) -> Drawing:

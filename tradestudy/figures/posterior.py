@@ -16,9 +16,9 @@ _CONTENTS = (0.865, 0.393)  # of a normal distribution in the plane within two a
 
 
 def shown_parameters(tree: xr.DataTree, posterior: str) -> tuple[str, ...]:
-    """Parameters of a posterior that are drawn: those most correlated with another one, in their own order."""
+    """Parameters of a posterior that are drawn: of those propagated the most correlated ones, in their order."""
     data = tree["calibration"].to_dataset().sel(posterior=posterior)
-    known = np.flatnonzero(np.isfinite(data["posterior_mean"].values))
+    known = np.flatnonzero(np.isfinite(data["posterior_draw"].values).any(axis=0))
     draws = _present(data["posterior_draw"].values[:, known])
     correlation = np.abs(np.corrcoef(draws.T) - np.eye(len(known)))
     chosen = np.sort(np.argsort(-correlation.max(axis=0), kind="stable")[:MOST_PARAMETERS])

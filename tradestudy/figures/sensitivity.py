@@ -24,6 +24,7 @@ from tradestudy.figures.style import (
     styled,
     traces_in,
 )
+from tradestudy.results.views.depth import field_words
 
 MM = 1e3
 _MOST_BARS = 8
@@ -48,41 +49,51 @@ def draw_tornado(tree: xr.DataTree) -> StudyFigure:
     rows = -(-len(shown) // 2)
     figure = new_figure(0.6 + 1.75 * rows)
     grid = figure.subplots(rows, 2, sharex=True, squeeze=False)
-    largest = float(np.nanmax(data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])))) * MM
-    for axes, camera in zip(grid.flat, shown, strict=False):
-        _bars(axes, data.sel(camera=camera.key), camera)
-        axes.set_xlim(largest * 1e-5, largest * 2.0)
+    finite = data["source_uncertainty"].where(np.isfinite(data["source_uncertainty"])).fillna(0.0)
+    largest = max(float(finite.max()) * MM, np.finfo(float).tiny)  # nothing is measured at a distance that none sees
+    bars = [_bars(axes, data.sel(camera=c.key), c) for axes, c in zip(grid.flat, shown, strict=False)]
+    for axes in list(grid.flat)[: len(shown)]:
+        axes.set(ylim=(max(bars) - 0.4, -0.6), xlim=(largest * 1e-5, largest * 2.0))
     for axes in list(grid.flat)[len(shown) :]:
         axes.set_visible(False)
     for axes in grid[-1]:
         axes.set_xlabel("depth uncertainty from one source alone")
-    handles = [Patch(color=SOFT, linewidth=0), Patch(color=SOFT, alpha=0.4, linewidth=0)]
-    legend(figure, handles, ["on the axis", "at the edge of the field"], columns=2)
+    fields = [float(field) for field in data["field"].values]
+    handles = [Patch(color=SOFT, alpha=_alpha(order), linewidth=0) for order in range(len(fields))]
+    legend(figure, handles, [field_words(field) for field in fields], columns=2)
     return figure
 
 
-def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> None:
+def _alpha(order: int) -> float:
+    """How strong the bars at a place in the field are, the axis first."""
+    return float(0.4**order)
+
+
+def _bars(axes: Axes, data: xr.Dataset, camera: CameraTrace) -> int:
+    """Draw the bars of one camera, largest first, and say how many there are."""
     values = data["source_uncertainty"].transpose("field", "source").values * MM
     size = np.max(np.where(np.isfinite(values), values, 0.0), axis=0)
     order = [k for k in np.argsort(-size) if size[k] > 0.0][:_MOST_BARS]
     names = [shortened(str(data["source"].values[k]).replace("_", " "), 26) for k in order]
     rows = np.arange(len(order))
-    for offset, field, alpha in ((-0.2, 0, 1.0), (0.2, 1, 0.4)):
-        widths = np.where(np.isfinite(values[field, order]), values[field, order], 0.0)
-        axes.barh(rows + offset, widths, height=0.38, color=camera.style.color, alpha=alpha, linewidth=0)
+    height = 0.78 / len(values)
+    for field, there in enumerate(values):
+        widths = np.where(np.isfinite(there[order]), there[order], 0.0)
+        middle = rows + (field + 0.5) * height - 0.39
+        axes.barh(middle, widths, height=height, color=camera.style.color, alpha=_alpha(field), linewidth=0)
     axes.set_yticks(rows, names, fontsize=6)
-    axes.set_ylim(_MOST_BARS - 0.4, -0.6)
     log_axis(axes, "x", tick=length_tick)
     axes.tick_params(axis="x", labelsize=5.5)
     axes.grid(visible=False, axis="y")
     axes.set_title(shortened(camera.title, 34), fontsize=7.5)
+    return len(order)
 
 
 @styled()
 def draw_indices(tree: xr.DataTree) -> StudyFigure:
     """Total Sobol indices of inverse depth against distance, with the first-order ones dotted, per camera."""
     shown = traces_in(tree, "sensitivity")
-    data = tree["sensitivity"].to_dataset().sel(field="axis")
+    data = tree["sensitivity"].to_dataset().sel(field=0.0)
     names = _main_sources(data)
     figure = new_figure(0.8 + 1.7 * -(-len(shown) // PANELS_IN_A_ROW))
     distance = np.asarray(data["distance"].values, dtype=np.float64)
@@ -93,13 +104,21 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
             style = line_style(number)
             total = there["total_index"].sel(source=name).values
             first = there["first_index"].sel(source=name).values
-            axes.plot(distance, total, color=style.color, linestyle=style.dash, linewidth=1.3)
+            axes.plot(
+                distance,
+                total,
+                color=style.color,
+                linestyle=style.dash,
+                linewidth=1.3,
+                marker=style.marker,
+                markersize=3,
+            )
             axes.plot(distance, first, color=style.color, linestyle=(0, (1, 1.5)), linewidth=0.8)
         distance_axis(axes, (float(distance[0]), float(distance[-1])))
         axes.set_ylim(0.0, 1.05)
         axes.set_title(shortened(camera.title, 34), fontsize=7.5)
     for axes in panels[::PANELS_IN_A_ROW]:
-        axes.set_ylabel("share of variance")
+        axes.set_ylabel("Sobol index")
     handles = [line_style(order).handle() for order in range(len(names))]
     handles.append(Line2D([], [], color=SOFT, linestyle=(0, (1, 1.5)), linewidth=0.8))
     labels = [*(name.replace("_", " ") for name in names), "first order"]
@@ -108,7 +127,7 @@ def draw_indices(tree: xr.DataTree) -> StudyFigure:
 
 
 def _main_sources(data: xr.Dataset) -> list[str]:
-    """Sources that have a share worth a line somewhere, the largest first."""
+    """Sources that have an index worth a line somewhere, the largest first."""
     values = data["total_index"].transpose("source", ...).values.reshape(data.sizes["source"], -1)
     most = np.max(np.where(np.isfinite(values), values, 0.0), axis=1)
     order = [k for k in np.argsort(-most) if most[k] > _LEAST_INDEX][:_MOST_LINES]

@@ -69,6 +69,7 @@ _RC: dict[Any, Any] = {
     "legend.handlelength": 3.4,
     "figure.facecolor": "white",
     "figure.constrained_layout.use": True,
+    "hatch.linewidth": 0.4,
     "path.simplify": True,
     "path.simplify_threshold": 0.15,
 }

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from tradestudy.calibration.declaration import CalibrationStudyPart
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.acting import Models
 from tradestudy.study.definition import StudyDefinition
@@ -24,18 +24,19 @@ _UNITS_VARY: Final = 1.5
 # was measured does not count. `python tests/benchmarks/step_costs.py` measures them through runs of the shipped
 # studies and holds every prediction against its run.
 SECONDS: Final[Mapping[str, float]] = {
-    "libraries": 1.9,
+    "libraries": 2.6,
     "study read again": 0.020,  # a reading, a design of a sweep, a trial of an inverse question
-    "camera": 0.010,
+    "camera": 0.015,
     "camera at a distance": 4e-5,
     "pair of cameras": 0.13,
-    "trial of an inverse question": 0.025,
+    "pair of cameras, ranked": 0.7,
+    "trial of an inverse question": 0.040,
     "claim about depth": 0.02,
     "camera's depth of field": 0.007,
     "inference step of an ensemble": 2.2e-3,
-    "draw at a distance": 1.7e-6,
-    "pair at a field and way": 0.12,
-    "stability question, replicate": 0.05,
+    "distribution": 0.02,  # drawn: what moves it most is found first
+    "draw": 2.5e-6,  # of all errors of a camera
+    "draw at a distance": 2.0e-7,
     "Fresnel against Kirchhoff on axis": 0.095,
     "root of a limit": 0.06,
     "Fresnel against Kirchhoff off axis": 6.0,
@@ -47,12 +48,14 @@ SECONDS: Final[Mapping[str, float]] = {
     "figure": 0.42,
 }
 
-_FIRST_DRAWS: Final = 8 * 512  # of an adaptive propagation, over all scrambles
+_WAYS: Final = 2  # with calibration errors, of three; noise alone is not drawn
+_FIRST_DRAWS: Final = 8 * 256  # of an adaptive propagation, over all scrambles
 _FIRST_STEPS: Final = 1000  # of an ensemble, before the first look
 _ENSEMBLES: Final = 4
 _TORNADO_DRAWS: Final = 2**14
-_SOURCES: Final = 4  # that are worth as much as one propagation each
-_ROOT_TRIALS: Final = (8, 40)  # of a root finder
+_MORE_SOURCES: Final = 2  # of a camera: the noise of a measurement, and what is inferred during the run
+_ROOT_TRIALS: Final = 24  # of a root finder
+_MOST_WEIGHED: Final = 64  # designs of a sweep that models are chosen for
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,16 +104,15 @@ def predicted_seconds(definition: StudyDefinition, speed: float) -> tuple[Predic
 def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
     """In the order of a run, on the reference machine."""
     file = definition.file
-    readings = len(file.readings)
+    readings, designs = len(file.readings), _designs(definition)
     yield _fixed(
         "start",
         f"libraries, the study and {counted(readings, 'reading')} of it",
-        {"libraries": 1, "study read again": readings},
+        {"libraries": 1, "study read again": readings + (min(designs, _MOST_WEIGHED) if file.sweep else 0)},
     )
     if definition.case.cameras:
+        yield from _calibrations(definition)
         yield from _depth(definition)
-    if file.calibration is not None:
-        yield from _calibration(file.calibration)
     if file.depth_of_field is not None:
         cameras = len(definition.case.all_cameras)
         yield _fixed("depth of field", counted(cameras, "camera"), {"camera's depth of field": cameras})
@@ -138,10 +140,12 @@ def _seconds(counts: Mapping[str, float]) -> float:
 
 
 def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
-    file = definition.file
-    cameras, distances = len(definition.case.cameras), definition.case.distance.size
-    designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
-    yield _fixed(
+    """Depth on the axis and beside it, and what is decided from it; exact cameras draw until they have converged."""
+    file, case = definition.file, definition.case
+    cameras, distances = len(case.cameras), case.distance.size
+    exact = sum(camera.propagation.model == "exact" for camera in case.cameras.values())
+    designs = _designs(definition)
+    yield _sampled(
         "depth",
         f"{counted(designs, 'design')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
         {
@@ -149,65 +153,87 @@ def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
             "camera": designs * cameras,
             "camera at a distance": designs * cameras * distances,
         },
+        *_exact(definition, designs * exact, distances),
     )
+    if places := len(file.propagation.field_places):
+        yield _sampled(
+            "depth off the axis",
+            f"{counted(places, 'place')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
+            {"camera": places * cameras, "camera at a distance": places * cameras * distances},
+            *_exact(definition, places * exact, distances),
+        )
     readings = 1 + len(file.readings)
     pairs = readings if file.decision is not None else 0
-    trials = sum(_ROOT_TRIALS) / 2 * len(file.solve)
+    trials = _ROOT_TRIALS * len(file.solve)
     yield _fixed(
         "decision",
         f"a pair of cameras under {counted(pairs, 'reading')}, {counted(len(file.solve), 'inverse question')}",
         {"pair of cameras": pairs, "trial of an inverse question": trials, "camera": cameras if file.sweep else 0},
     )
+    if file.decision is not None:
+        compared = len(file.decision.compare or (file.decision.between,))
+        yield _fixed("ranks", counted(compared, "pair"), {"pair of cameras, ranked": compared})
+    if file.sensitivity is not None:
+        asked = len(file.sensitivity.at)
+        groups = sum(_MORE_SOURCES + len(camera.calibration.groups) for camera in case.cameras.values())
+        sources = groups * (1 + len(file.propagation.field_places))
+        yield _sampled(
+            "sensitivity",
+            f"{counted(cameras, 'camera')} at {counted(asked, 'distance')}",
+            {},
+            _draws(sources, _FIRST_DRAWS, asked),
+            _draws(sources, _TORNADO_DRAWS, asked),
+        )
 
 
-def _calibration(part: CalibrationStudyPart) -> Iterator[PredictedStep]:
-    """Posteriors, comparisons, propagation and sensitivity; all but the first draws stop when they have converged."""
-    from tradestudy.analysis.propagation import FIELDS, WAYS
+def _designs(definition: StudyDefinition) -> int:
+    return math.prod(len(axis.values) for axis in sweep_axes(definition))
 
-    distances = len(part.distance_values())
-    inferred = [camera.target or camera.corners for camera in part.cameras.values()]
-    steps = [one.maximum_steps for one in inferred if one is not None]
+
+def _exact(definition: StudyDefinition, cameras: float, distances: int) -> tuple[Mapping[str, float], ...]:
+    """Fewest and most work of drawing so many exact cameras; how many draws are enough is found at a few distances."""
+    propagation, scene = definition.file.propagation, definition.case.cameras.values()
+    judged = max((len(camera.propagation.judged) for camera in scene), default=0)
+    distributions = _WAYS * cameras
+    return (
+        _draws(distributions, _FIRST_DRAWS, distances + judged),
+        _draws(distributions, 2.0 * max(propagation.max_draws, _FIRST_DRAWS), distances + judged),
+    )
+
+
+def _draws(distributions: float, draws: float, distances: int) -> Mapping[str, float]:
+    """So many draws of each distribution, read at distances."""
+    return {
+        "distribution": distributions,
+        "draw": distributions * draws,
+        "draw at a distance": distributions * draws * distances,
+    }
+
+
+def _calibrations(definition: StudyDefinition) -> Iterator[PredictedStep]:
+    """Posteriors, whose samplers stop when they have converged."""
+    parts = [part for part in definition.file.cameras.values() if isinstance(part, DepthCameraDeclaration)]
+    inferred = [part.calibration.target or part.calibration.corners for part in parts]
+    steps = [one.max_steps for one in inferred if one is not None]
     if steps:
-        yield _range(
+        yield _sampled(
             "calibration",
             f"{counted(len(steps), 'posterior')}, {_FIRST_STEPS} to {max(steps)} steps of {_ENSEMBLES} ensembles each",
+            {},
             {"inference step of an ensemble": _ENSEMBLES * len(steps) * _FIRST_STEPS},
             {"inference step of an ensemble": _ENSEMBLES * sum(steps)},
         )
-    places = len(FIELDS) * len(WAYS) * len(part.cameras)
-    if part.compare or part.questions:
-        pairs = 2 * len(FIELDS) * len(part.compare)
-        replicates = 8 * len(part.questions)
-        yield _range(
-            "comparison",
-            f"{counted(len(part.compare), 'pair')} of cameras, {counted(len(part.questions), 'question')} of stability",
-            {
-                "pair at a field and way": pairs * distances / 17,
-                "stability question, replicate": replicates * _ROOT_TRIALS[0] / 8,
-            },
-            {
-                "pair at a field and way": 2 * pairs * distances / 17,
-                "stability question, replicate": replicates * _ROOT_TRIALS[1] / 8,
-            },
-        )
-    yield _range(
-        "propagation",
-        f"{counted(places, 'distribution')} at {counted(distances, 'distance')}, "
-        f"{_FIRST_DRAWS} to {part.budget} draws each",
-        {"draw at a distance": places * distances * _FIRST_DRAWS},
-        {"draw at a distance": places * distances * max(part.budget, _FIRST_DRAWS)},
-    )
-    sources = _SOURCES * len(FIELDS) * len(part.cameras)
-    yield _range(
-        "sensitivity",
-        f"{counted(len(part.cameras), 'camera')} at {counted(distances, 'distance')}",
-        {"draw at a distance": sources * distances * _FIRST_DRAWS},
-        {"draw at a distance": 3 * sources * distances * _TORNADO_DRAWS},
-    )
 
 
-def _range(name: str, work: str, least: Mapping[str, float], most: Mapping[str, float]) -> PredictedStep:
-    return PredictedStep(name=name, low=_seconds(least) / _UNITS_VARY, high=_seconds(most) * _UNITS_VARY, work=work)
+def _sampled(
+    name: str, work: str, fixed: Mapping[str, float], least: Mapping[str, float], most: Mapping[str, float]
+) -> PredictedStep:
+    """Fixed work, and a range of what stops when it has converged; no range where nothing is drawn."""
+    known = _seconds(fixed)
+    low, high = known + _seconds(least), known + _seconds(most)
+    if low == high:
+        return PredictedStep(name=name, low=known, high=known, work=work)
+    return PredictedStep(name=name, low=low / _UNITS_VARY, high=high * _UNITS_VARY, work=work)
 
 
 def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
@@ -307,7 +333,7 @@ def _report(definition: StudyDefinition) -> PredictedStep:
         4 * bool(definition.case.cameras)
         + 2 * bool(file.sweep)
         + bool(file.decision)
-        + (0 if file.calibration is None else 5 + 2 * len(file.calibration.cameras))
+        + 2 * (file.sensitivity is not None)
         + 3 * (file.depth_of_field is not None)
         + 4 * (file.fresnel_validity is not None)
         + 2 * (file.light_spot is not None)

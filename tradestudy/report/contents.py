@@ -63,7 +63,7 @@ def compose_report(
         *describe_method(tree),
         *describe_effects(tree, run),
         *describe_results(tree, drawings),
-        *describe_calibration(tree, drawings),
+        *describe_calibration(tree, run, drawings),
         *describe_depth_of_field(tree, drawings),
         *describe_criteria(tree),
         *describe_fresnel_validity(tree, drawings),

@@ -9,6 +9,8 @@ import numpy as np
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 from tradestudy.wording import distance
 
+_NEGLIGIBLE = 0.01  # of a value: an error that the tolerance of most studies leaves
+
 
 def in_words(name: str) -> str:
     """Write a name of the results as words."""
@@ -20,13 +22,22 @@ def or_dash(value: float, write: Callable[[float], str] = significant) -> str:
     return "—" if np.isnan(value) else write(value)
 
 
-def length(value: float) -> str:
+def length(value: float, digits: int = 3) -> str:
     """Write a length with the unit a person expects, not broken between number and unit."""
-    return pretty(value, LENGTH).replace(" ", "\N{NO-BREAK SPACE}")
+    return pretty(value, LENGTH, digits).replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def with_error(value: float, error: float, write: Callable[[float, int], str] = length) -> str:
+    """Write a value, and its error where that is not negligible."""
+    if not np.isfinite([value, error]).all() or error <= _NEGLIGIBLE * abs(value):
+        return write(value, 3)
+    return f"{write(value, 3)} ± {write(error, 1)}"
 
 
 def interval(low: float, high: float) -> str:
     """Write the ends of an interval of distances [m], in one unit, with the digits that tell them apart."""
+    if np.isnan([low, high]).any():
+        return "—"
     if not np.isfinite([low, high]).all():
         return f"{distance(low)} – {distance(high)}"
     size, unit = (1.0, "m") if high >= 0.1 else (1e-3, "mm")

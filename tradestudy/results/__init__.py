@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tradestudy.results.calibration import CALIBRATION, DECISION_ADDITIONS, SENSITIVITY
+from tradestudy.results.calibration import CALIBRATION, RANKS, SENSITIVITY
 from tradestudy.results.cost import COST
-from tradestudy.results.depth import DEPTH, DISPARITY_CAUSES
+from tradestudy.results.depth import DEPTH, DEPTH_FIELD, DISPARITY_CAUSES
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.results.effects import EFFECTS
 from tradestudy.results.hard_cases import HARD_CASES
@@ -26,16 +26,17 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMAT_VERSION", "GROUPS", "PAPER", "Variable", "dataset"]
 
-FORMAT_VERSION: Final = 3
+FORMAT_VERSION: Final = 4
 
 GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "cameras": CAMERAS,
     "depth": DEPTH,
     "depth_at_places": DEPTH,
+    "depth_field": DEPTH_FIELD,
     "disparity_causes": DISPARITY_CAUSES,
     "depth_of_field": DEPTH_OF_FIELD,
     "criteria": CRITERIA,
-    "decision": {**DECISION, **DECISION_ADDITIONS},
+    "decision": {**DECISION, **RANKS},
     "calibration": CALIBRATION,
     "sensitivity": SENSITIVITY,
     "fresnel_validity": FRESNEL_VALIDITY,

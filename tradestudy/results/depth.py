@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 
 from tradestudy.results.variable import PAPER, ROUNDING, SEE_ERROR, Variable
 
+_UNSEEN: Final = "NaN where it is not seen"
 DEPTH_ROUNDING: Final = "closed form; rounding only, see the condition number of eq. 8"
 _EIGHT = f"{PAPER}, eqs. 4 and 8"
 _MATCHING = "Carter, Proc. IEEE 75, 236 (1987)"
@@ -28,7 +30,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "distance"),
         units="m",
         long_name="half the central 68.27 % interval of one measured depth, noise and calibration; "
-        "infinite where the interval has no far end",
+        f"infinite where the interval has no far end, {_UNSEEN}",
         symbol="u(a)",
         reference="JCGM 101:2008, 7.7",
         error=SEE_ERROR,
@@ -36,38 +38,59 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "depth_uncertainty_error": Variable(
         dims=("camera", "distance"),
         units="m",
-        long_name="estimated numerical error of depth_uncertainty against the exact camera model",
+        long_name="standard error of depth_uncertainty over scrambles of the draws; where it is linear, its measured "
+        "departure from draws",
         error="an estimate of an error; NaN where the interval is not bounded",
     ),
     "depth_uncertainty_way": Variable(
         dims=("camera", "distance", "way"),
         units="m",
         long_name="depth uncertainty from noise only, calibration only, and both; "
-        "infinite where the interval has no far end",
+        f"infinite where the interval has no far end, {_UNSEEN}",
         symbol="u(a)",
         error=SEE_ERROR,
     ),
-    "depth_uncertainty_part": Variable(
-        dims=("camera", "distance", "part"),
+    "depth_uncertainty_way_error": Variable(
+        dims=("camera", "distance", "way"),
         units="m",
-        long_name="depth uncertainty from one part alone; infinite where the interval has no far end; "
+        long_name="of depth_uncertainty_way, as depth_uncertainty_error",
+        error="an estimate of an error; NaN where the interval is not bounded",
+    ),
+    "variance_share": Variable(
+        dims=("camera", "distance", "part"),
+        units="1",
+        long_name="share of the variance of inverse depth that a part of the errors decides; all parts sum to 1; "
         "NaN where a camera has no such part",
-        symbol="u_i(a)",
-        error=SEE_ERROR,
+        symbol="φ_i",
+        reference="Owen and Prieur, SIAM/ASA J. Uncertainty Quantification 5 (2017) 986",
+        error="of the line in inverse depth",
     ),
     "depth_quantile": Variable(
         dims=("camera", "distance", "way", "quantile"),
         units="m",
-        long_name="quantile of one measured depth; infinite beyond the pole",
+        long_name=f"quantile of one measured depth; infinite beyond the pole, {_UNSEEN}",
         symbol="a_p",
         error=SEE_ERROR,
     ),
     "failed_fraction": Variable(
         dims=("camera", "distance", "way"),
         units="1",
-        long_name="share of measurements that end beyond infinity",
+        long_name=f"share of measurements that end beyond infinity; {_UNSEEN}",
         symbol="P(a = ∞)",
-        error="closed form in disparity, below 1e-6",
+        error="failed_fraction_error",
+    ),
+    "failed_fraction_error": Variable(
+        dims=("camera", "distance", "way"),
+        units="1",
+        long_name=f"of failed_fraction, as depth_uncertainty_error; {_UNSEEN}",
+        error="an estimate of an error",
+    ),
+    "converged": Variable(
+        dims=("camera", "distance"),
+        units="1",
+        long_name="whether the t-interval of every reported half width is within the tolerance; of the failed fraction "
+        "where an interval has no far end",
+        error="a comparison",
     ),
     "equivalent_baseline": Variable(
         dims=("camera", "distance"),
@@ -137,17 +160,40 @@ DEPTH: Final[Mapping[str, Variable]] = {
         dims=("camera", "interval"),
         units="m",
         long_name="near end of a usable interval; NaN where a camera has fewer of them than another",
-        error="bracketed to the last digits",
+        error="usable_near_error",
+    ),
+    "usable_near_error": Variable(
+        dims=("camera", "interval"),
+        units="m",
+        long_name="standard error over scrambles of the draws; 0 where none decide, infinite where not all have "
+        "the end, NaN where a camera has fewer intervals",
+        error="an estimate of an error",
     ),
     "usable_far": Variable(
         dims=("camera", "interval"),
         units="m",
         long_name="far end of a usable interval; NaN where a camera has fewer of them than another",
-        error="bracketed to the last digits",
+        error="usable_far_error",
+    ),
+    "usable_far_error": Variable(
+        dims=("camera", "interval"),
+        units="m",
+        long_name="standard error over scrambles of the draws; 0 where none decide, infinite where not all have "
+        "the end, NaN where a camera has fewer intervals",
+        error="an estimate of an error",
     ),
     "near_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the near end"),
     "far_limit": Variable(dims=("camera", "interval"), units="", long_name="limit that sets the far end"),
 }
+
+_OF_FIELD: Final = (
+    "depth_uncertainty", "depth_uncertainty_error", "depth_uncertainty_way", "depth_uncertainty_way_error",
+    "variance_share", "depth_quantile", "failed_fraction", "failed_fraction_error", "converged",
+)  # fmt: skip
+DEPTH_FIELD: Final[Mapping[str, Variable]] = {
+    name: replace(DEPTH[name], dims=("camera", "field", *DEPTH[name].dims[1:])) for name in _OF_FIELD
+}
+"""/depth_field: the same off the axis, at declared places in the field."""
 
 DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
     "electrons": Variable(
@@ -199,5 +245,6 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
 
 
 def distances_without_decision(distance: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Four distances from end to end of a study's, where no decision declares any to be told in tables."""
-    return np.geomspace(distance[0], distance[-1], 4)
+    """Four of a study's distances from end to end, where no decision declares any to be told in tables."""
+    wanted = np.geomspace(distance[0], distance[-1], 4)
+    return np.asarray(distance[np.unique(np.abs(np.log(distance[:, None] / wanted)).argmin(axis=0))])

@@ -11,7 +11,8 @@ DECISION: Final[Mapping[str, Variable]] = {
     "best_camera": Variable(
         dims=("distance", "way"),
         units="",
-        long_name="candidate of lowest depth uncertainty among the usable; empty where none is usable",
+        long_name="candidate of lowest depth uncertainty among the usable, with those that differ by no more than both "
+        "may be off by; empty where none is usable",
     ),
     "winner": Variable(
         dims=("reading", "place", "way"),
@@ -45,7 +46,14 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("reading", "way", "change"),
         units="m",
         long_name="distance where the winner of the headline pair changes; NaN where there is none",
-        error="bracketed to the last digits; its range over readings is the error that matters",
+        error="change_error; its range over readings stands beside it",
+    ),
+    "change_error": Variable(
+        dims=("reading", "way", "change"),
+        units="m",
+        long_name="standard error over independent scrambles; infinite where not all have the change, "
+        "NaN where there is none",
+        error="an estimate of an error",
     ),
     "change_nearer": Variable(dims=("reading", "way", "change"), units="", long_name="winner nearer than the change"),
     "change_farther": Variable(dims=("reading", "way", "change"), units="", long_name="winner farther than the change"),
@@ -53,7 +61,14 @@ DECISION: Final[Mapping[str, Variable]] = {
         dims=("reading", "way", "crossing"),
         units="m",
         long_name="distance where the two uncertainties of the headline pair are equal; NaN where there is none",
-        error="bracketed to the last digits; its range over readings is the error that matters",
+        error="crossover_error; its range over readings stands beside it",
+    ),
+    "crossover_error": Variable(
+        dims=("reading", "way", "crossing"),
+        units="m",
+        long_name="standard error over independent scrambles; infinite where not all have the crossing, "
+        "NaN where there is none",
+        error="an estimate of an error",
     ),
     "crossover_nearer": Variable(
         dims=("reading", "way", "crossing"), units="", long_name="camera that is more certain nearer than the crossing"
@@ -61,8 +76,15 @@ DECISION: Final[Mapping[str, Variable]] = {
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="value of the varied input that makes two cameras equally certain, in solved_units",
-        error="root to 1e-10 relative",
+        long_name="value of the varied input that makes two cameras equally certain, or one as certain as asked, in "
+        "solved_units",
+        error="solved_error",
+    ),
+    "solved_error": Variable(
+        dims=("question",),
+        units="mixed",
+        long_name="standard error over independent scrambles, in solved_units",
+        error="an estimate of an error",
     ),
     "solved_units": Variable(dims=("question",), units="", long_name="SI unit of the solved value"),
     "solved_says": Variable(dims=("question",), units="", long_name="the inverse question"),

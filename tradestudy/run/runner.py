@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import xarray as xr
 
 from tradestudy.execution import Steps
@@ -9,10 +10,12 @@ from tradestudy.execution.steps import Seconds
 from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.decision import claims_group, decision_group, requirements_group
-from tradestudy.run.groups.depth import depth_at_places_group, depth_group
+from tradestudy.run.groups.depth import depth_at_places_group, depth_field_group, depth_group
 from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
 from tradestudy.run.groups.effects import effects_group
+from tradestudy.run.groups.ranks import ranks_group
 from tradestudy.run.groups.registers import assumptions_group, cameras_group, contradictions_group
+from tradestudy.run.inference import infer_calibrations
 
 NOMINAL = "as declared"
 
@@ -38,9 +41,9 @@ def compute(
     xarray.DataTree
         As declared in `tradestudy.results`.
     """
-    definition = plan.definition
-    file = definition.file
     steps = Steps() if steps is None else steps
+    definition, inferred = infer_calibrations(plan.definition, steps)
+    file = definition.file
     progress = steps.progress
     seconds = {} if seconds is None else seconds
     readings = {NOMINAL: definition, **definition.readings}
@@ -58,11 +61,17 @@ def compute(
         "/assumptions": assumptions_group(definition),
         "/contradictions": contradictions_group(definition),
     }
+    if inferred:
+        from tradestudy.run.groups.calibration import calibration_group
+
+        groups["/calibration"] = calibration_group(inferred)
     if plan.situations:
         groups["/effects"] = effects_group(plan)
     if definition.case.cameras:
         compute_kirchhoff_pictures(definition, progress)
         groups["/depth"] = depth_group(definition, steps)
+        if file.propagation.field_places:
+            groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
         if file.decision is not None:
             groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
         if (causes := disparity_causes_group(definition)) is not None:
@@ -70,11 +79,13 @@ def compute(
         progress("decision", 0.0)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"])
         progress("decision", 1.0)
+        if file.decision is not None:
+            groups["/decision"] = groups["/decision"].merge(ranks_group(definition, progress))
     # What few studies ask for is imported where they do.
-    if file.calibration is not None:
-        from tradestudy.run.groups.calibration import uncertain_groups
+    if file.sensitivity is not None:
+        from tradestudy.run.groups.sensitivity import sensitivity_group
 
-        groups |= uncertain_groups(definition, file.calibration, groups["/decision"], steps)
+        groups["/sensitivity"] = sensitivity_group(definition, np.array(file.sensitivity.at), steps)
     if file.depth_of_field is not None:
         from tradestudy.plan.situations.every import DEPTH_OF_FIELD
         from tradestudy.run.groups.depth_of_field import criteria_group, depth_of_field_group
@@ -82,8 +93,8 @@ def compute(
         selection = plan.selections[DEPTH_OF_FIELD]
         progress("depth of field", 0.0)
         groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, selection)
-        if file.criteria is not None:
-            groups["/criteria"] = criteria_group(definition, file.criteria, file.depth_of_field, selection)
+        if file.relief is not None:
+            groups["/criteria"] = criteria_group(definition, file.relief, file.depth_of_field, selection)
         progress("depth of field", 1.0)
     if file.fresnel_validity is not None:
         from tradestudy.run.groups.fresnel_validity import fresnel_validity_group

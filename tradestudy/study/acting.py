@@ -39,8 +39,8 @@ def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):
         camera = replace(camera, disparity_error_px=replace(law, models=with_models(law.models, chosen)))
-    if chosen.get("temperature") == OFF:
-        camera = replace(camera, expansion=0.0)
-    if chosen.get("calibration") != OFF:
-        return camera
-    return camera.without_calibration_errors()
+    match chosen.get("calibration"):
+        case "off" | "linear" | "exact" as model:
+            return replace(camera, propagation=replace(camera.propagation, model=model))
+        case _:
+            return camera

@@ -3,35 +3,37 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from tradestudy.accuracy import QUANTITIES
+from tradestudy.calibration.sources import calibration_of, given_twice, mistakes_of_files
+from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.errors import Problem, StudyError, TradestudyError
-from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.models import closed_form_models
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import Models, acting
+from tradestudy.study.building import camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
-from tradestudy.study.reader import validate, with_values
+from tradestudy.study.reader import with_values
+from tradestudy.study.renamed import validated
 from tradestudy.study.schema.changes import validate_changes
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
-from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
 
-if TYPE_CHECKING:
-    from tradestudy.calibration.declaration import CalibrationStudyPart
-    from tradestudy.calibration.uncertain_cameras import UncertainCameras
-    from tradestudy.execution import Steps
+if TYPE_CHECKING:  # whoever infers has loaded it
+    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+
+_JUDGED: Final = 9  # distances of a study at which draws are settled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,7 +43,7 @@ class Case:
     Parameters
     ----------
     cameras
-        Those that measure depth.
+        Those that measure depth, with their calibrations.
     all_cameras
         Every camera of the study, in its order.
     criteria, distance, wavelength
@@ -73,6 +75,8 @@ class StudyDefinition:
         The model that acts in each slot of effects, by camera, lens or light path; what is not in it acts as declared.
     tolerance
         The one relative error wanted of every quantity, in place of what is declared; None where that counts.
+    posteriors
+        What has been inferred of calibrations, by the keys of `posterior_keys`.
     before
         The study that this one was made from by changing it; cameras that both have are built once.
     """
@@ -81,6 +85,7 @@ class StudyDefinition:
     declared: StudyFile
     models: Mapping[str, Models] = field(default_factory=dict)
     tolerance: str | None = None
+    posteriors: Mapping[str, Calibration] = field(default_factory=dict, repr=False)
     before: StudyDefinition | None = field(default=None, repr=False, compare=False)
 
     @classmethod
@@ -92,8 +97,8 @@ class StudyDefinition:
         StudyError
             With every mistake found.
         """
-        definition = cls(document, validate(document, StudyFile))
-        definition.case  # noqa: B018 - built here so that an impossible camera is refused before anything runs
+        definition = cls(document, validated(document))
+        definition.designs  # noqa: B018 - built here so that an impossible camera is refused before anything runs
         return definition
 
     @cached_property
@@ -113,7 +118,7 @@ class StudyDefinition:
             return self.document
         own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
         taken_back = {f"accuracy.{name}": None for name in own}
-        asked = with_values(self.document, {"accuracy.relative": self.tolerance, **taken_back})
+        asked = with_values(self.document, {"accuracy.tolerance": self.tolerance, **taken_back})
         spot, accuracy = self.declared.light_spot, validate_changes(asked, self.document, self.declared).accuracy
         wanted = accuracy.wanted().relative["pixel_intensity"]
         if spot is None or not spot.methods or wanted <= spot.tolerance:
@@ -122,8 +127,8 @@ class StudyDefinition:
         return with_values(asked, {"light_spot.tolerance": loosened})
 
     @cached_property
-    def case(self) -> Case:
-        """The cameras, built; every one that cannot be is reported."""
+    def designs(self) -> Mapping[str, Camera]:
+        """The cameras without their calibrations; every one that cannot be built, or calibrated, is told."""
         cameras: dict[str, Camera] = {}
         problems = self._problems_of_derived_errors()
         if problems:
@@ -135,25 +140,70 @@ class StudyDefinition:
                 cameras[name] = known[name]
                 continue
             try:
-                cameras[name] = _camera_of(part, scene)
+                cameras[name] = camera_of(part, scene)
             except TradestudyError as error:
                 path = ("cameras", name)
                 problems.append(self.document.locate(path).problem(path, str(error)))
+                continue
+            problems += self._problems_of_calibration(name, cameras[name])
         if problems:
             raise StudyError(problems)
+        return cameras
+
+    @cached_property
+    def case(self) -> Case:
+        """What is computed with: the cameras with their calibrations, as far as these are known."""
+        distance = np.array(() if self.file.scene is None else self.file.scene.distance_values(), dtype=np.float64)
+        propagation = self._propagation(distance)
+        cameras = {
+            name: self._calibrated(name, camera, propagation)
+            for name, camera in self.designs.items()
+            if isinstance(camera, DepthCamera)
+        }
         return Case(
-            cameras={
-                name: acting(camera, self.models.get(name, {}))
-                for name, camera in cameras.items()
-                if isinstance(camera, DepthCamera)
-            },
-            all_cameras=cameras,
-            criteria=self.file.usable.criteria(),
-            distance=np.array(() if scene is None else scene.distance_values(), dtype=np.float64),
-            wavelength=math.nan if scene is None else scene.wavelength,
+            cameras={name: acting(camera, self.models.get(name, {})) for name, camera in cameras.items()},
+            all_cameras={**self.designs, **cameras},
+            criteria=self.file.usable_range.criteria(),
+            distance=distance,
+            wavelength=self._wavelength,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
         )
+
+    def _propagation(self, distance: FloatArray) -> Propagation:
+        """How errors are propagated: draws are settled at some of the distances [m], and wherever the study asks."""
+        file = self.file
+        some = (
+            distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
+        )
+        asked = {float(one) for one in some} | set(() if file.decision is None else file.decision.at)
+        asked |= {end for one in file.requirements.values() for end in one.depth_uncertainty.over}
+        return replace(
+            file.propagation.propagation(file.accuracy.wanted().relative["depth_uncertainty"]),
+            judged=tuple(sorted(asked)),
+        )
+
+    def _problems_of_calibration(self, name: str, design: Camera) -> Iterator[Problem]:
+        """What is wrong with the files that the calibration of a camera names."""
+        part = self.file.cameras[name]
+        if not (isinstance(part, DepthCameraDeclaration) and isinstance(design, DepthCamera)):
+            return
+        mistakes = mistakes_of_files(part.calibration, self.calibration_folder(name))
+        if part.calibration.posterior is not None:
+            try:
+                mistakes += given_twice(part.calibration, self._saved(name, part.calibration.posterior.file, design))
+            except TradestudyError as error:
+                mistakes.append(MistakeAt(("posterior", "file"), str(error)))
+        for mistake in mistakes:
+            path = ("cameras", name, "calibration", *mistake.tail)
+            yield self.document.locate(path).problem(path, mistake.what)
+
+    def _saved(self, name: str, file: str, design: DepthCamera) -> Calibration:
+        from tradestudy.calibration.posterior_file import (
+            posterior_of_file,
+        )  # it loads scipy, which `check` seldom needs
+
+        return posterior_of_file(self.calibration_folder(name) / file, name, design)
 
     def _cameras_built_before(self) -> Mapping[str, Camera]:
         """Those of the study that this one was made from whose parts are the same, in the same scene."""
@@ -161,14 +211,90 @@ class StudyDefinition:
         if before is None or before.file.scene is not self.file.scene:
             return {}
         parts = self.file.cameras
+        return {name: one for name, one in before.designs.items() if before.file.cameras[name] is parts.get(name)}
+
+    def _calibrated(self, name: str, design: DepthCamera, propagation: Propagation) -> DepthCamera:
+        """A camera with its calibration; one that was calibrated before is the same."""
+        before = self.before
+        posterior = self.posteriors.get(self.posterior_keys.get(name, ""))
+        if before is not None and before.designs.get(name) is design:
+            known = before.case.all_cameras[name]
+            assert isinstance(known, DepthCamera)
+            same = before.posteriors.get(before.posterior_keys.get(name, "")) is posterior
+            if same and known.propagation == propagation:
+                return known
+        part = self.file.cameras[name]
+        assert isinstance(part, DepthCameraDeclaration)
+        if part.calibration.posterior is not None:
+            posterior = self._saved(name, part.calibration.posterior.file, design)
+        calibration = calibration_of(
+            part.calibration,
+            design,
+            folder=self.calibration_folder(name),
+            wavelength=self._wavelength,
+            posterior=posterior,
+        )
+        return replace(design, calibration=calibration, propagation=propagation)
+
+    @property
+    def _wavelength(self) -> float:
+        """Of the scene [m]; NaN without one."""
+        return math.nan if self.file.scene is None else self.file.scene.wavelength
+
+    def calibrations_to_infer(self) -> dict[str, TargetToInfer | CornersToInfer]:
+        """What has to be inferred before the cameras know their calibrations, by the keys of `posterior_keys`."""
+        from tradestudy.calibration.posteriors import to_infer
+
+        found = {}
+        for name, key in self.posterior_keys.items():
+            part, camera = self.file.cameras[name], self.designs[name]
+            assert isinstance(part, DepthCameraDeclaration)
+            assert isinstance(camera, DepthCamera)
+            asked = to_infer(
+                name,
+                camera,
+                part.calibration,
+                folder=self.calibration_folder(name),
+                seed=self.file.propagation.seed,
+            )
+            if asked is not None and key not in self.posteriors:
+                found[key] = asked
+        return found
+
+    @cached_property
+    def posterior_keys(self) -> Mapping[str, str]:
+        """For every camera whose calibration is inferred from a target or corners, what its posterior is known by.
+
+        It is the same for all designs and readings of a study that have this camera and its calibration in common.
+        """
+        seed = self.file.propagation.seed
         return {
-            name: one for name, one in before.case.all_cameras.items() if before.file.cameras[name] is parts.get(name)
+            name: posterior_key(name, part, seed=seed, folder=self.calibration_folder(name))
+            for name, part in self.file.cameras.items()
+            if isinstance(part, DepthCameraDeclaration) and part.calibration.source in ("target", "corners")
+        }
+
+    def with_posteriors(self, posteriors: Mapping[str, Calibration]) -> StudyDefinition:
+        """The same study, its readings and designs too, with calibrations inferred, by the keys of `posterior_keys`."""
+        return replace(self, posteriors={**self.posteriors, **posteriors}, before=self)
+
+    def calibration_folder(self, name: str) -> Path:
+        """Where the files that the calibration of a camera names are: beside the file that names the first of them."""
+        return self.folder_of(next(iter(self._calibration_files(name)), ("cameras", name, "calibration")))
+
+    def _calibration_files(self, name: str) -> dict[tuple[str | int, ...], str]:
+        """Files that the calibration of a camera names, by where."""
+        above = ("cameras", name, "calibration")
+        calibration = self.document.entry(above)
+        return {
+            path: entry.value
+            for path, entry in ([] if calibration is None else walk(calibration, above))
+            if path[-1] == "file" and isinstance(entry, ScalarEntry) and isinstance(entry.value, str)
         }
 
     def _problems_of_derived_errors(self) -> list[Problem]:
         """Disparity errors that nothing says how to derive, or that are asked of what knows only a declared one."""
         missing = self.file.scene is None or self.file.scene.picture is None
-        uncertain = {} if self.file.calibration is None else self.file.calibration.cameras
         problems: list[Problem] = []
         for name, part in self.file.cameras.items():
             if not isinstance(part, DepthCameraDeclaration) or part.depth.declared_error_px is not None:
@@ -176,13 +302,6 @@ class StudyDefinition:
             path: tuple[str, ...] = ("cameras", name, "depth", "disparity_error")
             if missing:
                 what = "is derived from the picture, and scene.picture (texture, window, light, sensor) is missing"
-                problems.append(self.document.locate(path).problem(path, what))
-            if name in uncertain:
-                path = ("calibration", "cameras", name)
-                what = (
-                    "calibration errors are propagated with one pixel noise, and the disparity error of this camera is "
-                    "derived at every distance; declare its disparity_error in pixels"
-                )
                 problems.append(self.document.locate(path).problem(path, what))
         return problems
 
@@ -209,23 +328,22 @@ class StudyDefinition:
         document = with_values(self.document, values, written_at=places)
         declared = validate_changes(document, self.document, self.declared)
         changed = replace(self, document=document, declared=declared, before=self)
-        changed.case  # noqa: B018 - built here as for a study that is read
+        changed.designs  # noqa: B018 - built here as for a study that is read
         return changed
 
     @cached_property
     def data_files(self) -> Mapping[str, Path]:
-        """Files beside the study that its calibration part names, by where it names them; those of readings too."""
+        """Files that the calibrations of its cameras name, by where they name them; those of readings too."""
         found = self._own_files()
         for name, reading in self.readings.items():
             found |= {f"{name}: {path}": file for path, file in reading._own_files().items()}
         return found
 
     def _own_files(self) -> dict[str, Path]:
-        calibration = self.document.entry("calibration")
         return {
-            dotted(path): self.folder_of(path[:-1]) / entry.value
-            for path, entry in ([] if calibration is None else walk(calibration, ("calibration",)))
-            if path[-1] == "file" and isinstance(entry, ScalarEntry) and isinstance(entry.value, str)
+            dotted(path): self.calibration_folder(name) / file
+            for name in self.file.cameras
+            for path, file in self._calibration_files(name).items()
         }
 
     def folder_of(self, path: tuple[str | int, ...]) -> Path:
@@ -233,13 +351,6 @@ class StudyDefinition:
         file, _, _ = self.document.locate(path)
         root, _, _ = self.document.locate(())
         return Path(file if Path(file).is_file() else root).parent
-
-    def uncertain_cameras(self, part: CalibrationStudyPart, steps: Steps) -> UncertainCameras:
-        """The cameras of a calibration part of this study with their errors; see `uncertain_cameras`."""
-        from tradestudy.calibration.uncertain_cameras import uncertain_cameras
-
-        folder, wavelength = self.folder_of(("calibration",)), self.case.wavelength
-        return uncertain_cameras(part, self.case.cameras, steps, folder=folder, wavelength=wavelength)
 
     def with_tolerance(self, relative: str) -> StudyDefinition:
         """The same study with one relative error wanted of every quantity, such as ``"1 %"``, whatever it declares.
@@ -286,28 +397,3 @@ class StudyDefinition:
         if problems:
             raise StudyError(problems)
         return found
-
-
-def _camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
-    """Build the camera that a part of a study declares, in the light and the temperature of its scene.
-
-    Raises
-    ------
-    OutOfRangeError
-        Where the parts do not make a camera.
-    """
-    if not isinstance(part, DepthCameraDeclaration):
-        return part.design(None)
-    camera = part.design(_picture_law(scene, microlenses=part.camera.pictured_by_microlenses))
-    if scene is None or scene.temperature is None:
-        return camera
-    own = scene.temperature.expansion if part.thermal_expansion is None else part.thermal_expansion
-    return replace(camera, expansion=abs(own) * scene.temperature.deviation)
-
-
-def _picture_law(scene: ScenePart | None, *, microlenses: bool) -> PictureDisparityError | None:
-    """What a derived disparity error follows; None without a picture."""
-    if scene is None or scene.picture is None:
-        return None
-    settings = scene.picture.settings(scene.wavelength)
-    return PictureDisparityError(settings=settings, models=closed_form_models(settings, microlenses=microlenses))

@@ -13,6 +13,10 @@ from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
 from tradestudy.study.sweep import sweep_axes
 
+_INFERRED_ANEW = (
+    "changes what the calibration of {0} is inferred from, which would have to be inferred anew for every value; vary "
+    "what that does not depend on, such as {0}.calibration.stability"
+)
 Change = tuple[tuple[str | int, ...], dict[str, Value | Entry]]
 
 
@@ -43,11 +47,15 @@ def load_definition(path: Path, overrides: tuple[str, ...] = ()) -> StudyDefinit
 def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
     """Mistakes of the first and last value of each sweep axis and of the ends of each inverse question."""
     for where, values in _changes(definition):
+        place = definition.document.locate(where)
         try:
-            definition.with_values(values)
+            changed = definition.with_values(values)
         except StudyError as error:
-            place = definition.document.locate(where)
             yield from (place.problem(where, f"{problem.path}: {problem.what}") for problem in error.problems)
+            continue
+        if where[0] == "solve":
+            for name in definition.posterior_keys.items() - changed.posterior_keys.items():
+                yield place.problem(where, _INFERRED_ANEW.format(name[0]))
 
 
 def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
@@ -76,4 +84,4 @@ def _changes(definition: StudyDefinition) -> Iterator[Change]:
             yield ("sweep", axis.path), {axis.path: entry}
     for name, question in definition.file.solve.items():
         for value in (question.low, question.high):
-            yield ("solve", name, "vary"), {question.vary: value}
+            yield ("solve", name, "vary"), dict.fromkeys(question.paths, value)

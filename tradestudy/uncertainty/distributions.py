@@ -1,6 +1,7 @@
 """Distributions of single errors: quantile function, mean and standard deviation where they exist.
 
-All sampling goes through the quantile function, so that quasi-random points keep their evenness.
+All sampling goes through the quantile function, so that quasi-random points keep their evenness. scipy is imported
+where it is called: a study is checked without it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtr, ndtri, stdtrit
 
 from tradestudy.errors import OutOfRangeError
 
@@ -26,6 +26,8 @@ def at_scores(distribution: Distribution, scores: FloatArray) -> FloatArray:
     """
     if isinstance(distribution, Normal):
         return np.asarray(distribution.mean + distribution.standard_deviation * scores)
+    from scipy.special import ndtr
+
     probability = np.clip(ndtr(scores), np.finfo(float).tiny, 1.0 - np.finfo(float).epsneg)
     return distribution.quantile(probability)
 
@@ -82,6 +84,8 @@ class Normal:
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
         """Return the value at this cumulative probability; ∓∞ at 0 and 1."""
+        from scipy.special import ndtri
+
         return np.asarray(self.mean + self.standard_deviation * ndtri(np.asarray(probability, float)))
 
 
@@ -215,6 +219,8 @@ class StudentT:
 
     def quantile(self, probability: ArrayLike) -> FloatArray:
         """Return the value at this cumulative probability; ∓∞ at 0 and 1."""
+        from scipy.special import stdtrit
+
         p = np.asarray(probability, float)
         return np.asarray(self.location + self.scale * stdtrit(self.degrees_of_freedom, p))
 

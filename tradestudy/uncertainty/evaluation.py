@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
@@ -50,8 +49,10 @@ def depth_from_inverse(inverse_depth: FloatArray) -> FloatArray:
         w [1/m]; NaN stays NaN.
     """
     positive = inverse_depth > 0.0
-    depth = np.where(np.isnan(inverse_depth), np.nan, np.inf)
     with np.errstate(over="ignore"):  # a subnormal inverse depth is at infinity too
+        if np.all(positive):
+            return np.asarray(1.0 / inverse_depth)
+        depth = np.where(np.isnan(inverse_depth), np.nan, np.inf)
         np.divide(1.0, inverse_depth, out=depth, where=positive)
     return depth
 
@@ -66,6 +67,9 @@ def ranked(outcome: Outcome, *, inverse_depth: bool, draws: int) -> tuple[FloatA
             limit=f"({draws}, outputs)",
             remedy="let the parameters, each of shape (draws, 1), broadcast against the outputs",
         )
+    if np.all(np.isfinite(values)) and not np.any(outcome.no_overlap) and not np.any(outcome.out_of_range):
+        counts = np.zeros((len(CAUSES), values.shape[1]), np.int64)
+        return np.ascontiguousarray(depth_from_inverse(values).T if inverse_depth else values.T), counts
     out_of_range = np.broadcast_to(outcome.out_of_range, values.shape)
     no_overlap = np.broadcast_to(outcome.no_overlap, values.shape) & ~out_of_range
     nonfinite = np.isnan(values) | (values == -np.inf) | (inverse_depth & (values == np.inf))
@@ -148,11 +152,17 @@ def alignment_with(models: Sequence[Model], sources: Sources) -> ScoreAlignment:
 
 
 def _reflectors(columns: FloatArray) -> FloatArray:
-    """Householder normals whose product has these orthonormal columns, up to sign, as its first ones."""
+    """Householder normals whose product has these orthonormal columns, up to sign, as its first ones.
+
+    The sign of a singular direction is arbitrary. What is left of each column is turned so that its largest component
+    is positive: its first is then never near −1, where the reflection would not exist, and the product changes as
+    little as the columns do from one design to the next.
+    """
     rest, normals = columns.copy(), np.zeros((columns.shape[1], columns.shape[0]))
     for k, normal in enumerate(normals):
         normal[k:] = rest[k:, k]
-        normal[k] += np.copysign(np.linalg.norm(normal), normal[k])
+        normal *= np.sign(normal[np.argmax(np.abs(normal))])
+        normal[k] += np.linalg.norm(normal)
         normal /= np.linalg.norm(normal)
         rest -= 2.0 * np.outer(normal, normal @ rest)
     return normals
@@ -203,6 +213,8 @@ class Replicate:
 
     def lengthen(self, draws: int, batch_draws: int) -> None:
         """Evaluate until there are so many draws; the batch size changes memory and speed, never a bit."""
+        from scipy.special import ndtri  # a study is checked without it
+
         blocks, counts = [self.values] if self.draws else [], [self.failures] if self.draws else []
         done = self.draws
         while done < draws:

@@ -9,19 +9,21 @@ weak direction can be the one that moves depth.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from math import factorial
 from typing import Self
 
 import numpy as np
-from scipy.special import ndtr
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Distribution, Empirical, FloatArray, Normal, at_scores
-from tradestudy.uncertainty.sources import ErrorClass
+from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.streams import fixed_order_product
 
 _ROUNDING_OF_EIGENVALUES = 100.0 * np.finfo(float).eps
 _ROUNDING_OF_FILES = 1e-9
+_HERMITE_NODES = 64
 
 
 def _square(what: str, matrix: FloatArray, size: int) -> FloatArray:
@@ -113,6 +115,18 @@ class _Joint:
     name: str
     parameters: tuple[str, ...]
     error_class: ErrorClass
+
+    @cached_property
+    def _content(self) -> tuple[object, ...]:
+        values = (getattr(self, one.name) for one in fields(self) if one.init)
+        return tuple((one.shape, one.tobytes()) if isinstance(one, np.ndarray) else one for one in values)
+
+    def __eq__(self, other: object) -> bool:
+        """The same numbers of the same kind, so that cameras of two designs can be told to be one."""
+        return isinstance(other, type(self)) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
 
     def under(self, prefix: str) -> Self:
         """Return the same group with a prefix to its own name and to those of its parameters."""
@@ -280,25 +294,19 @@ class GaussianCopula(_Joint):
 
     @property
     def covariance(self) -> FloatArray | None:
-        """Covariance of the parameters by Gauss-Hermite quadrature over pairs; None where one has none.
+        """Covariance of the parameters by Mehler's expansion in Hermite polynomials; None where one has none.
 
-        The diagonal is exact; off-diagonal entries are exact for normal marginals, and good to about 1e-4
-        of the two standard deviations for bounded ones.
+        The diagonal is exact, and the matrix is positive semidefinite. Off-diagonal entries are exact for normal and
+        uniform marginals, and good to about 1e-4 of the two standard deviations for others.
         """
         deviations = [marginal.standard_deviation for marginal in self.marginals]
         if any(deviation is None for deviation in deviations):
             return None
-        nodes, weights = np.polynomial.hermite_e.hermegauss(64)
-        weights = weights / np.sum(weights)
-        covariance = np.diag([float(deviation or 0.0) ** 2 for deviation in deviations])
-        for i, first in enumerate(self.marginals):
-            for j in range(i):
-                rho = float(np.clip(self.correlation[i, j], -1.0, 1.0))
-                tied = rho * nodes[:, None] + np.sqrt(1.0 - rho * rho) * nodes[None, :]
-                x = at_scores(first, nodes) - (first.mean or 0.0)
-                y = at_scores(self.marginals[j], tied) - (self.marginals[j].mean or 0.0)
-                covariance[i, j] = covariance[j, i] = float(weights @ (x * (y @ weights)))
-        return covariance
+        coefficients = np.stack([_hermite_coefficients(marginal) for marginal in self.marginals])
+        powers = np.clip(self.correlation, -1.0, 1.0)[..., None] ** np.arange(1, coefficients.shape[1] + 1)
+        spread = np.array(deviations, float)
+        tied = np.einsum("ik,jk,ijk->ij", coefficients, coefficients, powers)
+        return np.asarray(tied * np.outer(spread, spread))
 
     def draw(self, scores: FloatArray) -> FloatArray:
         """Map standard normal scores (dimensions, n) to draws (k, n)."""
@@ -310,12 +318,22 @@ class GaussianCopula(_Joint):
         return self.marginals[index]
 
 
+def _hermite_coefficients(marginal: Distribution) -> FloatArray:
+    """Coefficients of Q(Φ(z)) in the orthonormal Hermite polynomials from the first on, scaled to unit length."""
+    nodes, weights = np.polynomial.hermite_e.hermegauss(_HERMITE_NODES)
+    norm = np.sqrt([float(factorial(order)) for order in range(_HERMITE_NODES)])
+    polynomials = np.polynomial.hermite_e.hermevander(nodes, _HERMITE_NODES - 1) / norm
+    coefficients = (weights * at_scores(marginal, nodes) @ polynomials)[1:]
+    length = float(np.linalg.norm(coefficients))
+    return np.asarray(coefficients / length if marginal.standard_deviation else np.zeros(coefficients.size))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointDraws(_Joint):
     """Equally weighted joint draws, as a posterior sampler returns them; a draw is one whole row.
 
-    Rows are ordered along their first principal component, so that even a short quasi-random sequence covers
-    them evenly; with n rows each is taken once in n.
+    Rows are ordered along two directions, in stretches along the first and within these along the second, so that even
+    a short quasi-random sequence covers evenly what these move; with n rows each is taken once in n.
 
     Parameters
     ----------
@@ -327,6 +345,9 @@ class JointDraws(_Joint):
         Finite joint draws [unit of each], n >= 2.
     error_class : ErrorClass
         How often the group is drawn anew.
+    along : array, shape (2, k), optional
+        Responses of two outputs to each parameter, along which rows are ordered; left out: their first two principal
+        components.
 
     Raises
     ------
@@ -335,6 +356,7 @@ class JointDraws(_Joint):
     """
 
     draws: FloatArray
+    along: FloatArray | None = None
     _ordered: FloatArray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -348,10 +370,9 @@ class JointDraws(_Joint):
                 remedy="remove the rows that are not finite, and say so in the study",
             )
         _require_names(self.parameters, draws.shape[1])
-        scale = np.std(draws, axis=0)
-        standard = (draws - np.mean(draws, axis=0)) / np.where(scale > 0.0, scale, 1.0)
-        principal = np.linalg.svd(standard, full_matrices=False)[2][0]
-        order = np.argsort(standard @ principal, kind="stable")
+        first, second = _along_principal(draws) if self.along is None else (draws @ self.along.T).T
+        stretches = np.array_split(np.argsort(first, kind="stable"), max(1, round(len(draws) ** 0.5)))
+        order = np.concatenate([rows[np.argsort(second[rows], kind="stable")] for rows in stretches])
         ordered = np.ascontiguousarray(draws[order].T)
         for key, value in (("draws", draws), ("_ordered", ordered)):
             value.setflags(write=False)
@@ -359,8 +380,8 @@ class JointDraws(_Joint):
 
     @property
     def dimensions(self) -> int:
-        """One: the row."""
-        return 1
+        """Two: the stretch of rows, and the row within it."""
+        return 2
 
     @property
     def nominal(self) -> FloatArray:
@@ -378,11 +399,25 @@ class JointDraws(_Joint):
         return _correlation_of(self.covariance)
 
     def draw(self, scores: FloatArray) -> FloatArray:
-        """Map standard normal scores (1, n) to draws (k, n)."""
+        """Map standard normal scores (2, n) to draws (k, n)."""
+        from scipy.special import ndtr  # a study is checked without it
+
         rows = self._ordered.shape[1]
-        index = np.minimum((ndtr(scores[0]) * rows).astype(np.int64), rows - 1)
-        return np.asarray(self._ordered[:, index])
+        ends = np.cumsum([0, *map(len, np.array_split(np.arange(rows), max(1, round(rows**0.5))))])
+        place = np.minimum((ndtr(scores[0]) * rows).astype(np.int64), rows - 1)
+        stretch = np.searchsorted(ends, place, side="right") - 1
+        size = ends[stretch + 1] - ends[stretch]
+        within = np.minimum((ndtr(scores[1]) * size).astype(np.int64), size - 1)
+        return np.asarray(self._ordered[:, ends[stretch] + within])
 
     def marginal(self, index: int) -> Distribution:
         """Return the draws of one parameter alone."""
         return Empirical(draws=self.draws[:, index])
+
+
+def _along_principal(draws: FloatArray) -> FloatArray:
+    """Places of rows along the first two principal components of parameters in their standard deviations, (2, rows)."""
+    scale = np.std(draws, axis=0)
+    standard = (draws - np.mean(draws, axis=0)) / np.where(scale > 0.0, scale, 1.0)
+    components = np.linalg.svd(standard, full_matrices=False)[2]
+    return np.asarray(components[[0, min(1, len(components) - 1)]] @ standard.T)

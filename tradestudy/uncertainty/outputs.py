@@ -6,12 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.special import ndtr, ndtri
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import FloatArray
 from tradestudy.uncertainty.evaluation import BoolArray
+from tradestudy.uncertainty.quantiles import order_quantile
 
 PROBABILITIES = (0.025, float(ndtr(-1.0)), 0.5, float(ndtr(1.0)), 0.975)
 """Quantiles that are always computed: the ends of the central 95 % and 68.27 % intervals, and the median."""
@@ -51,30 +52,6 @@ class ReplicateStatistics:
     pole_margin: FloatArray
     infinite_fraction: FloatArray
     failed_fraction: FloatArray
-
-
-def order_quantile(ascending: FloatArray, probability: ArrayLike) -> FloatArray:
-    """Quantiles of sorted rows, interpolated between order statistics at (k − ½)/n; +∞ next to a +∞ is +∞.
-
-    Parameters
-    ----------
-    ascending : array, shape (rows, n)
-        Sorted along the last axis, without NaN.
-    probability : array, shape (p,) or ()
-        Probabilities; the first and last draw stand for what lies beyond them.
-
-    Returns
-    -------
-    array, shape (p, rows) or (rows,)
-    """
-    p, n = np.asarray(probability, float), ascending.shape[-1]
-    position = np.clip(p * n - 0.5, 0.0, n - 1.0)
-    low = position.astype(np.int64)
-    weight = position - low
-    # An upper neighbour of no weight must not count: it may be infinite.
-    upper = np.where(weight > 0.0, ascending[..., np.minimum(low + 1, n - 1)], 0.0)
-    value = (1.0 - weight) * ascending[..., low] + weight * upper
-    return np.moveaxis(value, -1, 0) if p.ndim else np.asarray(value)
 
 
 def shortest_interval(ascending: FloatArray) -> tuple[FloatArray, FloatArray]:

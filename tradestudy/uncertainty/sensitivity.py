@@ -103,7 +103,7 @@ def _require_weak_correlation(group: Group) -> None:
             f"a tornado by parameter would mislead in {group.name}",
             value=f"{group.parameters[i]} and {group.parameters[j]} correlated by {correlation[i, j]:+.3f}",
             limit=f"magnitudes up to {LARGEST_CORRELATION}",
-            remedy="use the tornado by group, which moves them together",
+            remedy="look at the whole group, which moves them together",
         )
 
 

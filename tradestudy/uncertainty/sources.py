@@ -5,32 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from enum import Enum
 from typing import Protocol
 
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Distribution, FloatArray, at_scores
-
-
-class ErrorClass(Enum):
-    """How often an error is drawn anew: averaging readings shrinks only what is drawn per measurement."""
-
-    RIG = "per rig"
-    """One draw per built and calibrated rig: calibration."""
-    SESSION = "per session"
-    """One draw per time of use: temperature, pressure, drift."""
-    ELEMENT = "per lens or pixel"
-    """One draw per microlens or pixel: fixed pattern."""
-    MEASUREMENT = "per measurement"
-    """One draw per reading: pixel noise."""
-
-
-NOISE = (ErrorClass.MEASUREMENT,)
-"""What differs from one reading to the next."""
-CALIBRATION = (ErrorClass.RIG, ErrorClass.SESSION, ErrorClass.ELEMENT)
-"""What stays when a reading is repeated at once with the same rig."""
+from tradestudy.uncertainty.error_class import ErrorClass
 
 
 class Group(Protocol):

@@ -63,7 +63,7 @@ def scrambled_sobol(dimensions: int, rng: np.random.Generator) -> UniformStream:
 
     engine = Sobol(dimensions, scramble=True, bits=_SOBOL_BITS, rng=rng)
     half_cell = 2.0 ** -(_SOBOL_BITS + 1)
-    return lambda n: np.ascontiguousarray(engine.random(n).T) + half_cell
+    return lambda n: np.add(engine.random(n).T, half_cell, out=np.empty((dimensions, n)))
 
 
 def fixed_order_product(matrix: FloatArray, columns: FloatArray) -> FloatArray:

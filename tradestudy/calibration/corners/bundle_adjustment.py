@@ -9,11 +9,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.sparse import csr_array
 
-from tradestudy.calibration.corners.corner_file import (
-    CornerFileError,
-    StereoCorners,
-    require_positive_baseline,
-)
+from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners
 from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
 from tradestudy.calibration.corners.view_blocks import (
     SHARED_NAMES,
@@ -27,7 +23,6 @@ from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 RESIDUAL_LIMIT_PX = 2.0  # a corner detector is ten times better; more means wrong correspondences
-BASELINE_LIMIT = 0.2  # relative contradiction between declared and fitted baseline that is allowed
 _ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not turn between views
 
 
@@ -174,23 +169,18 @@ def fit_pair(corners: StereoCorners, left: CameraFit, right: CameraFit) -> PairF
     )
 
 
-def check_rig(fit: PairFit, *, declared_baseline: float | None = None) -> None:
-    """Refuse a fitted pair that contradicts what was declared about it.
+def check_rig(fit: PairFit) -> None:
+    """Refuse a fitted pair whose right camera stands to the left.
 
     Parameters
     ----------
     fit : PairFit
         The fitted pair.
-    declared_baseline : float, optional
-        Distance between the cameras as measured with a ruler [m].
 
     Raises
     ------
     CornerFileError
-        The right camera stands to the left (columns exchanged), or the fitted baseline differs from the declared one
-        by more than ``BASELINE_LIMIT`` (wrong unit of the board, wrong square size).
-    OutOfRangeError
-        The declared baseline is no length.
+        The columns of left and right are exchanged.
     """
     centre = fit.right_centre
     if centre[0] <= 0.0:
@@ -199,17 +189,6 @@ def check_rig(fit: PairFit, *, declared_baseline: float | None = None) -> None:
             value=f"the right camera stands {1e3 * centre[0]:+.1f} mm to the right of the left one",
             limit="> 0 mm",
             remedy="exchange the left_ and right_ columns",
-        )
-    if declared_baseline is None:
-        return
-    require_positive_baseline(declared_baseline)
-    ratio = fit.baseline / declared_baseline
-    if abs(ratio - 1.0) > BASELINE_LIMIT:
-        raise CornerFileError(
-            "the board's unit or square size contradicts the declared baseline",
-            value=f"fitted {1e3 * fit.baseline:.4g} mm, declared {1e3 * declared_baseline:.4g} mm",
-            limit=f"within {100 * BASELINE_LIMIT:.0f} %",
-            remedy=f"board coordinates seem {ratio:.3g} times too large: check their unit and the size of a square",
         )
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tradestudy.errors import OutOfRangeError, TradestudyError
+from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 MINIMUM_CORNERS = 6  # four fix the pose of a plane; two more let a wrong corner show
@@ -71,12 +71,20 @@ def read_corners(path: str | Path) -> StereoCorners:
     Raises
     ------
     CornerFileError
-        A column is missing; a cell is no number; a corner stands twice; a view has too few corners or all in a line;
-        there are too few views; the board is mirrored, an image is mirrored, or x and y columns are swapped. Left and
-        right exchanged, and units that contradict the baseline, need a fit:
-        see ``bundle_adjustment.check_rig``.
+        It cannot be read; a column is missing; a cell is no number; a corner stands twice; a view has too few corners
+        or all in a line; there are too few views; the board is mirrored, an image is mirrored, or x and y columns are
+        swapped. Left and right exchanged need a fit: see ``bundle_adjustment.check_rig``; what contradicts the declared
+        rig: see ``rig_geometry``.
     """
-    table, scale = _read_table(Path(path))
+    path = Path(path)
+    try:
+        table, scale = _read_table(path)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise CornerFileError(
+            f"{path.name} cannot be read",
+            value=getattr(error, "strerror", None) or "no text",
+            remedy="check its name and its folder; corners come as CSV",
+        ) from None
     groups = _group_views(table)
     size = max(len(group) for group in groups.values())
     board, left, right = (np.zeros((len(groups), size, 2)) for _ in range(3))
@@ -237,14 +245,3 @@ def _shape_mismatch(first: FloatArray, second: FloatArray, present: BoolArray) -
     difference = first - second
     difference = difference - (difference * weight).sum(axis=1, keepdims=True)
     return float((difference**2 * weight).sum() / len(present))
-
-
-def require_positive_baseline(declared_baseline: float) -> None:
-    """Refuse a declared baseline that is no length."""
-    if not (np.isfinite(declared_baseline) and declared_baseline > 0.0):
-        raise OutOfRangeError(
-            "the declared baseline is no length",
-            value=f"{declared_baseline:g} m",
-            limit="> 0 m",
-            remedy="give the distance between the cameras, or none",
-        )

@@ -180,7 +180,7 @@ def settle_views(
     Returns
     -------
     ViewStates
-        Where no view moves by more than 1e-6 of its standard deviations.
+        Where no view moves by more than 1e-4 of its standard deviations.
 
     Raises
     ------
@@ -192,12 +192,12 @@ def settle_views(
         hessian, gradient = _state_equations(residuals, by_states, states, noise_px, motion_scale)
         step = np.linalg.solve(hessian, gradient[..., None])[..., 0]
         states = ViewStates(poses=states.poses + step[:, :6], motions=states.motions + step[:, 6:])
-        if np.max(np.einsum("vi,vij,vj->v", step, hessian, step)) < 1e-12:
+        if np.max(np.einsum("vi,vij,vj->v", step, hessian, step)) < 1e-8:
             return states
     raise NotConvergedError(
         "the board pose of a view does not settle",
         value=f"{_MOST_STEPS} steps",
-        limit="steps below 1e-6 standard deviations",
+        limit="steps below 1e-4 standard deviations",
         remedy="start nearer to the fit",
     )
 

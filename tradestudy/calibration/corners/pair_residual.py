@@ -6,7 +6,7 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import brentq, minimize
 
 from tradestudy.calibration.corners.bundle_adjustment import PairFit
 from tradestudy.calibration.corners.corner_file import StereoCorners
@@ -35,7 +35,7 @@ from tradestudy.errors import NotConvergedError
 from tradestudy.optics.arrays import FloatArray
 
 _MOST_LINEARISATIONS = 20
-POSTERIOR_NAMES = (*SHARED_NAMES, "log_noise_px", "log_motion_scale")
+POSTERIOR_NAMES = (*SHARED_NAMES, "log_noise_px", "motion_scale")
 _WALKERS = 2 * len(POSTERIOR_NAMES) + 2
 
 
@@ -232,13 +232,13 @@ def log_posterior(compressed: CompressedViews, parameters: FloatArray, *, larges
     -------
     array (...)
         Natural logarithm; −inf beyond ``largest_motion``. Priors: flat in the shared parameters and in ln σ, and
-        flat in the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), hence the Jacobian of its logarithm.
+        flat in the motion scale (A. Gelman, Bayesian Analysis 1 (2006) 515), which is sampled itself: views that do not
+        move leave it free down to zero.
     """
-    log_scale = parameters[..., 19]
-    allowed = log_scale <= np.log(largest_motion)
-    scale = np.exp(np.where(allowed, log_scale, np.log(largest_motion)))
-    likelihood = compressed.log_likelihood(parameters[..., :18], np.exp(parameters[..., 18]), scale)
-    return np.where(allowed, likelihood + log_scale, -np.inf)
+    scale = parameters[..., 19]
+    allowed = (scale > 0.0) & (scale <= largest_motion)
+    likelihood = compressed.log_likelihood(parameters[..., :18], np.exp(parameters[..., 18]), np.abs(scale))
+    return np.where(allowed, likelihood, -np.inf)
 
 
 def sample_relative_pose(
@@ -267,8 +267,9 @@ def sample_relative_pose(
         Ask ``converged`` before using it.
     """
     compressed = compress_views(fit.shared, fit.states, corners, fit.lever)
-    laplace = _joint_laplace(fit, corners)
+    laplace = _joint_laplace(fit, compressed, corners)
     starts = laplace.draw(rng, MINIMUM_ENSEMBLES * _WALKERS)
+    starts[:, 19] = np.minimum(np.abs(starts[:, 19]), fit.lever)
     sample = sample_posterior(
         lambda parameters: log_posterior(compressed, parameters, largest_motion=fit.lever),
         starts.reshape(MINIMUM_ENSEMBLES, _WALKERS, -1),
@@ -303,7 +304,7 @@ def check_marginalisation(
     LaplaceCheck
         Of the log ratios.
     """
-    noises, scales = np.exp(draws[:, 18]), np.exp(draws[:, 19])
+    noises, scales = np.exp(draws[:, 18]), draws[:, 19]
     exact = np.array(
         [
             exact_log_likelihood(
@@ -316,10 +317,24 @@ def check_marginalisation(
     return compare_log_posteriors(exact, approximate)
 
 
-def _joint_laplace(fit: PairResidualFit, corners: StereoCorners) -> LaplaceFit:
-    """Normal approximation of all parameters: the scales by the number of coordinates and motions that inform them."""
+def _joint_laplace(fit: PairResidualFit, compressed: CompressedViews, corners: StereoCorners) -> LaplaceFit:
+    """Normal approximation of all parameters: the noise by the number of coordinates, the motion by its likelihood."""
     covariance = np.zeros((20, 20))
     covariance[:18, :18] = fit.covariance
-    covariance[18, 18], covariance[19, 19] = 1.0 / (8.0 * corners.corner_count), 1.0 / (12.0 * len(corners.views))
-    mean = np.concatenate([fit.shared, np.log([fit.noise_px, fit.motion_scale])])
+    covariance[18, 18] = 1.0 / (8.0 * corners.corner_count)
+    covariance[19, 19] = _motion_deviation(fit, compressed) ** 2
+    mean = np.concatenate([fit.shared, [np.log(fit.noise_px), fit.motion_scale]])
     return LaplaceFit(names=POSTERIOR_NAMES, mean=mean, covariance=covariance)
+
+
+def _motion_deviation(fit: PairResidualFit, compressed: CompressedViews) -> float:
+    """How far above the best motion scale the restricted likelihood has fallen by a half in its logarithm [m]."""
+    best = _restricted(compressed, fit.noise_px, fit.motion_scale)
+
+    def excess(step: float) -> float:
+        return best - 0.5 - _restricted(compressed, fit.noise_px, fit.motion_scale + step)
+
+    far = fit.motion_scale / np.sqrt(12.0 * len(fit.states.poses))
+    while excess(far) < 0.0 and far < fit.lever:
+        far *= 2.0
+    return float(brentq(excess, 0.0, far, rtol=0.01)) if far < fit.lever else fit.lever

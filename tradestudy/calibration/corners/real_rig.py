@@ -124,15 +124,13 @@ class RigFit:
     explained: PairResidualFit
 
 
-def fit_rig(corners: StereoCorners, *, declared_baseline: float | None = None) -> RigFit:
+def fit_rig(corners: StereoCorners) -> RigFit:
     """Fit a pair: cameras, bundle adjustment, left–right term.
 
     Parameters
     ----------
     corners : StereoCorners
         From ``corners.read_corners``.
-    declared_baseline : float, optional
-        Distance between the cameras by a ruler [m]; checked to ± 20 %.
 
     Returns
     -------
@@ -142,8 +140,7 @@ def fit_rig(corners: StereoCorners, *, declared_baseline: float | None = None) -
     Raises
     ------
     CornerFileError
-        Columns are swapped between the cameras, left and right are exchanged, a view contradicts the others, or the
-        board's unit contradicts the declared baseline.
+        Columns are swapped between the cameras, left and right are exchanged, or a view contradicts the others.
     NotConvergedError
         The views do not determine the parameters.
     """
@@ -151,7 +148,7 @@ def fit_rig(corners: StereoCorners, *, declared_baseline: float | None = None) -
     right = fit_camera(corners.board, corners.right, corners.present)
     _check_columns(corners, left, right)
     pair = fit_pair(corners, left, right)
-    check_rig(pair, declared_baseline=declared_baseline)
+    check_rig(pair)
     return RigFit(
         corners=corners,
         left=left,

@@ -11,7 +11,7 @@ from tradestudy.optics.arrays import FloatArray
 
 CONDITION_LIMIT = 1e12  # of the scaled information; beyond it the smallest direction is rounding error
 EFFICIENCY_LIMIT = 0.9  # share of draws that survive reweighting to the exact posterior
-CHECKED_POINTS = 200
+CHECKED_POINTS = 100
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -167,9 +167,10 @@ def sample_target(
     walkers = 2 * len(names) + 2
     basis, _ = _pose_basis(problem, fit.laplace.mean, fit.poses)
     misfit = _pose_misfit(problem, fit.poses)
+    points = move(fit.poses, problem.target.points)
 
     def log_probability(parameters: FloatArray) -> FloatArray:
-        return _frozen_log_posterior(problem, fit.poses, basis, misfit, parameters)
+        return _frozen_log_posterior(problem, points, basis, misfit, parameters)
 
     starts = _starts_inside(problem.priors, fit.laplace, rng, MINIMUM_ENSEMBLES * walkers)
     sample = sample_posterior(
@@ -257,7 +258,7 @@ def _require_inside(priors: Priors, parameters: FloatArray) -> None:
 
 
 def _frozen_log_posterior(
-    problem: TargetProblem, poses: FloatArray, basis: FloatArray, misfit: FloatArray, parameters: FloatArray
+    problem: TargetProblem, points: FloatArray, basis: FloatArray, misfit: FloatArray, parameters: FloatArray
 ) -> FloatArray:
     """Log posterior, exact in the parameters; each pose at its best by one linear step from the fit."""
     result = problem.priors.log_density(parameters)
@@ -265,7 +266,6 @@ def _frozen_log_posterior(
     size = max(1, _CHUNK_NUMBERS // problem.observed.size)
     split = basis.shape[1] - 6
     constant = np.einsum("vmk,vm->vk", basis[:, split:], misfit)
-    points = move(poses, problem.target.points)
     for start in range(0, len(rows), size):
         chosen = rows[start : start + size]
         residuals = np.moveaxis(

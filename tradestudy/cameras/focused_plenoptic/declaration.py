@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, PlenopticEstimator, UsedLenses
 from tradestudy.cameras.parts import MicrolensArray
-from tradestudy.cameras.plenoptic_declaration import PlenopticCalibrationPart
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     FocalLength,
+    Length,
     LensToSensor,
     MicrolensPitch,
     ObjectDistanceOrInfinity,
@@ -80,16 +81,24 @@ class PlenopticDepthPart(DisparityPart):
     """Depth by micro-images."""
 
     estimator: PlenopticEstimator
-    lenses: UsedLenses | None = Field(
+    microlenses: UsedLenses | None = Field(
         default=None,
         description="Microlenses that widest-pair and least-squares use; default: sharpest-type.",
     )
 
     @model_validator(mode="after")
     def _choice(self) -> Self:
-        if self.lenses is not None and self.estimator in LENSES_OF_PAIRS:
-            raise MistakeAt(("lenses",), f"the estimator {self.estimator} has no choice of lenses; leave it out")
+        if self.microlenses is not None and self.estimator in LENSES_OF_PAIRS:
+            raise MistakeAt(
+                ("microlenses",), f"the estimator {self.estimator} has no choice of microlenses; leave it out"
+            )
         return self
+
+
+if TYPE_CHECKING:
+    FocusedPlenopticCalibration = CalibrationPart
+else:
+    FocusedPlenopticCalibration = calibration_part(FocusedPlenoptic, "focused-plenoptic")
 
 
 class FocusedPlenopticDeclaration(DepthCameraDeclaration):
@@ -103,7 +112,12 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     microlenses: MicrolensesPart
     focus: FocusPart
     depth: PlenopticDepthPart
-    calibration: PlenopticCalibrationPart
+    field_curvature: Length = Field(
+        default=0.0,
+        description="How much farther from the main lens than on the axis its image lies in the corner of the sensor; "
+        "known, and corrected for.",
+    )
+    calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)
 
     def design(self, picture_law: DisparityErrorLaw | None) -> FocusedPlenoptic:
         """The camera in SI; its array is put where the declared plane is the total covering plane.
@@ -152,10 +166,10 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
             ),
             mla_distance=z,
             estimator=depth.estimator,
-            lenses=LENSES_OF_PAIRS.get(depth.estimator, depth.lenses or "sharpest-type"),
+            lenses=LENSES_OF_PAIRS.get(depth.estimator, depth.microlenses or "sharpest-type"),
             disparity_error_px=depth.error(picture_law),
             discrimination_step_px=depth.discrimination_step,
-            calibration=self.calibration.errors(),
+            field_curvature=self.field_curvature,
         )
 
     def _designed_focal_lengths(self, gap: float, sign: float) -> tuple[float, ...]:

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, ClassVar, Final
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tradestudy.cameras.camera import Properties
-from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
 from tradestudy.cameras.depth_camera import (
-    DepthErrorPart,
     Limit,
     UsableCriteria,
     declared_disparity_error,
 )
-from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.exact_model import ExactModel
 from tradestudy.cameras.focused_plenoptic.description import focuses_before_array, properties_of
-from tradestudy.cameras.focused_plenoptic.errors import PLENOPTIC_ERRORS
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
     PlenopticEstimator,
@@ -34,12 +29,13 @@ from tradestudy.cameras.focused_plenoptic.estimator import (
 from tradestudy.cameras.focused_plenoptic.focus import MicrolensTypesFocus
 from tradestudy.cameras.focused_plenoptic.method import METHOD
 from tradestudy.cameras.focused_plenoptic.picture import relayed_picture
-from tradestudy.cameras.focused_plenoptic.relay import Observation, Relay, relay_inverse_depth, relay_observation
+from tradestudy.cameras.focused_plenoptic.relay import relay_inverse_depth, relay_observation
 from tradestudy.cameras.method import Method
-from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
+from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.plenoptic import DECLARED_ERRORS, PlenopticCalibration, array_contradictions, plenoptic_parts
-from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
+from tradestudy.cameras.plenoptic import PlenopticCamera
+from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
+from tradestudy.cameras.reading import Errors
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.depth_of_field.plenoptic import inverse_focus_virtual_depth, relay_blur_diameter
@@ -50,24 +46,20 @@ from tradestudy.optics.microlens_projection import (
     virtual_depth,
 )
 from tradestudy.optics.thin_lens import focus_shift
-from tradestudy.optics.triangulation import depth_of_inverse, plenoptic_depth
-
-if TYPE_CHECKING:
-    from tradestudy.cameras.stated_declaration import StatedPart
-    from tradestudy.uncertainty.sources import Group
+from tradestudy.optics.triangulation import plenoptic_depth
 
 COVERING_VIRTUAL_DEPTH: Final = 2.0
 """Of the total covering plane: the nearest at which two microlenses of any type see every point."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class FocusedPlenoptic(ExactModel):
+class FocusedPlenoptic(PlenopticCamera):
     """Main lens, microlens array at z, sensor at b_L behind the array.
 
     Parameters
     ----------
-    main_lens, sensor, microlenses
-        The parts.
+    main_lens, sensor, microlenses, field_curvature
+        See `PlenopticCamera`.
     mla_distance
         Main lens to array z [m].
     estimator
@@ -81,10 +73,6 @@ class FocusedPlenoptic(ExactModel):
         follows from.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
-    calibration
-        See `PlenopticCalibration`.
-    expansion
-        Standard deviation of the relative change of z with temperature since the calibration.
 
     Raises
     ------
@@ -92,17 +80,12 @@ class FocusedPlenoptic(ExactModel):
         For parts that do not fit together.
     """
 
-    family: ClassVar[str] = "plenoptic"
-    error_units: ClassVar[Mapping[str, str]] = PLENOPTIC_ERRORS
     pictured_by_microlenses: ClassVar[bool] = True
     method: ClassVar[Method] = METHOD
 
-    main_lens: Lens
-    microlenses: MicrolensArray
     mla_distance: float
     estimator: PlenopticEstimator
     lenses: UsedLenses
-    calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
 
     def __post_init__(self) -> None:
         require_positive("distance from main lens to microlens array", self.mla_distance)
@@ -124,15 +107,6 @@ class FocusedPlenoptic(ExactModel):
             mla_distance=self.mla_distance,
             sample_pitch=self.sensor.pixel_pitch,
         )
-
-    @property
-    def gathering_lens(self) -> Lens:
-        """The main lens."""
-        return self.main_lens
-
-    def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - nothing moves
-        """Main lens to sensor [m]."""
-        return self.mla_distance + self.microlenses.gap
 
     def microlens_object_distance(self, distance: ArrayLike) -> FloatArray:
         """a_L = z − b_M [m], signed: positive Keplerian, negative Galilean."""
@@ -195,52 +169,6 @@ class FocusedPlenoptic(ExactModel):
         crossed = np.sign(disparity) * np.sign(true) <= 0.0
         depth = np.where(crossed, np.where(true > 0.0, np.inf, f), depth)
         return np.asarray(np.where(np.isnan(disparity), np.nan, depth))
-
-    def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
-        """Parts of the error as errors of disparity [m], to first order.
-
-        A change δs of the focus shift read from a fixed picture acts like ``δd = Δx δs / (b_L v²)``, and ``∂s/∂z = 1``,
-        ``∂s/∂b_L = −v`` and, for all that the focal length does to depth, ``−(1 + s/f)²``, of opposite sign to z:
-        the two are one part, with their correlation.
-        """
-        f, gap = self.main_lens.focal_length, self.microlenses.gap
-        s, v = focus_shift(distance, f), self.virtual_depth(distance)
-        d = self.disparity(distance)
-        with np.errstate(divide="ignore", invalid="ignore"):  # an image on the array has no disparity: NaN is meant
-            per_shift = d / (gap * v)
-        return plenoptic_parts(
-            self,
-            self.calibration,
-            distance,
-            of_mla_distance=per_shift,
-            of_focal_length=per_shift * (1.0 + s / f) ** 2,
-            of_gap=d / gap,
-            expanded=self.expansion * self.mla_distance,
-        )
-
-    def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
-        """The depth [m] that eq. 8 gives for a fixed picture read with parameters that are off by ``errors``.
-
-        Parameters
-        ----------
-        distance
-            True distance [m].
-        errors
-            ``pixel_noise`` [m of disparity], ``mla_distance``, ``focal_length``, ``microlens_gap`` [m]; missing is 0.
-
-        Returns
-        -------
-        FloatArray
-            Exact, not linearised; +infinity for disparities that belong to no point in front of the camera.
-        """
-        require_known(errors, DECLARED_ERRORS, "a focused plenoptic camera")
-        # Of a point on the axis, as `read` gives it, without its limit to what is in front of the lens.
-        inverse, _ = self.believe(errors, self.observe({}, 0.0, 0.0, distance), distance)
-        return depth_of_inverse(inverse)
-
-    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
-        """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        return self.calibration.error_directions(self.noise(distance), self.expansion * self.mla_distance)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well.
@@ -305,65 +233,18 @@ class FocusedPlenoptic(ExactModel):
             used_type=used,
         )
 
-    def without_calibration_errors(self) -> FocusedPlenoptic:
-        """The same camera, perfectly calibrated."""
-        return replace(self, calibration=PlenopticCalibration())
-
     @property
-    def relay(self) -> Relay:
-        """The geometry that both what is seen and what is read follow from."""
-        return Relay(
-            focal_length=self.main_lens.focal_length,
-            mla_distance=self.mla_distance,
-            gap=self.microlenses.gap,
-            pitch=self.microlenses.pitch,
-            corner=self.sensor.diagonal / 2.0,
-        )
+    def geometry(self) -> ArrayGeometry:
+        """With the declared distance of the array."""
+        return self.geometry_at(self.mla_distance)
 
     def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
-        """What a camera that deviates from its design by ``errors`` sees of a point; see `relay_observation`."""
-        return relay_observation(self.relay, self.estimator_baseline(z), errors, x, y, z)
+        """Distance of the two micro-images of a point, and where they lie; see `relay_observation`."""
+        return relay_observation(self.geometry, self.estimator_baseline(z), errors, x, y, z)
 
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:
-        """The inverse depth that a calibration which is off by ``errors`` reads; see `relay_inverse_depth`.
-
-        The true distance [m] tells the two microlenses and the sign of the disparity.
-        """
-        sign = np.sign(self.virtual_depth(distance))
-        return relay_inverse_depth(self.relay, self.estimator_baseline(distance), errors, seen, sign)
-
-    def read(
-        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
-    ) -> InverseDepthReading:
-        """See `ExactModel.read`.
-
-        z, b_L and the pitch grow with the housing; the focal length of the main lens has its own drift and follows the
-        index of the air.
-        """
-        require_known(errors, PLENOPTIC_ERRORS, "a focused plenoptic camera")
-        require_field(field)
-        a, sensor = np.asarray(distance, dtype=np.float64), self.sensor
-        changed: dict[str, ArrayLike] = {}
-        if environment is not None and ("temperature_change" in errors or "pressure_change" in errors):
-            growth = environment.length_factor(errors) - 1.0
-            changed = {
-                "mla_distance": self.mla_distance * growth,
-                "microlens_gap": self.microlenses.gap * growth,
-                "microlens_pitch": self.microlenses.pitch * growth,
-                "focal_length": self.main_lens.focal_length * (environment.focal_length_factor(errors) - 1.0),
-            }
-        right = field * sensor.width / 2.0 / self.mla_distance
-        down = field * sensor.height / 2.0 / self.mla_distance
-        inverse, valid = self.believe(errors, self.observe(changed, right * a, down * a, a), a)
-        return InverseDepthReading(
-            inverse_depth=inverse,
-            no_overlap=np.zeros((1, 1), dtype=bool),
-            out_of_range=~(valid & (a > self.main_lens.focal_length)),
-        )
-
-    def declared_errors(self) -> tuple[Group, ...]:
-        """See `PlenopticCalibration.groups`."""
-        return tuple(self.calibration.groups(declared_disparity_error(self) * self.sensor.pixel_pitch))
+        """By eq. 8; see `relay_inverse_depth`."""
+        return relay_inverse_depth(self.geometry, self.estimator_baseline(distance), errors, seen)
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Disparity of the two micro-images of a corner, and where on the array they lie."""
@@ -373,12 +254,6 @@ class FocusedPlenoptic(ExactModel):
     def target_noise_px(self, corner_noise_px: float) -> FloatArray:
         """That of the disparity as declared, and of both coordinates on the array."""
         return np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
-
-    def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
-        """A corner is seen where its micro-images lie on the sensor."""
-        half = np.array([self.sensor.columns, self.sensor.rows]) / 2.0
-        inside = np.all(np.abs(observed_px[..., 1:]) <= half, axis=-1)
-        return np.repeat(inside[..., np.newaxis], 3, axis=-1)
 
     def microlenses_seeing(self, distance: FloatArray) -> FloatArray:
         """Mean number of microlenses that see a point."""
@@ -403,8 +278,3 @@ class FocusedPlenoptic(ExactModel):
         """Distances, microlenses, coverage and field of view; see `properties_of`."""
         at_infinity = float(self.virtual_depth(math.inf))
         return properties_of(self.main_lens, self.microlenses, self.sensor, self.mla_distance, at_infinity)
-
-    def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - none of depth
-        """Those of the main lens and of the array."""
-        array = array_contradictions(self.main_lens, self.microlenses, self.mla_distance, stated)
-        return [*lens_contradictions(self.main_lens, self.sensor, stated), *array]

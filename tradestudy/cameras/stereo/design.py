@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
@@ -13,33 +13,30 @@ from numpy.typing import ArrayLike
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
 from tradestudy.cameras.depth_camera import (
-    DepthErrorPart,
-    ErrorSource,
+    DepthCamera,
     Limit,
     UsableCriteria,
-    declared_disparity_error,
 )
 from tradestudy.cameras.environment import Environment
-from tradestudy.cameras.exact_model import ExactModel
+from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
-from tradestudy.cameras.stereo.errors import DECLARED_ERRORS, STEREO_ERRORS, StereoCalibration
+from tradestudy.cameras.stereo.errors import STEREO_ERRORS
 from tradestudy.cameras.stereo.method import METHOD
 from tradestudy.cameras.stereo.overlap import shared_view
-from tradestudy.cameras.stereo.pair import SIDES, Image, Pair, pair_inverse_depth, pair_observation
+from tradestudy.cameras.stereo.pair import Image, Pair, pair_inverse_depth, pair_observation
 from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
-from tradestudy.optics.triangulation import depth_of_inverse, stereo_depth, stereo_disparity
+from tradestudy.optics.triangulation import stereo_depth, stereo_disparity
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
 
 if TYPE_CHECKING:
     from tradestudy.cameras.stated_declaration import StatedPart
-    from tradestudy.uncertainty.sources import Group
 
 # Ten times that of the strongest objectives of microscopes: no sensor stands so far behind its lens.
 _LARGEST_MAGNIFICATION = 1000.0
@@ -47,7 +44,7 @@ PrincipalDistanceRule = Literal["focal_length", "focused"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class StereoRig(ExactModel):
+class StereoRig(DepthCamera):
     """Two cameras at the ends of a baseline.
 
     Parameters
@@ -71,10 +68,6 @@ class StereoRig(ExactModel):
         Standard deviation of one measured disparity [px], or the law it follows from.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
-    calibration
-        See `StereoCalibration`.
-    expansion
-        Standard deviation of the relative change of the baseline with temperature since the calibration.
 
     Raises
     ------
@@ -86,7 +79,7 @@ class StereoRig(ExactModel):
 
     family: ClassVar[str] = "stereo"
     lens_count: ClassVar[int] = 2
-    error_units: ClassVar[Mapping[str, str]] = STEREO_ERRORS
+    error_vocabulary: ClassVar[ErrorVocabulary] = STEREO_ERRORS
     corners_calibrate: ClassVar[bool] = True
     method: ClassVar[Method] = METHOD
 
@@ -96,7 +89,6 @@ class StereoRig(ExactModel):
     baseline: float
     convergence_angle: float
     triangulation: Literal["disparity", "midpoint"]
-    calibration: StereoCalibration = field(default_factory=StereoCalibration)
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
@@ -206,61 +198,6 @@ class StereoRig(ExactModel):
         """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`."""
         return stereo_depth(disparity, self.baseline, self.principal_distance, convergence_angle=self.convergence_angle)
 
-    def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
-        """Parts of the error as errors of disparity [m], to first order, on the line midway between the cameras.
-
-        With c the principal distance, u = B/2Z and x = d/2: yaw ψ adds ``ψ c (1 + x²/c²)``, an error of c takes away
-        ``d δc/c``, one of B ``c δB/Z (1 + x²/c²)/(1 + u²)``. Pitch and roll do not act to first order there.
-        """
-        c, B = self.principal_distance, self.baseline
-        inverse = 1.0 / np.asarray(distance, dtype=np.float64)
-        d = self.disparity(distance)
-        u2, x2 = (B * inverse / 2.0) ** 2, (d / (2.0 * c)) ** 2
-        one, zero = np.ones_like(d), np.zeros_like(d)
-        errors = self.calibration
-        slopes: dict[str, tuple[ErrorSource, FloatArray]] = {
-            "yaw": (errors.yaw, c * (1.0 + x2)),
-            "pitch": (errors.pitch, zero),
-            "roll": (errors.roll, zero),
-            "baseline": (errors.baseline, c * inverse * (1.0 + x2) / (1.0 + u2)),
-            "focal_length": (errors.focal_length, np.abs(d) / c),
-            "principal_point": (errors.principal_point, one),
-            "temperature": (
-                ErrorSource(standard_deviation=self.expansion),
-                B * c * inverse * (1.0 + x2) / (1.0 + u2),
-            ),
-        }
-        return self.parts_of(distance, slopes)
-
-    def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
-        """The depth [m] that the declared triangulation reports when calibration and pixels are off by ``errors``.
-
-        Parameters
-        ----------
-        distance
-            True distance [m].
-        errors
-            Named as the parts: ``pixel_noise`` [m of disparity], ``yaw``, ``pitch``, ``roll`` [rad], ``baseline``,
-            ``focal_length``, ``principal_point`` [m]; what is missing is 0. They disturb the calibration with which a
-            fixed picture is read.
-
-        Returns
-        -------
-        FloatArray
-            Exact, not linearised; +infinity where the lines of sight diverge or do not both look ahead.
-        """
-        require_known(errors, DECLARED_ERRORS, "a stereo rig")
-        inverse, _ = pair_inverse_depth(
-            self.pair, _of_both_sides(errors), pair_observation(self.pair, {}, 0.0, 0.0, distance)
-        )
-        return depth_of_inverse(inverse)
-
-    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
-        """One standard deviation of each error, all independent; temperature acts on the baseline."""
-        declared = {f.name: getattr(self.calibration, f.name) for f in fields(self.calibration)}
-        expanded = {"temperature": ({"baseline": self.expansion * self.baseline},)} if self.expansion > 0.0 else {}
-        return {**self.directions_of(distance, declared), **expanded}
-
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the parallel rig of this principal distance that measures as well; B for parallel axes."""
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
@@ -284,15 +221,9 @@ class StereoRig(ExactModel):
         return blur_diameter(z, self.focus_distance, f, pupil) / self.sensor.pixel_pitch
 
     def limits_of_kind(self, distance: FloatArray, criteria: UsableCriteria) -> Mapping[str, Limit]:
-        """Overlap of the two views."""
-        if criteria.overlap is None:
-            return {}
-        value = self.overlap(distance)
-        return {"overlap": Limit(value=value, bound=criteria.overlap, met=value >= criteria.overlap)}
-
-    def without_calibration_errors(self) -> StereoRig:
-        """The same rig, perfectly calibrated."""
-        return replace(self, calibration=StereoCalibration())
+        """Overlap of the two views; where they have none, both cameras see no point and there is no depth."""
+        value, bound = self.overlap(distance), criteria.overlap or 0.0
+        return {"overlap": Limit(value=value, bound=bound, met=(value >= bound) & (value > 0.0))}
 
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """Both pictures alike, through one lens; the window is as large as the sensor."""
@@ -308,10 +239,10 @@ class StereoRig(ExactModel):
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
-        """Inverse depths of points in the view midway between the cameras; see `ExactModel.read`.
+        """Inverse depths of points in the view midway between the cameras; see `DepthCamera.read`.
 
-        Baseline and principal distance grow with the housing. Pressure moves the focus of a thin lens, not its
-        principal distance, so it leaves disparity alone.
+        Baseline and principal distance grow with the housing. Pressure and colour move the focus of a thin lens, not
+        its principal distance, so they leave disparity alone.
         """
         require_known(errors, STEREO_ERRORS, "a stereo rig")
         require_field(field)
@@ -320,18 +251,17 @@ class StereoRig(ExactModel):
         changed: dict[str, ArrayLike] = {}
         if environment is not None and "temperature_change" in errors:
             growth = environment.length_factor(errors) - 1.0
-            changed = {"baseline": self.baseline * growth, **{f"{side}_focal_length": c * growth for side in SIDES}}
+            changed = {"baseline": self.baseline * growth, "focal_length": c * growth}
         right, down = field * sensor.width / 2.0 / c, field * sensor.height / 2.0 / c
         image = self.observe(changed, right * z, down * z, z)
-        inside = [np.abs(c) <= e / 2.0 for c, e in zip(image, (sensor.width, sensor.height) * 2, strict=True)]
+        left_x, left_y, right_x, right_y = (
+            np.abs(place) <= extent / 2.0
+            for place, extent in zip(image, (sensor.width, sensor.height) * 2, strict=True)
+        )
         inverse, valid = pair_inverse_depth(self.pair, errors, image)
         return InverseDepthReading(
-            inverse_depth=inverse, no_overlap=~np.logical_and.reduce(np.broadcast_arrays(*inside)), out_of_range=~valid
+            inverse_depth=inverse, no_overlap=~(left_x & left_y & right_x & right_y), out_of_range=~valid
         )
-
-    def declared_errors(self) -> tuple[Group, ...]:
-        """See `StereoCalibration.groups`."""
-        return tuple(self.calibration.groups(declared_disparity_error(self) * self.sensor.pixel_pitch))
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Both coordinates of a corner in both pictures."""
@@ -391,17 +321,3 @@ class StereoRig(ExactModel):
                 "pixels",
             ),
         ]
-
-
-def _of_both_sides(errors: Errors) -> Errors:
-    """Errors that a rig declares once, under the names of its exact model."""
-    given = {name: np.asarray(value, dtype=np.float64) for name, value in errors.items()}
-    both: dict[str, ArrayLike] = {}
-    if "focal_length" in given:
-        both |= {f"{side}_focal_length": given["focal_length"] for side in SIDES}
-    for name, of_side, sign in (("principal_point", "principal_point_x", -1.0), ("pixel_noise", "pixel_noise", 1.0)):
-        if name in given:
-            half = sign * given.pop(name) / 2.0
-            both |= {f"left_{of_side}": half, f"right_{of_side}": -half}
-    given.pop("focal_length", None)
-    return {**given, **both}

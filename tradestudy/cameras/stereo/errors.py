@@ -1,95 +1,86 @@
-"""What can be in error about a stereo rig: the vocabulary of its calibration, and the errors that a study declares."""
+"""What can be in error about a stereo rig."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from collections.abc import Iterator
+from typing import Final
 
-from tradestudy.cameras.depth_camera import NO_ERROR, ErrorSource
+from tradestudy.cameras.error_vocabulary import INTERIOR, NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
 from tradestudy.cameras.stereo.pair import SIDES
 
-if TYPE_CHECKING:
-    from tradestudy.uncertainty.sources import Group
+_OF_BOTH: Final[ErrorVocabulary] = {
+    "baseline": ErrorParameter(
+        unit="m", part="relative position", meaning="Distance of the two centres of projection."
+    ),
+    "baseline_direction_y": ErrorParameter(
+        unit="rad", part="relative position", meaning="How far the right camera lies below the left one, as an angle."
+    ),
+    "baseline_direction_z": ErrorParameter(
+        unit="rad",
+        part="relative position",
+        meaning="How far the right camera lies ahead of the left one, as an angle.",
+    ),
+    "yaw": ErrorParameter(
+        unit="rad",
+        part="relative rotation",
+        meaning="Turn of the right camera towards the left one, about the vertical.",
+    ),
+    "pitch": ErrorParameter(
+        unit="rad",
+        part="relative rotation",
+        meaning="Turn of the right camera against the left one, about the baseline.",
+    ),
+    "roll": ErrorParameter(
+        unit="rad",
+        part="relative rotation",
+        meaning="Turn of the right camera against the left one, about its optical axis.",
+    ),
+    "focal_length": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="Principal distance of both cameras together, which a calibration in pixels calls the focal length.",
+    ),
+    "principal_point": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="Right principal point less the left one along the baseline, on the sensor; each takes half of it.",
+    ),
+}
 
-STEREO_ERRORS: Final[Mapping[str, str]] = {
-    "baseline": "m",
-    "baseline_direction_y": "rad",
-    "baseline_direction_z": "rad",
-    "yaw": "rad",
-    "pitch": "rad",
-    "roll": "rad",
-    **{
-        f"{side}_{name}": unit
-        for names, unit in (
-            (("focal_length",), "m"),
-            (("principal_point_x", "principal_point_y"), "m"),
-            (("distortion_k1", "distortion_k2"), "1"),
-            (("pixel_noise",), "m"),
+
+def _of_one(side: str) -> Iterator[tuple[str, ErrorParameter]]:
+    """What each camera has of its own."""
+    yield (
+        "focal_length",
+        ErrorParameter(
+            unit="m",
+            part=INTERIOR,
+            meaning=f"Principal distance of the {side} camera, beyond what both share.",
+        ),
+    )
+    for axis, where in (("x", "along the baseline"), ("y", "across the baseline")):
+        yield (
+            f"principal_point_{axis}",
+            ErrorParameter(
+                unit="m",
+                part=INTERIOR,
+                meaning=f"Principal point of the {side} camera {where}, on its sensor.",
+            ),
         )
-        for side in SIDES
-        for name in names
-    },
+    for name, power in (("k1", "square"), ("k2", "fourth power")):
+        yield (
+            f"distortion_{name}",
+            ErrorParameter(
+                unit="1",
+                part=INTERIOR,
+                meaning=f"Radial distortion of the {side} lens with the {power} of the slope against its axis.",
+            ),
+        )
+
+
+STEREO_ERRORS: Final[ErrorVocabulary] = {
+    **_OF_BOTH,
+    **{f"{side}_{name}": parameter for side in SIDES for name, parameter in _of_one(side)},
+    PIXEL_NOISE: NOISE_PARAMETER,
 }
-"""Errors of a stereo rig with their units, in the order in which they are drawn.
-
-``yaw``, ``pitch``, ``roll`` turn the right camera against the left; ``baseline_direction_y`` and ``_z`` turn the line
-of centres against the left camera. Principal points and pixel noise are in metres on the sensor, pixel noise along the
-baseline; k₁ and k₂ refer to slopes (r over the principal distance). ``focal_length`` is the error of the principal
-distance, as in any calibration in pixels."""
-
-
-DECLARED_ERRORS: Final[Mapping[str, str]] = {
-    "yaw": "rad",
-    "pitch": "rad",
-    "roll": "rad",
-    "baseline": "m",
-    "focal_length": "m",
-    "principal_point": "m",
-    "pixel_noise": "m",
-}
-"""Errors that a rig declares of itself, with their units; the last is that of the disparity on the sensor."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class StereoCalibration:
-    """Calibration errors of the rig, each one draw per rig: what the rig is, less what its calibration says.
-
-    Parameters
-    ----------
-    yaw, pitch, roll
-        Relative rotation of the two cameras about the vertical, the baseline and the optical axis [rad].
-    baseline
-        Of the distance of the two centres of projection [m].
-    focal_length
-        Of the common principal distance [m], which is what a calibration's focal length in pixels is. It moves depth by
-        ``δZ/Z = δc/c`` wherever the lenses are focused; the focal length of the glass itself enters no line of sight.
-    principal_point
-        Difference of the two principal points along the baseline [m on the sensor].
-    """
-
-    yaw: ErrorSource = NO_ERROR
-    pitch: ErrorSource = NO_ERROR
-    roll: ErrorSource = NO_ERROR
-    baseline: ErrorSource = NO_ERROR
-    focal_length: ErrorSource = NO_ERROR
-    principal_point: ErrorSource = NO_ERROR
-
-    def groups(self, noise: float) -> Iterator[Group]:
-        """These errors and the noise of disparity [m], as they are drawn under the names of `STEREO_ERRORS`.
-
-        The common focal length moves both sides together; the difference of the principal points moves them apart; the
-        noise is shared equally by the two pictures.
-        """
-        from tradestudy.cameras.error_groups import centred, measurement_noise, per_rig, tied
-
-        for name in ("yaw", "pitch", "roll", "baseline"):
-            yield from per_rig(name, getattr(self, name))
-        if self.focal_length.standard_deviation > 0.0:
-            names = ("left_focal_length", "right_focal_length")
-            yield tied("focal_length", names, centred(self.focal_length), 1.0)
-        if self.principal_point.standard_deviation > 0.0:
-            names = ("left_principal_point_x", "right_principal_point_x")
-            yield tied("principal_point", names, centred(self.principal_point, share=0.5), -1.0)
-        for side in SIDES:
-            yield measurement_noise(f"{side}_pixel_noise", noise / 2.0**0.5)
+"""Errors of a stereo rig in the order in which they are drawn; the two pictures share the noise equally."""

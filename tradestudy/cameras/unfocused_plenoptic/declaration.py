@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.parts import MicrolensArray
-from tradestudy.cameras.plenoptic_declaration import PlenopticCalibrationPart
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic, ViewEstimator
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     FNumber,
     FocalLength,
+    Length,
     MicrolensPitch,
     ObjectDistance,
 )
@@ -55,6 +56,12 @@ class UnfocusedDepthPart(DisparityPart):
     estimator: ViewEstimator
 
 
+if TYPE_CHECKING:
+    UnfocusedPlenopticCalibration = CalibrationPart
+else:
+    UnfocusedPlenopticCalibration = calibration_part(UnfocusedPlenoptic, "unfocused-plenoptic")
+
+
 class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     """An unfocused plenoptic camera (plenoptic I)."""
 
@@ -66,7 +73,12 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     microlenses: UnfocusedMicrolensesPart
     focus: UnfocusedFocusPart
     depth: UnfocusedDepthPart
-    calibration: PlenopticCalibrationPart
+    field_curvature: Length = Field(
+        default=0.0,
+        description="How much farther from the main lens than on the axis its image lies in the corner of the sensor; "
+        "known, and corrected for.",
+    )
+    calibration: UnfocusedPlenopticCalibration = Field(default_factory=UnfocusedPlenopticCalibration)
 
     def design(self, picture_law: DisparityErrorLaw | None) -> UnfocusedPlenoptic:
         """The camera in SI; with f-number matching ``f_L = p z/A``."""
@@ -98,5 +110,5 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
             estimator=self.depth.estimator,
             disparity_error_px=self.depth.error(picture_law),
             discrimination_step_px=self.depth.discrimination_step,
-            calibration=self.calibration.errors(),
+            field_curvature=self.field_curvature,
         )

@@ -12,51 +12,42 @@ and principal distance z, its disparities counted from those of the plane in foc
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import Properties
-from tradestudy.cameras.contradictions import Contradiction, lens_contradictions
-from tradestudy.cameras.depth_camera import DepthCamera, DepthErrorPart
+from tradestudy.cameras.depth_camera import declared_disparity_error
 from tradestudy.cameras.method import Method
-from tradestudy.cameras.parts import Lens, MicrolensArray, require_positive
+from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.cameras.plenoptic import (
-    DECLARED_ERRORS,
-    PlenopticCalibration,
-    array_contradictions,
-    fill_factor,
-    plenoptic_parts,
-)
-from tradestudy.cameras.reading import Errors, require_known, value_of
+from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
+from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
+from tradestudy.cameras.reading import Errors
 from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
 from tradestudy.cameras.unfocused_plenoptic.method import METHOD
+from tradestudy.cameras.unfocused_plenoptic.views import views_inverse_depth, views_observation
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.depth_of_field import refocus_distance, view_pupil_diameter
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
-if TYPE_CHECKING:
-    from tradestudy.cameras.stated_declaration import StatedPart
-
 ViewEstimator = Literal["outermost-views", "least-squares"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class UnfocusedPlenoptic(DepthCamera):
+class UnfocusedPlenoptic(PlenopticCamera):
     """Main lens, microlens array at the image distance of the focus, sensor one microlens focal length behind it.
 
     Parameters
     ----------
-    main_lens, sensor, microlenses
-        The parts; the array has one type of microlens, whose focal length is its gap.
+    main_lens, sensor, microlenses, field_curvature
+        See `PlenopticCamera`; the array has one type of microlens, whose focal length is its gap.
     focus_distance
         a₀ [m]: the distance whose image falls on the array; finite.
     estimator
@@ -67,10 +58,6 @@ class UnfocusedPlenoptic(DepthCamera):
         law it follows from.
     discrimination_step_px
         The disparity step of the depth discrimination, in microlenses.
-    calibration
-        See `PlenopticCalibration`.
-    expansion
-        Standard deviation of the relative change of z with temperature since the calibration.
 
     Raises
     ------
@@ -78,14 +65,10 @@ class UnfocusedPlenoptic(DepthCamera):
         For parts that do not fit together, or too few pixels under a microlens for two views.
     """
 
-    family: ClassVar[str] = "plenoptic"
     method: ClassVar[Method] = METHOD
 
-    main_lens: Lens
-    microlenses: MicrolensArray
     focus_distance: float
     estimator: ViewEstimator
-    calibration: PlenopticCalibration = field(default_factory=PlenopticCalibration)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -115,15 +98,6 @@ class UnfocusedPlenoptic(DepthCamera):
     def sample_pitch(self) -> float:
         """The pitch of the microlenses: one lateral sample of a view is one microlens."""
         return self.microlenses.pitch
-
-    @property
-    def gathering_lens(self) -> Lens:
-        """The main lens."""
-        return self.main_lens
-
-    def depth_behind_lens(self, nearest: float) -> float:  # noqa: ARG002 - nothing moves
-        """Main lens to sensor [m]."""
-        return self.mla_distance + self.microlenses.gap
 
     @cached_property
     def mla_distance(self) -> float:
@@ -216,68 +190,9 @@ class UnfocusedPlenoptic(DepthCamera):
         return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
 
     def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
-        """Depth [m] of a disparity by design; infinite at and beyond the disparity of infinity."""
-        return self._depth_read(disparity, {})
-
-    def depth_error_parts(self, distance: ArrayLike) -> tuple[DepthErrorPart, ...]:
-        """Parts of the error as errors of disparity [m], to first order.
-
-        Depth is read from ``1/a = 1/f − 1/z + d b_L/(n p_px z²)``, n the pixels between the two views. With
-        κ = 1/a − 1/a₀ its slopes are ``1/z² − 2κ/z`` in z, ``−1/f²`` in f and ``κ/b_L`` in the gap; times ``Δu z`` they
-        are errors of disparity. z and f, of opposite sign, are one part with their correlation.
-        """
-        z, f, gap = self.mla_distance, self.main_lens.focal_length, self.microlenses.gap
-        d = self.disparity(distance)
-        reach = self.estimator_baseline * z
-        return plenoptic_parts(
-            self,
-            self.calibration,
-            distance,
-            of_mla_distance=reach * (1.0 / z**2 - 2.0 * (d / reach) / z),
-            of_focal_length=np.full_like(d, reach / f**2),
-            of_gap=d / gap,
-            expanded=self.expansion * z,
-        )
-
-    def depth_with_errors(self, distance: ArrayLike, errors: Mapping[str, ArrayLike]) -> FloatArray:
-        """The depth [m] of a fixed picture read with parameters that are off by ``errors``.
-
-        Parameters
-        ----------
-        distance
-            True distance [m].
-        errors
-            ``pixel_noise`` [m of disparity], ``mla_distance``, ``focal_length``, ``microlens_gap`` [m]; missing is 0.
-
-        Returns
-        -------
-        FloatArray
-            Exact, not linearised; +infinity for disparities that belong to no point in front of the camera.
-
-        Raises
-        ------
-        OutOfRangeError
-            For an error that the camera does not have.
-        """
-        require_known(errors, DECLARED_ERRORS, "an unfocused plenoptic camera")
-        noise = np.asarray(errors.get("pixel_noise", 0.0), dtype=np.float64)
-        return self._depth_read(self.disparity(distance) + noise, errors)
-
-    def _depth_read(self, disparity: ArrayLike, errors: Errors) -> FloatArray:
-        """``1/a = 1/f − 1/z + d b_L/(n p_px z²)`` with f, z and b_L off by ``errors``.
-
-        n p_px [m], the pixels between the two views, is what the picture fixes. Written as differences from the
-        design, where ``1/f − 1/z = 1/a₀`` and ``n p_px = Δu b_L/z``, so that nothing cancels.
-        """
-        z0, f0, gap0 = self.mla_distance, self.main_lens.focal_length, self.microlenses.gap
-        off_z, off_f, off_gap = (value_of(errors, name) for name in ("mla_distance", "focal_length", "microlens_gap"))
-        z, f = z0 + off_z, f0 + off_f
-        slope = np.asarray(disparity) / (self.estimator_baseline * z0) * ((1.0 + off_gap / gap0) * (z0 / z) ** 2)
-        return depth_of_inverse(1.0 / self.focus_distance - off_f / (f * f0) + off_z / (z * z0) + slope)
-
-    def error_directions(self, distance: ArrayLike) -> Mapping[str, tuple[Mapping[str, ArrayLike], ...]]:
-        """One standard deviation of each error; z and f_M split into what they share and what f_M has alone."""
-        return self.calibration.error_directions(self.noise(distance), self.expansion * self.mla_distance)
+        """``1/a = 1/a₀ + d/(Δu z)`` [m]; infinite at and beyond the disparity of infinity."""
+        reach = self.estimator_baseline * self.mla_distance
+        return depth_of_inverse(1.0 / self.focus_distance + np.asarray(disparity) / reach)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the stereo rig of this focal length and disparity error that measures as well: ``Δu z/f``."""
@@ -324,9 +239,32 @@ class UnfocusedPlenoptic(DepthCamera):
             microlens=None,
         )
 
-    def without_calibration_errors(self) -> UnfocusedPlenoptic:
-        """The same camera, perfectly calibrated."""
-        return replace(self, calibration=PlenopticCalibration())
+    @property
+    def geometry(self) -> ArrayGeometry:
+        """With the array in the image of the plane of focus."""
+        return self.geometry_at(self.mla_distance)
+
+    @property
+    def pixels_apart(self) -> float:
+        """How far the pixels of the estimator's two views are apart under a microlens [m]: ``Δu b_L/z``."""
+        return self.estimator_baseline * self.microlenses.gap / self.mla_distance
+
+    def observe(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Observation:
+        """Disparity of a point on the array, and where it is seen; see `views_observation`."""
+        return views_observation(self.geometry, self.pixels_apart, errors, x, y, z)
+
+    def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:  # noqa: ARG002 - the same views at every distance
+        """By the rays of both views; see `views_inverse_depth`."""
+        return views_inverse_depth(self.geometry, self.pixels_apart, errors, seen)
+
+    def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
+        """Disparity of a corner, and where it is seen."""
+        return self.observe(errors, x, y, z)
+
+    def target_noise_px(self, corner_noise_px: float) -> FloatArray:
+        """Of the disparity as declared, and of both coordinates: all count in microlenses, the pixels of a view."""
+        samples = np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
+        return np.asarray(samples * (self.sample_pitch / self.sensor.pixel_pitch))
 
     def properties(self) -> Properties:
         """Distances, microlenses, views and field of view."""
@@ -348,8 +286,3 @@ class UnfocusedPlenoptic(DepthCamera):
             ("field of view across", pretty(lens.field_of_view(sensor.width), ANGLE, 4)),
             ("field of view on the diagonal", pretty(lens.field_of_view(sensor.diagonal), ANGLE, 4)),
         )
-
-    def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:  # noqa: ARG002 - none of depth
-        """Those of the main lens and of the array."""
-        array = array_contradictions(self.main_lens, self.microlenses, self.mla_distance, stated)
-        return [*lens_contradictions(self.main_lens, self.sensor, stated), *array]

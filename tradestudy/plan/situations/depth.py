@@ -1,4 +1,4 @@
-"""Cameras that measure depth: what of picture, calibration and temperature their depth uncertainty calls for."""
+"""Cameras that measure depth: what of picture and calibration their depth uncertainty calls for."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
+from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, model_error
+from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.analysis.usable import SUBDIVISIONS, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria, declared_disparity_error
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.effects.base import OFF, Bound, EffectCriterion, Model, Slot, SlotName
-from tradestudy.effects.depth_errors import calibration_slot, temperature_slot
+from tradestudy.effects.depth_errors import EXACT, LINEAR, calibration_slot
 from tradestudy.effects.picture_slots import (
     EXTENT_OF_POINTS,
     MARGIN,
@@ -56,13 +57,14 @@ _ENDS: Final = 2
 # Values of what an inverse question varies, its ends among them.
 _OF_QUESTIONS: Final = 5
 _OF_MICROLENSES: Final[tuple[SlotName, ...]] = ("microlens_diffraction", "crosstalk")
-# Slots of errors that are not of the picture.
-_LENGTHS: Final[tuple[SlotName, ...]] = ("calibration", "temperature")
 # Bisections: of the ends of the usable range, and of a pair's decision under one reading.
 _ASKED_FOR_ENDS: Final = 700
 _ASKED_FOR_DECISION: Final = 4000
 # On the reference machine: one distance of one camera, all errors, all limits.
 _SECONDS_PER_DISTANCE: Final = 4e-5
+_SECONDS_PER_DRAWN_DISTANCE: Final = 2e-3
+_MOST_ASKED: Final = 4  # distances that a study asks about, at which the linear model is tried
+_NEVER_TRIED: Final = Worst(value=math.inf, at=math.nan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +80,8 @@ class _Variant:
 
     @cached_property
     def as_forced(self) -> DepthCamera:
-        """The camera without the calibration errors or the expansion that the study insists on leaving out."""
-        return acting(self.camera, {slot: self.forced[slot] for slot in _LENGTHS if slot in self.forced})
+        """The camera with its calibration propagated, or left out, as the study insists."""
+        return acting(self.camera, {"calibration": self.forced["calibration"]} if "calibration" in self.forced else {})
 
     @cached_property
     def limits(self) -> Mapping[str, Limit]:
@@ -122,7 +124,7 @@ def depth_situations(definition: StudyDefinition, forced: Mapping[SlotName, str]
                 quantities=("depth_uncertainty",),
                 slots=(
                     *_picture(own, _times_asked(definition, name)),
-                    *_errors(own, definition.case.distance.size),
+                    _calibration(own, definition.case.distance.size),
                 ),
             )
         )
@@ -139,7 +141,7 @@ def every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
     for question in definition.file.solve.values():
         dimension, low, high = question_ends(question)
         for value in np.linspace(low, high, _OF_QUESTIONS):
-            yield definition.with_values({question.vary: quantity_entry(float(value), dimension)})
+            yield definition.with_values(dict.fromkeys(question.paths, quantity_entry(float(value), dimension)))
 
 
 def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
@@ -164,8 +166,10 @@ def _variant(definition: StudyDefinition, name: str, forced: Mapping[SlotName, s
     asked = [*(() if file.decision is None else file.decision.at), *(one.at for one in file.solve.values())]
     asked += [end for one in file.requirements.values() for end in one.depth_uncertainty.over]
     own = _applicable(camera, forced)
-    # Where to weigh is found in closed form, and with every error of lengths.
-    sought = in_closed_form({slot: name for slot, name in own.items() if slot not in _LENGTHS})
+    # Where to weigh is found in closed form, and with every error of calibration.
+    sought = in_closed_form({slot: name for slot, name in own.items() if slot != "calibration"})
+    if not has_covariance(camera):
+        sought["calibration"] = EXACT
     return _Variant(
         camera=acting(camera, sought),
         criteria=definition.case.criteria,
@@ -336,45 +340,50 @@ def _in_focus(variant: _Variant) -> FloatArray:
     return distance[(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
 
 
-def _errors(variants: Sequence[_Variant], distances: int) -> tuple[Slot, Slot]:
-    """Slots of calibration and of temperature, each held against the camera with everything."""
-    names = {name for variant in variants for name in variant.camera.error_directions(np.ones(1))}
-    # Of errors added up in disparity, where it counts.
-    linear_errors = (np.nanmax(one.limits["closed_form"].value[one.usable], initial=0.0) for one in variants)
-    linear_error = float(max(linear_errors, default=0.0))
-    seconds = distances * _SECONDS_PER_DISTANCE
-    return (
-        calibration_slot(
-            share_of_uncertainty=max(_share_of(variant, "calibration") for variant in variants),
-            linear_error=linear_error,
-            seconds=seconds,
-            are_declared=bool(names - {"pixel_noise", "temperature"}),
-        ),
-        temperature_slot(
-            share_of_uncertainty=max(_share_of(variant, "temperature") for variant in variants),
-            expansion=max(variant.camera.expansion for variant in variants),
-            error=linear_error,
-            seconds=seconds,
-            is_declared="temperature" in names,
-        ),
+def _calibration(variants: Sequence[_Variant], distances: int) -> Slot:
+    """The slot of calibration, held against the camera with everything."""
+    calibrations = [variant.camera.calibration for variant in variants]
+    known = all(calibration.inferred for calibration in calibrations)
+    tried = worst_of(_linear_error(variant) for variant in variants) if known else _NEVER_TRIED
+    return calibration_slot(
+        share_of_uncertainty=max(map(_share_of_calibration, variants)) if known else math.inf,
+        linear_error=tried.value,
+        at=tried.at,
+        exact_seconds=distances * _SECONDS_PER_DRAWN_DISTANCE,
+        are_declared=not known or any(calibration.groups for calibration in calibrations),
     )
 
 
-def _share_of(variant: _Variant, slot: SlotName) -> float:
-    """1 − u(without)/u(with), the largest where a picture is formed; a lost far end counts as the whole.
+def _linear_error(variant: _Variant) -> Worst:
+    """The largest departure of the linear model from draws, at a few distances of most and of least uncertainty.
+
+    At the ends and in the middle of what is usable, where the uncertainty is the largest share of the distance, and
+    wherever the study asks.
+    """
+    camera, places = acting(variant.camera, {"calibration": LINEAR}), variant.distance[variant.usable]
+    asked = np.array(variant.asked[:_MOST_ASKED])
+    asked = asked[camera.images(asked)]
+    if not has_covariance(camera):  # no line exists
+        return _NEVER_TRIED
+    if not camera.calibration.groups or not (places.size or asked.size):
+        return Worst(value=0.0, at=math.nan)
+    tried = np.unique(np.append(asked, places[[0, places.size // 2, -1]])) if places.size else np.unique(asked)
+    if places.size:
+        relative = depth_uncertainty(camera, places) / places
+        tried = np.union1d(tried, places[[int(np.nanargmax(np.where(np.isfinite(relative), relative, 0.0)))]])
+    error = model_error(camera, tried).intervals
+    return worst_at(tried, np.where(np.isnan(error), 0.0, error))
+
+
+def _share_of_calibration(variant: _Variant) -> float:
+    """1 − u(noise)/u(both), the largest where a picture is formed; a lost far end counts as the whole.
 
     With a margin where the noise beside it is derived and its own models may move it.
     """
-    others: dict[SlotName, str] = {
-        other: variant.forced[other] for other in _LENGTHS if other in variant.forced and other != slot
-    }
-    camera = acting(variant.camera, others)
-    spared = acting(camera, {slot: OFF})
-    if spared == camera:  # it declares no such error
+    if not variant.camera.calibration.groups:
         return 0.0
-    everything = depth_uncertainty(camera, variant.imaged) if others else variant.uncertainty
-    without = depth_uncertainty(spared, variant.imaged)
+    without = depth_uncertainty(variant.camera, variant.imaged, "noise")
     with np.errstate(invalid="ignore"):  # infinite over infinite: the far end is lost without it as well
-        share = 1.0 - np.where(np.isinf(without), 1.0, without / everything)
+        share = 1.0 - np.where(np.isinf(without), 1.0, without / variant.uncertainty)
     derived = isinstance(variant.camera.disparity_error_px, PictureDisparityError)
     return min(1.0, (MARGIN if derived else 1.0) * float(np.nanmax(share, initial=0.0)))

@@ -24,7 +24,7 @@ def depth_of_field_situation(definition: StudyDefinition, asked: DepthOfFieldPar
         slots=(
             diffraction_of_sharpness(
                 [camera.focus for camera in cameras],
-                [part.criterion(definition.case.wavelength) for part in asked.sharp.values()],
+                [part.criterion(definition.case.wavelength) for part in asked.criteria.values()],
             ),
         ),
     )

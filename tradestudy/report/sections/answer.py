@@ -20,8 +20,17 @@ from tradestudy.report.document import (
     pictures_of,
     say,
 )
-from tradestudy.report.words import in_words, length, share
-from tradestudy.results.views.decision import Flips, candidates, flips, handovers, solved_questions, told_winners
+from tradestudy.report.words import in_words, length, share, with_error
+from tradestudy.results.views.decision import (
+    Flips,
+    answer_title,
+    candidates,
+    flips,
+    handovers,
+    solved_questions,
+    tied,
+    told_winners,
+)
 from tradestudy.results.views.depth import largest_part, nominal, nominal_is_declared
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
@@ -46,9 +55,9 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
 def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
     """One sentence per stretch of distance with one best camera."""
     titles, depth, declared = camera_titles(tree), nominal(tree), nominal_is_declared(tree)
-    for start, end, key in told_winners(tree):
-        where = span(start, end)
-        if not key:
+    for start, end, names in told_winners(tree):
+        where, camera = span(start, end), answer_title(titles, names)
+        if not names:
             yield say(
                 "**{where}: no {which} is usable**{why}.",
                 where=where,
@@ -56,11 +65,10 @@ def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
                 why=_why_none(tree, depth, start, end) if declared else "",
             )
         elif declared:
-            yield say(
-                "**{where}: {camera}**, {how}.", where=where, camera=titles[key], how=_how_sure(depth, key, start, end)
-            )
+            how = _how_sure(depth, tied(names)[0], start, end)
+            yield say("**{where}: {camera}**, {how}.", where=where, camera=camera, how=how)
         else:
-            yield say("**{where}: {camera}**.", where=where, camera=titles[key])
+            yield say("**{where}: {camera}**.", where=where, camera=camera)
 
 
 def _why_none(tree: xr.DataTree, depth: xr.Dataset, start: float, end: float) -> str:
@@ -90,12 +98,11 @@ def _why_none(tree: xr.DataTree, depth: xr.Dataset, start: float, end: float) ->
 
 def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
     """The uncertainty at both ends of a stretch, absolute and relative, and what decides it there."""
-    sigma = depth["depth_uncertainty"].sel(camera=camera)
-    inside = sigma.where((sigma["distance"] >= start) & (sigma["distance"] <= end), drop=True)
-    places = inside["distance"].values[[0, -1]]
-    near, far = (
-        f"{length(float(s))} ({share(float(s / z))})" for s, z in zip(inside.values[[0, -1]], places, strict=True)
-    )
+    sigma, places = depth["depth_uncertainty"].sel(camera=camera), (start, end)
+    known = np.isfinite(sigma.values)
+    logs = (np.log(sigma["distance"].values[known]), np.log(sigma.values[known]))  # a smooth curve between its points
+    ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
+    near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
     first, last = (in_words(largest_part(depth, camera, float(place)) or "nothing") for place in places)
     cause = f"set by {first}" if first == last else f"set first by {first}, then by {last}"
     return f"±{near} near to ±{far} far, {cause}"
@@ -108,8 +115,8 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     decision, titles = group(tree, "decision").sel(way="both"), camera_titles(tree)
     first, second = (titles[decision.attrs[end]] for end in ("first", "second"))
     handed = [list(handovers(decision.isel(reading=row))) for row in range(decision.sizes["reading"])]
-    own = "at " + " and ".join(distance(place) for place in handed[0]) if handed[0] else "nowhere"
-    others = [place for row in handed[1:] for place in row]
+    own = "at " + " and ".join(with_error(*place, distance) for place in handed[0]) if handed[0] else "nowhere"
+    others = [place for row in handed[1:] for place, _ in row]
     alone = sum(not row for row in handed[1:])
     moved = (
         f"; under the other readings between {distance(min(others))} and {distance(max(others))}"
@@ -161,8 +168,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
     found = tuple(flips(tree))
     if not found:
         return
-    titles, decision = camera_titles(tree) | {"": "neither"}, group(tree, "decision")
-
+    titles, decision = camera_titles(tree), group(tree, "decision")
     yield Table(
         name="verdict-table",
         caption=f"{titles[decision.attrs['first']]} against {titles[decision.attrs['second']]}: which of the two is "
@@ -178,9 +184,9 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
         rows=tuple(
             (
                 distance(one.place),
-                titles[one.winner],
+                answer_title(titles, one.winner, "neither"),
                 _flipped(one, titles),
-                titles[one.more_certain],
+                answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "both alike"),
                 _factor(one.ratio),
             )
             for one in found
@@ -202,5 +208,6 @@ def _flipped(one: Flips, titles: Mapping[str, str]) -> Text:
         "**{count} of {all}**{names}",
         count=str(len(one.flipped)),
         all=str(one.alternatives),
-        names=(": " if one.flipped else "") + ", ".join(f"{name} ({titles[winner]})" for name, winner in one.flipped),
+        names=(": " if one.flipped else "")
+        + ", ".join(f"{name} ({answer_title(titles, winner, 'neither')})" for name, winner in one.flipped),
     )

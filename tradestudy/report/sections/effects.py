@@ -86,10 +86,10 @@ def _noise_shares(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str
         if name not in pictured:
             continue
         own = depth.sel(camera=name)
-        ways = own["depth_uncertainty_way"].where(own["usable"] > 0)
-        largest = float((ways.sel(way="noise") / ways.sel(way="both")).max()) ** 2
+        largest = float(own["variance_share"].sel(part="noise").where(own["usable"] > 0).max())
         if largest < _LITTLE:
-            yield f"Of the variance of depth of {title}, noise makes at most {_share(largest)} where it is usable."
+            most = _share(largest)
+            yield f"Of the variance of inverse depth of {title}, noise makes at most {most} where it is usable."
 
 
 def _wanted(data: xr.Dataset) -> Iterator[str]:

@@ -73,21 +73,34 @@ def _uncertainty() -> Iterator[Block]:
             ),
             say(
                 "**Quantiles, not standard deviations.** Depth is one over something that can reach zero, so its "
-                "variance may not exist. Errors add up in disparity, an inverse depth; quantiles are taken there "
-                "and mapped back by the exact law. A disparity beyond that of infinity is a depth of ∞ and stays in "
-                "the quantiles."
+                "variance may not exist. Errors are propagated to inverse depth; quantiles are taken there and mapped "
+                "back. An inverse depth of zero or below is a depth of ∞ and stays in the quantiles."
+            ),
+            say(
+                "**What decides it**: the part of the errors with the largest share of the variance of inverse depth. "
+                "Shares are Shapley shares: they sum to 100 %, for correlated errors too."
             ),
         )
     )
     yield Equation(
-        typst="a_p = a (d - Q_epsilon (p)), quad epsilon = sum_i epsilon_i",
-        alt="The p quantile of depth is the depth that belongs to the disparity d minus the p quantile of the error "
-        "epsilon of disparity; epsilon is the sum of the errors epsilon i of all parts.",
+        typst="a_p = 1 / (Q_rho (1 - p)), quad rho = rho(a, epsilon_1, epsilon_2, ...)",
+        alt="The p quantile of depth is one over the one minus p quantile of inverse depth rho, which the camera reads "
+        "at the distance a under all errors epsilon.",
     )
     yield Paragraph(
         say(
-            "*Q*~ε~ is the quantile of the sum of all parts, normal and uniform ones each in their own shape; "
-            "*a*~p~ is ∞ where the disparity falls to that of infinity or below."
+            "*Q*~ρ~ is the quantile of the inverse depth *ρ* that the exact model of the camera reads under noise and "
+            "all calibration errors, drawn jointly."
+        )
+    )
+    yield Paragraph(
+        say(
+            "**Linear** propagation takes the covariance of all errors through the slopes of that model at each "
+            "distance, and its error is measured against draws. **Exact** propagation sends eight independently "
+            "scrambled Sobol sequences of draws through the model itself; all distances and designs share them. A "
+            "result is *converged* when the 95 % t-interval over the eight of every half width that is reported is "
+            "within the tolerance of that half width; where an interval has no far end, the share of failed "
+            "measurements is judged instead. The plan takes linear propagation where it keeps the tolerance."
         )
     )
     yield Paragraph(

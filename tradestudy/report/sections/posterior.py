@@ -52,7 +52,6 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows.append(
             (
                 titles[name],
-                str(there["posterior_kind"].item()),
                 "yes" if bool(there["posterior_converged"]) else "no",
                 significant(float(there["posterior_lengths"])),
                 f"{np.nanmax(there['posterior_r_hat'].values):.4f}",
@@ -68,7 +67,6 @@ def _chains(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
         caption="Whether the chains can be believed: the worst parameter of each.",
         columns=(
             Column(title="Camera", weight=1),
-            Column(title="from", weight=1),
             Column(title="converged"),
             Column(title="N/τ", align="right"),
             Column(title="R-hat", align="right"),
@@ -113,7 +111,7 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
         rows=tuple(
             (
                 in_words(str(one["parameter"].values[k])),
-                number("posterior_mean", k),
+                _to_the_digit(float(one["posterior_mean"].values[k]), float(one["posterior_deviation"].values[k])),
                 number("posterior_deviation", k),
                 number("laplace_deviation", k),
                 number(last, k),
@@ -123,6 +121,14 @@ def _parameters(there: xr.Dataset, name: str, title: str) -> Table:
             for k in range(known.size)
         ),
     )
+
+
+def _to_the_digit(value: float, deviation: float) -> str:
+    """A value to the second digit of its standard deviation."""
+    if not (np.isfinite(value) and deviation > 0.0):
+        return significant(value)
+    digits = 2 + max(0, int(np.floor(np.log10(abs(value) / deviation)))) if value else 2
+    return significant(value, digits)
 
 
 def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:

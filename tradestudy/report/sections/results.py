@@ -11,9 +11,9 @@ import xarray as xr
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
-from tradestudy.report.words import in_words, interval, length, or_dash, share
+from tradestudy.report.words import in_words, interval, length, or_dash, share, with_error
 from tradestudy.results.views.decision import solved_questions
-from tradestudy.results.views.depth import nominal, told_places
+from tradestudy.results.views.depth import nominal, shares_at, told_depth, told_places
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
 from tradestudy.wording import distance
 
@@ -30,7 +30,10 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
         yield from pictures_of(drawings, "close_range", "mid_range")
         yield _values_at_places(tree)
         yield from _over_places(tree)
-        yield from _pictured(drawings, "What the uncertainty is made of", "parts", "uncertainty_parts")
+        yield Heading(text="What decides the uncertainty", anchor="parts", level=2)
+        yield from pictures_of(drawings, "variance_shares")
+        yield _decisive_parts(tree)
+        yield from _pictured(drawings, "Off the axis", "off-axis", "off_axis")
         yield from describe_disparity_causes(tree)
         yield from _decision(tree, drawings)
         yield from _pictured(drawings, "Swept designs", "sweeps", "sweep_map", "pareto")
@@ -83,49 +86,48 @@ def _what_is_missing(camera: xr.Dataset) -> str:
     return f"{names} (even at {distance(float(camera['distance'].values[best]))})"
 
 
-def _at_places(tree: xr.DataTree) -> xr.Dataset:
-    """Depth at the declared distances themselves; on the study's grid where none are declared."""
-    return group(tree, "depth_at_places") if has(tree, "depth_at_places") else nominal(tree)
-
-
 def _values_at_places(tree: xr.DataTree) -> Table:
     """Numbers behind the curves at the declared distances."""
-    depth = _at_places(tree)
+    depth = told_depth(tree)
     rows: list[tuple[Text, ...]] = []
+    quantiles = depth["quantile"].values
+    content = share(float(quantiles[-1] - quantiles[0]))
     for place in told_places(tree):
         there = depth.sel(distance=place, method="nearest")
         rows.append((f"At {distance(float(place))}",))
         for key, title in titles_in(tree, "depth").items():
             camera = there.sel(camera=key)
-            sigma = {way: float(camera["depth_uncertainty_way"].sel(way=way)) for way in WAYS}
+            known = [camera[name] for name in ("depth_uncertainty_way", "depth_uncertainty_way_error")]
+            u = {way: tuple(float(one.sel(way=way)) for one in known) for way in WAYS}
             nearer, farther = (float(camera["depth_discrimination"].sel(side=side)) for side in ("nearer", "farther"))
-            low, high = (float(camera["depth_quantile"].sel(way="both", quantile=q)) for q in (0.025, 0.975))
+            low, high = camera["depth_quantile"].sel(way="both").values[[0, -1]]
             rows.append(
                 (
                     title,
                     "yes" if bool(camera["usable"]) else "no",
                     _step(nearer, farther),
-                    *(length(sigma[way]) for way in WAYS),
-                    share(sigma["both"] / float(place)),
-                    interval(low, high),
+                    *(with_error(value, error) for value, error in u.values()),
+                    share(u["both"][0] / float(place)),
+                    interval(float(low), float(high)) + ("" if bool(camera["converged"]) else " *"),
                 )
             )
     return Table(
         name="depth-table",
-        caption="Depth discrimination and uncertainty at the declared distances.",
+        caption="Depth discrimination and uncertainty at the distances that the study asks about.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Usable"),
             Column(title="Discrim­ination", align="right"),
-            *(Column(title=f"σ {title}", align="right") for title in WAYS.values()),
+            *(Column(title=f"u {title}", align="right") for title in WAYS.values()),
             Column(title="relative", align="right"),
-            Column(title="95 % interval", align="right"),
+            Column(title=f"{content} interval", align="right"),
         ),
         rows=tuple(rows),
         notes=(
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
-            "differ). σ: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
-            "and both. ∞: the interval has no far end." + _numerical_error(tree),
+            "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
+            "and both; ± its error, where that exceeds 1 %. ∞: the interval has no far end. *: not "
+            "converged, sampling left more than the tolerance." + _numerical_error(tree),
         ),
     )
 
@@ -133,20 +135,39 @@ def _values_at_places(tree: xr.DataTree) -> Table:
 def _numerical_error(tree: xr.DataTree) -> str:
     """How far the computed uncertainty may be from that of the exact camera model, where cameras are usable."""
     depth = nominal(tree)
-    if "depth_uncertainty_error" not in depth:
-        return ""
     relative = (depth["depth_uncertainty_error"] / depth["depth_uncertainty"]).where(depth["usable"])
     values = relative.values[np.isfinite(relative.values)]
-    return (
-        f" Estimated numerical error of σ where cameras are usable: at most {share(float(values.max()))}."
-        if values.size
-        else ""
+    return f" Error of u where cameras are usable: at most {share(float(values.max()))}." if values.size else ""
+
+
+def _decisive_parts(tree: xr.DataTree) -> Table:
+    """The part with the largest share at the declared distances."""
+    depth, places = told_depth(tree), told_places(tree)
+
+    def cell(key: str, place: float) -> str:
+        shares = shares_at(depth, key, place)
+        values = np.asarray(shares.values, dtype=np.float64)
+        if not np.isfinite(values).any():
+            return "—"
+        largest = int(np.nanargmax(values))
+        return f"{in_words(str(shares['part'].values[largest]))}, {share(float(values[largest]))}"
+
+    return Table(
+        name="parts-table",
+        caption="What decides the uncertainty: the part with the largest share of the variance of inverse depth.",
+        columns=(
+            Column(title="Camera", weight=1),
+            *(Column(title=distance(float(place)), weight=1) for place in places),
+        ),
+        rows=tuple(
+            (title, *(cell(key, float(place)) for place in places)) for key, title in titles_in(tree, "depth").items()
+        ),
     )
 
 
 def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     """Equivalent baselines and failed measurements, one column per declared distance."""
-    depth, places = _at_places(tree), told_places(tree)
+    depth, places = told_depth(tree), told_places(tree)
 
     def table(
         name: str, variable: str, caption: str, write: Callable[[float], str], notes: tuple[Text, ...] = ()
@@ -266,7 +287,8 @@ def _crossovers(decision: xr.Dataset) -> Iterator[Block]:
     if "crossover_distance" not in decision:
         return
     values = np.asarray(decision["crossover_distance"].sel(way="both").values, dtype=np.float64)
-    own = [distance(float(v)) for v in values[0] if np.isfinite(v)]
+    errors = decision["crossover_error"].sel(way="both").values[0]
+    own = [with_error(float(v), float(e), distance) for v, e in zip(values[0], errors, strict=True) if np.isfinite(v)]
     others = values[1:][np.isfinite(values[1:])]
     text = f"at {' and '.join(own)}" if own else "nowhere in the range of the study"
     if not others.size:

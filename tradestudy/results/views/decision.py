@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,13 +13,27 @@ from tradestudy.results.views.depth import nominal, nominal_is_declared
 from tradestudy.results.views.groups import FloatArray, group, has, records, titles_in
 from tradestudy.wording import distance
 
+TIED = ", "
+"""Between cameras whose difference is below its stated error: one answer."""
 _WAY = "both"  # noise and calibration together
 _SLIVER = 0.01  # of the range of the study
+_BRIEF = 0.03  # of it, in logarithm
 
 
 def has_winners(tree: xr.DataTree) -> bool:
     """Whether the results name a best camera for every distance, of the design that the curves show."""
     return has(tree, "decision", "best_camera") and nominal_is_declared(tree)
+
+
+def tied(names: str) -> tuple[str, ...]:
+    """The cameras of one answer: one, several that are alike, or none."""
+    return tuple(name for name in names.split(TIED) if name)
+
+
+def answer_title(titles: Mapping[str, str], names: str, nobody: str = "") -> str:
+    """What one answer is called: a camera, or several that are alike."""
+    found = [titles[name] for name in tied(names)]
+    return f"{', and '.join(found)}, alike" if len(found) > 1 else "".join(found) or nobody
 
 
 def candidates(tree: xr.DataTree) -> tuple[str, ...]:
@@ -30,7 +45,7 @@ def candidates(tree: xr.DataTree) -> tuple[str, ...]:
 
 
 def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
-    """Stretches of distance with one best camera: (from, to, camera), camera "" where none is usable.
+    """Stretches of distance with one answer: (from, to, names), as `tied` reads them, "" where none is usable.
 
     Between two computed distances the stretch ends at the end of a usable range or at the crossover that lies there;
     where neither does, half way (in logarithm).
@@ -52,10 +67,31 @@ def winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
 
 
 def told_winners(tree: xr.DataTree) -> Iterator[tuple[float, float, str]]:
-    """The stretches of `winners` without slivers: hundredths of the range whose ends read the same in three digits."""
-    found = list(winners(tree))
+    """The stretches of `winners` without slivers: hundredths of the range whose ends read the same in three digits.
+
+    Where the error of a crossover alone makes two cameras alike for a little, they change hands in its middle.
+    """
+    found = _without_brief_ties(list(winners(tree)))
     whole = found[-1][1] - found[0][0]
     return (one for one in found if distance(one[0]) != distance(one[1]) or one[1] - one[0] > _SLIVER * whole)
+
+
+def _without_brief_ties(found: list[tuple[float, float, str]]) -> list[tuple[float, float, str]]:
+    """Stretches of distance with every brief tie shared between its neighbours, if their cameras are those tied."""
+    longest = np.log(found[-1][1] / found[0][0]) * _BRIEF
+    kept = list(found)
+    for before, (start, end, names), after in zip(found, found[1:], found[2:], strict=False):
+        beside = {*tied(before[2]), *tied(after[2])}
+        between = len(tied(names)) > 1 and before[2] and after[2] and beside <= {*tied(names)}
+        if between and np.log(end / start) <= longest:
+            kept.remove((start, end, names))
+    ends = [found[0][0], *(float(np.sqrt(a[1] * b[0])) for a, b in itertools.pairwise(kept)), found[-1][1]]
+    told = [(start, end, one[2]) for (start, end), one in zip(itertools.pairwise(ends), kept, strict=True)]
+    return [
+        (stretch[0][0], stretch[-1][1], names)
+        for names, group in itertools.groupby(told, key=lambda one: one[2])
+        for stretch in [list(group)]
+    ]
 
 
 def _exact_ends(tree: xr.DataTree) -> FloatArray:
@@ -80,7 +116,7 @@ class Flips:
     place
         Distance [m].
     more_certain, winner
-        The camera of lower uncertainty, and the better usable one (may be empty), in the study's own reading.
+        The camera of lower uncertainty, and the better usable one, in the study's own reading; as `tied` reads them.
     ratio
         Uncertainty of the pair's first camera over that of the second, in the study's own reading.
     alternatives
@@ -120,16 +156,13 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
         )
 
 
-def handovers(decision: xr.Dataset) -> Iterator[float]:
-    """Distances [m] where one camera of the pair takes over from the other, for one reading and one way."""
-    for place, nearer, farther in zip(
-        decision["change_distance"].values,
-        decision["change_nearer"].values,
-        decision["change_farther"].values,
-        strict=True,
+def handovers(decision: xr.Dataset) -> Iterator[tuple[float, float]]:
+    """Distances [m] where one camera of the pair takes over from the other, with their errors; one reading, one way."""
+    for place, error, nearer, farther in zip(
+        *(decision[f"change_{name}"].values for name in ("distance", "error", "nearer", "farther")), strict=True
     ):
         if np.isfinite(place) and nearer and farther:
-            yield float(place)
+            yield float(place), float(error)
 
 
 def solved_questions(tree: xr.DataTree) -> tuple[tuple[str, str], ...]:

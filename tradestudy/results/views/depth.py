@@ -7,6 +7,7 @@ import xarray as xr
 
 from tradestudy.results.depth import distances_without_decision
 from tradestudy.results.views.groups import FloatArray, group, has, stretches
+from tradestudy.units import significant
 
 
 def swept(depth: xr.Dataset) -> tuple[str, ...]:
@@ -42,11 +43,21 @@ def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], .
     return stretches(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
 
 
+def field_words(field: float) -> str:
+    """Name a place in the field: 0 the axis, 1 the corner of the sensor."""
+    return f"{significant(100.0 * field)} % of the way to the corner" if field else "on the axis"
+
+
 def told_places(tree: xr.DataTree) -> FloatArray:
     """Get the distances [m] of tables: those declared; without a decision, a few from end to end of the range."""
     if has(tree, "decision") and "place" in tree["decision"].coords:
         return np.asarray(group(tree, "decision")["place"].values, dtype=np.float64)
     return distances_without_decision(np.asarray(group(tree, "depth")["distance"].values, dtype=np.float64))
+
+
+def told_depth(tree: xr.DataTree) -> xr.Dataset:
+    """Depth at the declared distances themselves; on the study's grid where none are declared."""
+    return group(tree, "depth_at_places") if has(tree, "depth_at_places") else nominal(tree)
 
 
 def by_first_criterion(tree: xr.DataTree) -> xr.Dataset:
@@ -60,14 +71,23 @@ def sharp_stretches(one: xr.Dataset, name: str) -> tuple[tuple[float, float], ..
 
 
 def largest_part(depth: xr.Dataset, camera: str, distance: float) -> str | None:
-    """The part that alone gives the largest uncertainty at the computed distance nearest to one [m], if any does."""
-    parts = depth["depth_uncertainty_part"].sel(camera=camera).sel(distance=distance, method="nearest")
-    return _largest(parts, "part")
+    """The part with the largest share of the variance at the computed distance nearest to one [m], if it is known."""
+    return _largest(shares_at(depth, camera, distance), "part")
+
+
+def shares_at(depth: xr.Dataset, camera: str, distance: float) -> xr.DataArray:
+    """The shares of the variance of inverse depth over the parts, at the computed distance nearest to one [m]."""
+    return depth["variance_share"].sel(camera=camera).sel(distance=distance, method="nearest")
+
+
+def decided_by_calibration(depth: xr.Dataset, camera: str) -> bool:
+    """Whether anything but the noise of a measurement moves what a camera reads."""
+    return bool(np.nanmax(np.append(of_camera(depth, "depth_uncertainty_way", camera, way="calibration"), 0.0)) > 0.0)
 
 
 def largest_source(tree: xr.DataTree, camera: str, distance: float) -> str | None:
-    """The source that alone gives the largest uncertainty on the axis at a computed distance [m], if any does."""
-    sources = group(tree, "sensitivity")["source_uncertainty"].sel(camera=camera, field="axis", distance=distance)
+    """The source that alone gives the largest uncertainty on the axis at a distance of ``/sensitivity`` [m], if any."""
+    sources = group(tree, "sensitivity")["source_uncertainty"].sel(camera=camera, field=0.0, distance=distance)
     return _largest(sources, "source")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,8 +17,9 @@ from tradestudy.analysis.claims import (
     is_met,
     verdict_over_readings,
 )
-from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair, solve
+from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair, stated_error
 from tradestudy.analysis.depth import WAYS
+from tradestudy.analysis.inverse_questions import solve
 from tradestudy.execution.steps import Progress
 from tradestudy.results import dataset
 from tradestudy.run.groups.depth import depth_as_declared
@@ -40,12 +41,13 @@ def decision_group(
     names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(rows)
     attributes["candidates"] = ", ".join(names)
     usable = {name: nominal["usable"].values[rows[name]] for name in names}
+    widths, errors = (nominal[f"depth_uncertainty_way{of}"].values for of in ("", "_error"))
     values["best_camera"] = np.stack(
         [
-            np.array(
-                best_cameras(
-                    usable, {name: nominal["depth_uncertainty_way"].values[rows[name], :, w] for name in names}
-                )
+            best_cameras(
+                usable,
+                {name: widths[rows[name], :, w] for name in names},
+                {name: stated_error(case.cameras[name], errors[rows[name], :, w]) for name in names},
             )
             for w in range(len(WAYS))
         ],
@@ -63,6 +65,7 @@ def decision_group(
         solved = [solve(definition, question) for question in file.solve.values()]
         values |= {
             "solved_value": [answer.value for answer in solved],
+            "solved_error": [answer.error for answer in solved],
             "solved_units": [answer.dimension.unit for answer in solved],
             "solved_says": [question.says for question in file.solve.values()],
             "solved_answer": [answer.answer for answer in solved],
@@ -73,26 +76,36 @@ def decision_group(
 
 def _pair_arrays(verdicts: Mapping[str, PairVerdict]) -> dict[str, Any]:
     first = next(iter(verdicts.values()))
-    crossings = _padded([v.crossings for v in verdicts.values()], (math.nan, ""))
-    changes = _padded([v.changes for v in verdicts.values()], (math.nan, "", ""))
+    readings = list(verdicts.values())
+    changes = _padded(
+        [v.changes for v in readings], ("distance", "error", "nearer", "farther"), (math.nan, math.nan, "", "")
+    )
+    crossings = _padded([v.crossings for v in readings], ("distance", "error", "nearer"), (math.nan, math.nan, ""))
     return {
         "winner": np.array([v.winner for v in verdicts.values()]),
         "more_certain": np.array([v.more_certain for v in verdicts.values()]),
         "uncertainty_ratio": np.stack([v.ratio for v in verdicts.values()]),
         "flips": np.array([v.winner for v in verdicts.values()]) != np.array(first.winner),
         "certainty_flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
-        "change_distance": np.array([[[c[0] for c in way] for way in reading] for reading in changes]),
-        "change_nearer": np.array([[[c[1] for c in way] for way in reading] for reading in changes]),
-        "change_farther": np.array([[[c[2] for c in way] for way in reading] for reading in changes]),
-        "crossover_distance": np.array([[[c[0] for c in way] for way in reading] for reading in crossings]),
-        "crossover_nearer": np.array([[[c[1] for c in way] for way in reading] for reading in crossings]),
+        **{f"change_{name}": values for name, values in changes.items()},
+        **{f"crossover_{name}": values for name, values in crossings.items()},
     }
 
 
-def _padded(rows: list[Mapping[str, tuple[Any, ...]]], absent: tuple[Any, ...]) -> list[list[list[Any]]]:
-    """Rows of events by way, all of one length and of one event at least."""
+def _padded(
+    rows: Sequence[Mapping[str, Sequence[Any]]], fields: Sequence[str], absent: Sequence[Any]
+) -> dict[str, Any]:
+    """Every field of events over (reading, way, event), all rows of one length and of one event at least."""
     most = max((len(events) for row in rows for events in row.values()), default=0)
-    return [[[*row[way], *[absent] * (max(most, 1) - len(row[way]))] for way in WAYS] for row in rows]
+    return {
+        name: np.array(
+            [
+                [[getattr(one, name) for one in row[way]] + [empty] * (max(most, 1) - len(row[way])) for way in WAYS]
+                for row in rows
+            ]
+        )
+        for name, empty in zip(fields, absent, strict=True)
+    }
 
 
 def claims_group(

@@ -10,8 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from tradestudy.analysis.depth import QUANTILES, WAYS
-from tradestudy.analysis.depth_points import DepthPoint, DepthTable, depth_table
+from tradestudy.analysis.depth import WAYS, DepthEvaluation
+from tradestudy.analysis.depth_points import DepthPoint, DepthTable, FieldPoint, depth_over_field, depth_table
 from tradestudy.analysis.usable import LIMIT_NAMES
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.execution import Steps
@@ -54,13 +54,32 @@ def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]
     return dataset("depth_at_places", arrays, _coordinates(definition, distance, part_names))
 
 
+def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], steps: Steps) -> xr.Dataset:
+    """/depth_field: errors off the axis, over (camera, field, distance), as declared."""
+    cameras, distance = definition.case.cameras, definition.case.distance
+    points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
+    table = steps.map("depth off the axis", depth_over_field, points, list(cameras))
+    flat = [evaluation for camera in table for evaluation in camera]
+    arrays, part_names = _error_arrays(flat)
+    shape = (len(cameras), len(fields))
+    values = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
+    coordinates = _coordinates(definition, distance, part_names)
+    return dataset(
+        "depth_field",
+        values,
+        {name: coordinates[name] for name in ("camera", "distance", "way", "quantile", "part")}
+        | {"field": list(fields)},
+    )
+
+
 def _coordinates(definition: StudyDefinition, distance: FloatArray, part_names: list[str]) -> dict[str, Any]:
+    cameras = definition.case.cameras
     return {
-        "camera": list(definition.case.cameras),
+        "camera": list(cameras),
         "distance": distance,
         "side": ["nearer", "farther"],
         "way": list(WAYS),
-        "quantile": list(QUANTILES),
+        "quantile": list(next(iter(cameras.values())).propagation.probabilities),
         "part": part_names,
         "limit": list(LIMIT_NAMES),
     }
@@ -77,8 +96,6 @@ def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]]
     """The variables of /depth, camera first, and the names of all parts of the error."""
     evaluations = [table.evaluation for table in tables]
     distance = evaluations[0].distance
-    missing = np.full_like(distance, np.nan)
-    part_names = list(dict.fromkeys(name for one in evaluations for name in one.parts))
     most_intervals = max(1, *(len(table.intervals) for table in tables))
 
     def over_limits(attribute: str, absent: float) -> FloatArray:
@@ -100,17 +117,10 @@ def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]]
         rows = [[getattr(one, attribute) for one in table.intervals] for table in tables]
         return np.array([row + [absent] * (most_intervals - len(row)) for row in rows])
 
-    uncertainty = np.stack([e.uncertainty for e in evaluations])
+    errors, part_names = _error_arrays(evaluations)
     arrays = {
+        **errors,
         "depth_discrimination": np.stack([e.discrimination.T for e in evaluations]),
-        "depth_uncertainty": uncertainty[:, WAYS.index("both")],
-        "depth_uncertainty_error": np.stack([e.uncertainty_error for e in evaluations]),
-        "depth_uncertainty_way": np.moveaxis(uncertainty, 1, 2),
-        "depth_uncertainty_part": np.stack(
-            [np.stack([e.parts.get(name, missing) for name in part_names], axis=-1) for e in evaluations]
-        ),
-        "depth_quantile": np.stack([np.moveaxis(e.quantile, 0, 1) for e in evaluations]),
-        "failed_fraction": np.stack([e.failed_fraction.T for e in evaluations]),
         "equivalent_baseline": np.stack([e.equivalent_baseline for e in evaluations]),
         "disparity_px": np.stack([e.disparity_px for e in evaluations]),
         "disparity_error_px": np.stack([e.disparity_error_px for e in evaluations]),
@@ -122,10 +132,36 @@ def _depth_arrays(tables: Sequence[DepthTable]) -> tuple[dict[str, NDArray[Any]]
         "limit_bound": over_limits("bound", math.nan)[:, 0],
         "usable_near": over_intervals("near", math.nan),
         "usable_far": over_intervals("far", math.nan),
+        "usable_near_error": over_intervals("near_error", math.nan),
+        "usable_far_error": over_intervals("far_error", math.nan),
         "near_limit": over_intervals("near_limit", ""),
         "far_limit": over_intervals("far_limit", ""),
     }
     return arrays, part_names
+
+
+def _error_arrays(evaluations: Sequence[DepthEvaluation]) -> tuple[dict[str, NDArray[Any]], list[str]]:
+    """What errors do to depth, camera first, and the names of all their parts."""
+    part_names = list(dict.fromkeys(name for one in evaluations for name in one.shares))
+
+    def over_ways(name: str) -> FloatArray:
+        return np.stack([getattr(one, name).T for one in evaluations])
+
+    uncertainty, error = over_ways("uncertainty"), over_ways("uncertainty_error")
+    missing = np.full_like(evaluations[0].distance, np.nan)
+    return {
+        "depth_uncertainty": uncertainty[..., WAYS.index("both")],
+        "depth_uncertainty_error": error[..., WAYS.index("both")],
+        "depth_uncertainty_way": uncertainty,
+        "depth_uncertainty_way_error": error,
+        "variance_share": np.stack(
+            [np.stack([one.shares.get(name, missing) for name in part_names], axis=-1) for one in evaluations]
+        ),
+        "depth_quantile": np.stack([np.moveaxis(one.quantile, 0, 1) for one in evaluations]),
+        "failed_fraction": over_ways("failed_fraction"),
+        "failed_fraction_error": over_ways("failed_fraction_error"),
+        "converged": np.stack([one.converged for one in evaluations]),
+    }, part_names
 
 
 def depth_as_declared(definition: StudyDefinition) -> xr.Dataset:

@@ -17,7 +17,7 @@ from tradestudy.effects.selection import Selection
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
+from tradestudy.study.schema.depth_of_field import DepthOfFieldPart, ReliefPart
 
 # Resolution within the scene has its extreme at an end or where blur takes over from the sample; 401 points find it.
 _SCENE_POINTS: Final = 401
@@ -26,7 +26,7 @@ _MISSING: Final = Attribute(text="not said", basis="")
 
 def acting_criteria(asked: DepthOfFieldPart, wavelength: float, selection: Selection) -> dict[str, BlurCriterion]:
     """Criteria of sharpness by name; without diffraction where the selection leaves it out."""
-    sharp = {name: part.criterion(wavelength) for name, part in asked.sharp.items()}
+    sharp = {name: part.criterion(wavelength) for name, part in asked.criteria.items()}
     if selection.name_of("main_lens_diffraction") == OFF:
         return {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
     return sharp
@@ -47,23 +47,23 @@ def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, s
         **_slices(ranges),
         **_stretches(ranges),
         "extent": [[found.extent for found in row] for row in ranges],
-        "scene_share": [[found.share_of(*asked.scene) for found in row] for row in ranges],
+        "scene_share": [[found.share_of(*asked.range) for found in row] for row in ranges],
         "reason": [[found.reason for found in row] for row in ranges],
         "images": [
-            [one.focus.images(criterion, *asked.scene) for criterion in sharp.values()] for one in cameras.values()
+            [one.focus.images(criterion, *asked.range) for criterion in sharp.values()] for one in cameras.values()
         ],
-        **_resolutions(cameras, case.distance, wavelength, asked.scene),
+        **_resolutions(cameras, case.distance, wavelength, asked.range),
         "microlenses_seeing": [camera.microlenses_seeing(case.distance) for camera in cameras.values()],
         "total_covering_plane": [camera.total_covering_plane for camera in cameras.values()],
     }
-    attributes: dict[str, Any] = {"scene_near": asked.scene[0], "scene_far": asked.scene[1]}
+    attributes: dict[str, Any] = {"scene_near": asked.range[0], "scene_far": asked.range[1]}
     if asked.equal_resolution is not None:
         resolved = [camera.focus.sharp_range_at_resolution(asked.equal_resolution) for camera in cameras.values()]
         values |= {
             "resolved_near": _padded([found.union.covered[:, 0] for found in resolved]),
             "resolved_far": _padded([found.union.covered[:, 1] for found in resolved]),
             "resolved_extent": [found.extent for found in resolved],
-            "resolved_scene_share": [found.share_of(*asked.scene) for found in resolved],
+            "resolved_scene_share": [found.share_of(*asked.range) for found in resolved],
             "resolved_reason": ["" if found.extent > 0.0 else found.reason for found in resolved],
         }
         attributes["equal_resolution"] = asked.equal_resolution
@@ -119,13 +119,13 @@ def _resolutions(
 
 
 def criteria_group(
-    definition: StudyDefinition, asked: CriteriaPart, focus: DepthOfFieldPart, selection: Selection
+    definition: StudyDefinition, asked: ReliefPart, focus: DepthOfFieldPart, selection: Selection
 ) -> xr.Dataset:
     """/criteria over (camera, criterion), each value with what it rests on; what is sharp as the selection has it."""
     parts, cameras = definition.file.cameras, definition.case.all_cameras
     relief = Relief(
-        near=focus.scene[0],
-        far=focus.scene[1],
+        near=focus.range[0],
+        far=focus.range[1],
         sharp=next(iter(acting_criteria(focus, definition.case.wavelength, selection).values())),
         step_height=asked.step_height,
         surface_tilt=asked.surface_tilt,

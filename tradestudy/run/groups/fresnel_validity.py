@@ -105,7 +105,7 @@ def _declared(elements: list[ElementPart]) -> Mapping[str, Any]:
         "camera_f_number": [element.f_number for element in elements],
         "published_f_number": [math.nan if one is None else one.f_number for one in published],
         "published_error": [math.nan if one is None else one.error for one in published],
-        "published_minimum": [element.published_minimum or math.nan for element in elements],
+        "published_minimum": [element.published_minimum_f_number or math.nan for element in elements],
     }
 
 

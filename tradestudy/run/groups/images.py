@@ -135,7 +135,7 @@ def _against_geometric(methods: list[MethodName], images: FloatArray) -> Mapping
 
 
 def _published(part: LightSpotPart, methods: list[MethodName]) -> Mapping[str, Any]:
-    stated = {one.method: one for one in part.published}
+    stated = {one.method: one for one in part.published_times}
     shown = [stated.get(method) for method in methods]
     return {
         "published_seconds": [math.nan if one is None or one.takes is None else one.takes for one in shown],

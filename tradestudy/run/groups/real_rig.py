@@ -6,22 +6,22 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from tradestudy.calibration.corners.real_rig import depth_of_draws
-from tradestudy.calibration.posteriors import RealRig
+from tradestudy.calibration.corners.real_rig import RigFit
+from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.calibration.projection import INTRINSIC_NAMES
-from tradestudy.optics.arrays import FloatArray
 from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
 
-def rig_rows(rigs: Mapping[str, RealRig]) -> dict[str, list[str]]:
-    """Rows of camera, quantity and value."""
-    rows = [(name, *row) for name, rig in rigs.items() for row in _rows(rig)]
+def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]]:
+    """Rows of camera, quantity and value of those that were calibrated from corners; none without."""
+    rows = [(name, *row) for name, one in inferred.items() if one.fit is not None for row in _rows(one.fit)]
+    if not rows:
+        return {}
     cameras, quantities, values = (list(column) for column in zip(*rows, strict=True))
     return {"rig_camera": cameras, "rig_quantity": quantities, "rig_value": values}
 
 
-def _rows(rig: RealRig) -> Iterator[tuple[str, str]]:
-    fit = rig.fit
+def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     yield "views and corners", f"{len(fit.corners.views)} views, {fit.corners.corner_count} corners"
     for side, camera in (("left", fit.left), ("right", fit.right)):
         yield f"residual of the {side} camera alone", pretty(camera.corner_rms_px, PIXELS)
@@ -47,22 +47,6 @@ def _rows(rig: RealRig) -> Iterator[tuple[str, str]]:
     for name, k in (("pitch", 12), ("yaw", 13), ("roll", 14)):
         spread = float(np.sqrt(covariance[k, k]))
         yield f"relative {name}", f"{pretty(float(shared[k]), ANGLE)} ± {pretty(spread, ANGLE)}"
-    with_term = _depth_deviation(shared, covariance)
-    without = _depth_deviation(fit.pair.shared, fit.pair.covariance)
-    yield "depth error at 1 m by the calibration, first order", pretty(with_term, LENGTH)
-    yield (
-        "the same as claimed without the term",
-        f"{pretty(without, LENGTH)} ({with_term / without:.1f} times too small)",
-    )
-
-
-def _depth_deviation(shared: FloatArray, covariance: FloatArray) -> float:
-    """Standard deviation of depth at 1 m on the left axis, to first order: √(gᵀ V g) by central differences."""
-    steps = np.diag(1e-3 * np.sqrt(np.diag(covariance)))
-    place = np.array([1.0])
-    above, below = (depth_of_draws(shared, shared + sign * steps, place)[:, 0] for sign in (1.0, -1.0))
-    gradient = (above - below) / (2.0 * np.diag(steps))
-    return float(np.sqrt(gradient @ covariance @ gradient))
 
 
 def _digits(value: float, deviation: float) -> str:

@@ -82,11 +82,8 @@ def _declared(document: Document) -> Iterator[dict[str, str | None]]:
 
 
 def _camera_and_tail(path: tuple[str | int, ...]) -> tuple[str, tuple[str | int, ...]]:
-    """The camera that a value belongs to, "" for none, and the path without it; for its calibration errors likewise."""
-    for head in (("cameras",), ("calibration", "cameras")):
-        if path[: len(head)] == head:
-            return str(path[len(head)]), path[len(head) + 1 :]
-    return "", path
+    """The camera that a value belongs to, "" for none, and the path without it."""
+    return (str(path[1]), path[2:]) if path[0] == "cameras" else ("", path)
 
 
 def contradictions_group(definition: StudyDefinition) -> xr.Dataset:

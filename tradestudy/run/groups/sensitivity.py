@@ -8,35 +8,33 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from tradestudy.analysis.propagation import FIELDS
+from tradestudy.analysis.depth_draws import uncertain_groups
 from tradestudy.analysis.sensitivity import SensitivityPoint, sensitivity_over_field
-from tradestudy.calibration.declaration import CalibrationStudyPart
-from tradestudy.calibration.uncertain_cameras import UncertainCamera, short_name
 from tradestudy.execution import Steps
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
+from tradestudy.study.definition import StudyDefinition
 
 
-def sensitivity_group(cameras: list[UncertainCamera], part: CalibrationStudyPart, steps: Steps) -> xr.Dataset:
-    """/sensitivity over (camera, field, distance, source)."""
-    distance = np.array(part.distance_values())
+def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: Steps) -> xr.Dataset:
+    """/sensitivity over (camera, field, distance, source): on the axis and at the places that the study declares."""
+    cameras, fields = definition.case.cameras, tuple(dict.fromkeys((0.0, *definition.file.propagation.field_places)))
     asked = [
-        SensitivityPoint(camera=camera, distance=distance, fields=(0.0, part.edge), seed=part.seed)
-        for camera in cameras
+        SensitivityPoint(name=name, camera=camera, distance=distance, fields=fields) for name, camera in cameras.items()
     ]
-    found = steps.map("sensitivity", sensitivity_over_field, asked, [camera.name for camera in cameras])
-    groups = [{short_name(group.name): group for group in camera.sources.active_groups} for camera in cameras]
+    found = steps.map("sensitivity", sensitivity_over_field, asked, list(cameras))
+    groups = [{group.name: group for group in uncertain_groups(camera, "both")} for camera in cameras.values()]
     sources = list(dict.fromkeys(name for camera in groups for name in camera))
     parameters = list(
         dict.fromkeys(
-            short_name(name)
+            name
             for camera in found
             for field in camera
             if field.parameters is not None
             for name in field.parameters.names
         )
     )
-    shape = (len(cameras), len(FIELDS), distance.size)
+    shape = (len(cameras), len(fields), distance.size)
     by_source = {name: np.full((*shape, len(sources)), np.nan) for name in _SOURCE_VARIABLES}
     by_parameter = {name: np.full((*shape, len(parameters)), np.nan) for name in _PARAMETER_VARIABLES}
     refused = np.full(shape, "", dtype=object)
@@ -58,15 +56,13 @@ def sensitivity_group(cameras: list[UncertainCamera], part: CalibrationStudyPart
     values: dict[str, Any] = {
         **by_source,
         "source_class": [[c[s].error_class.value if s in c else "" for s in sources] for c in groups],
-        "source_parameters": [
-            [", ".join(map(short_name, c[s].parameters)) if s in c else "" for s in sources] for c in groups
-        ],
+        "source_parameters": [[", ".join(c[s].parameters) if s in c else "" for s in sources] for c in groups],
         "parameter_refused": [camera_found[0].refused for camera_found in found],
         "index_refused": refused,
     }
     coordinates: dict[str, Any] = {
-        "camera": [camera.name for camera in cameras],
-        "field": list(FIELDS),
+        "camera": list(cameras),
+        "field": list(fields),
         "distance": distance,
         "source": sources,
     }
@@ -86,4 +82,4 @@ _PARAMETER_VARIABLES = ("parameter_uncertainty", "parameter_uncertainty_error")
 def _lay(into: FloatArray, columns: list[str], names: tuple[str, ...], values: FloatArray) -> None:
     """Lay rows by name (names, distances) into columns (distances, columns)."""
     for name, row in zip(names, values, strict=True):
-        into[:, columns.index(short_name(name))] = row
+        into[:, columns.index(name)] = row

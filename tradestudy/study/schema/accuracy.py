@@ -21,19 +21,21 @@ RelativeError = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_mos
 class AccuracyPart(Part):
     """Relative errors that simplifications may make, and the time that all may take."""
 
-    relative: RelativeError = Field(default=0.01, description="For every quantity that is not named itself.")
+    tolerance: RelativeError = Field(default=0.01, description="For every quantity that is not named itself.")
     depth_uncertainty: RelativeError | None = None
     depth_of_field: RelativeError | None = Field(default=None, description="Of its near and far ends.")
     pixel_intensity: RelativeError | None = Field(default=None, description="L2 over the pixels of a picture.")
     psf_width: RelativeError | None = Field(default=None, description="Of the width of a point's image.")
-    budget: PositiveDuration | None = Field(default=None, description="Default: as long as it takes.")
+    time_limit: PositiveDuration | None = Field(
+        default=None, description="Of the whole run; default: as long as it takes."
+    )
 
     def wanted(self) -> accuracy.Accuracy:
         """The accuracy of every quantity."""
         own: dict[Quantity, float | None] = {name: getattr(self, name) for name in QUANTITIES}
         return accuracy.Accuracy(
-            relative={name: self.relative if value is None else value for name, value in own.items()},
-            budget=math.inf if self.budget is None else self.budget,
+            relative={name: self.tolerance if value is None else value for name, value in own.items()},
+            budget=math.inf if self.time_limit is None else self.time_limit,
         )
 
 
@@ -49,8 +51,7 @@ class EffectsPart(Part):
     spectrum: Literal["off", "weighted"] | None = None
     vignetting: Literal["off", "cos4"] | None = None
     sensor_noise: Literal["off", "shot", "shot+read", "shot+read+quantisation"] | None = None
-    calibration: Literal["off", "linear"] | None = None
-    temperature: Literal["off", "expansion"] | None = None
+    calibration: Literal["off", "linear", "exact"] | None = None
 
     def forced(self) -> dict[SlotName, str]:
         """The models that the study insists on, by slot."""

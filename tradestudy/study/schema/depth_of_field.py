@@ -1,4 +1,4 @@
-"""What must be sharp, what counts as sharp, and the scene against which trade criteria are worked out."""
+"""What must be sharp, what counts as sharp, and the relief against which trade criteria are worked out."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class BlurPart(Part):
 class DepthOfFieldPart(Part):
     """What every camera keeps in focus."""
 
-    scene: tuple[PositiveLength, PositiveLength] = Field(
+    range: tuple[PositiveLength, PositiveLength] = Field(
         description="Nearest and farthest distance that must be sharp."
     )
-    sharp: Annotated[dict[CriterionName, BlurPart], Field(min_length=1, max_length=20)] = Field(
+    criteria: Annotated[dict[CriterionName, BlurPart], Field(min_length=1, max_length=20)] = Field(
         description="Blur criteria; the first one is that of the answer."
     )
     equal_resolution: PositiveLength | None = Field(
@@ -47,12 +47,12 @@ class DepthOfFieldPart(Part):
 
     @model_validator(mode="after")
     def _increasing(self) -> Self:
-        if not self.scene[0] < self.scene[1]:
-            raise MistakeAt(("scene", 1), "must lie beyond the first")
+        if not self.range[0] < self.range[1]:
+            raise MistakeAt(("range", 1), "must lie beyond the first")
         return self
 
 
-class CriteriaPart(Part):
+class ReliefPart(Part):
     """The relief by which trade criteria that are not curves are worked out, in the middle of what must be sharp."""
 
     step_height: PositiveLength = Field(description="Height of a depth step, beside which a strip is hidden.")

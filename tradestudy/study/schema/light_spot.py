@@ -26,6 +26,7 @@ from tradestudy.declarations.quantities import (
     PositiveWavelength,
     quantity,
 )
+from tradestudy.declarations.words import Seed
 from tradestudy.light_methods import legs_of
 from tradestudy.study.schema.accuracy import EffectsPart
 from tradestudy.study.schema.wave_optics import LensPhaseName
@@ -83,7 +84,7 @@ class SpotMicrolensesPart(Part):
     """An array of microlenses about the axis, of one width; of one focal length or of several types."""
 
     layout: Literal["square", "hexagonal"] = Field(default="square", description="A hexagonal array has rows along x.")
-    across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(
+    lenses_across: Annotated[int, Field(ge=1, le=15, strict=True)] = Field(
         description="Microlenses along a side of a square; along the middle row of a hexagon, an odd number."
     )
     pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres.")
@@ -99,7 +100,7 @@ class SpotMicrolensesPart(Part):
         default=None, description="Diameter, or side along x and y, instead of the f-number."
     )
     gap: LensToSensor = Field(description="Array to detector.")
-    gaps: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
+    interstices: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
     lens_phase: LensPhaseName
 
     @model_validator(mode="after")
@@ -126,13 +127,16 @@ class SpotMicrolensesPart(Part):
 
     def _mistakes_of_arrangement(self) -> Iterator[MistakeAt]:
         kinds = len(self.focal_lengths)
-        if self.layout == "hexagonal" and self.across % 2 == 0:
-            yield MistakeAt(("across",), f"{self.across} across is no hexagon about a microlens; give an odd number")
+        if self.layout == "hexagonal" and self.lenses_across % 2 == 0:
+            yield MistakeAt(
+                ("lenses_across",), f"{self.lenses_across} across is no hexagon about a microlens; give an odd number"
+            )
         if len(set(self.focal_lengths)) < kinds:
             yield MistakeAt(("focal_length",), "names one twice")
-        if kinds > 2 * self.across - 1:  # the differences of row and column that the array has
+        if kinds > 2 * self.lenses_across - 1:  # the differences of row and column that the array has
             yield MistakeAt(
-                ("focal_length",), f"not all of {kinds} types occur in an array of {self.across} across; make it larger"
+                ("focal_length",),
+                f"not all of {kinds} types occur in an array of {self.lenses_across} across; make it larger",
             )
 
     @property
@@ -215,7 +219,7 @@ class LightSpotPart(Part):
     """A spot of light through main lens and microlenses, by several methods."""
 
     main_lens: MainLensPart
-    array_distance: LensToSensor = Field(description="Main lens to microlens array.")
+    mla_distance: LensToSensor = Field(description="Main lens to microlens array.")
     microlenses: SpotMicrolensesPart
     detector: SpotDetectorPart
     spot: SpotSourcePart
@@ -227,11 +231,11 @@ class LightSpotPart(Part):
     tolerance: ImageTolerance = Field(
         default=0.01, description="Relative numerical error that is aimed at in the pictures by methods."
     )
-    seed: Annotated[int, Field(ge=0, strict=True)] = 0
+    seed: Seed = 0
     benchmarks: bool = Field(
         default=False, description="Whether to time one aperture and one source point too, whatever the methods."
     )
-    published: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = ()
+    published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = ()
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -259,7 +263,7 @@ class LightSpotPart(Part):
             yield MistakeAt(
                 ("spot", "distance"), "is the focal length of the main lens, which images the spot to infinity"
             )
-        elif self.microlenses.lens_phase != "parabolic" and self.main_image_distance == self.array_distance:
+        elif self.microlenses.lens_phase != "parabolic" and self.main_image_distance == self.mla_distance:
             yield MistakeAt(
                 ("microlenses", "lens_phase"), "needs an image before or behind the array, not on it; take parabolic"
             )

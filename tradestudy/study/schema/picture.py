@@ -67,7 +67,7 @@ PictureWindow = Annotated[
     ),
 ]
 FieldAngle = Annotated[float, *quantity(units.ANGLE, at_least=0.0, at_most=89.0 * units.DEGREE)]
-PixelFill = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most=1.0)]
+LinearFillFactor = Annotated[float, *quantity(units.FRACTION, above=0.0, at_most=1.0)]
 
 
 class TexturePart(Part):
@@ -100,20 +100,20 @@ class PicturePart(Part):
     """What a derived disparity error follows from, the same for every camera that has one."""
 
     texture: TexturePart
-    window: PictureWindow = Field(
+    matching_window: PictureWindow = Field(
         description="Side of the square that is matched: pixels, or a length on the object. At most a micro-image."
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(description="Standard deviation of one reading of a pixel.")
     full_well: PositiveElectrons = Field(description="Where a pixel saturates, and the top of the digitised scale.")
-    bits: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Of a raw value.")
+    bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Of a raw value.")
     field_angle: FieldAngle = Field(
         default=0.0, description="Of the place in the picture whose light counts; needs the vignetting there."
     )
     stop_separation: NonNegativeLength = Field(
         default=0.0, description="Of two equal round stops that cut the pupil away from the axis; 0 m: none does."
     )
-    pixel_fill: PixelFill = Field(default=1.0, description="Active width of a pixel over its pitch.")
+    linear_fill_factor: LinearFillFactor = Field(default=1.0, description="Active width of a pixel over its pitch.")
     spectrum: Annotated[tuple[SpectralLinePart, ...], Field(min_length=1, max_length=100)] | None = Field(
         default=None, description="Wavelengths with weights; default: the wavelength of the scene."
     )
@@ -130,12 +130,12 @@ class PicturePart(Part):
 
     def settings(self, wavelength: float) -> PictureSettings:
         """Texture, light, sensor and window in SI; ``wavelength`` [m] is the central one."""
-        texture, light, window = self.texture, self.light, self.window
+        texture, light, window = self.texture, self.light, self.matching_window
         return PictureSettings(
             texture=Texture(contrast=texture.contrast, correlation_length=texture.correlation_length),
             light=Light(electrons=light.electrons, f_number=light.at_f_number, pixel_pitch=light.at_pixel_pitch),
             sensor_noise=SensorNoise(
-                read_noise_electrons=self.read_noise, full_well_electrons=self.full_well, bits=self.bits
+                read_noise_electrons=self.read_noise, full_well_electrons=self.full_well, bits=self.bit_depth
             ),
             wavelength=wavelength,
             window_px=window.size if window.of == "picture" else None,
@@ -143,6 +143,6 @@ class PicturePart(Part):
             spectrum=tuple((line.wavelength, line.weight) for line in self.spectrum or ()),
             field_angle=self.field_angle,
             stop_separation=self.stop_separation,
-            pixel_fill=self.pixel_fill,
+            pixel_fill=self.linear_fill_factor,
             lens_phase=self.lens_phase,
         )

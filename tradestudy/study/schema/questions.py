@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from tradestudy.cameras.depth_camera import UsableCriteria
 from tradestudy.declarations.mistakes import MistakeAt
@@ -20,13 +20,13 @@ from tradestudy.declarations.quantities import (
     QuantityText,
     Share,
 )
-from tradestudy.declarations.words import CameraName, Pair, Scalar, Span, Text, Way
+from tradestudy.declarations.words import CameraName, Pair, Scalar, Span, Text, Way, distinct
 from tradestudy.study.schema.depth_of_field import BlurPart, Diffraction
 from tradestudy.study.schema.light_spot import MethodName
 from tradestudy.study.schema.wave_optics import ElementName, LensPhaseName, PositiveWaves, PsfMetric
 
 
-class UsablePart(Part):
+class UsableRangePart(Part):
     """Limits of the usable range; one that is left out does not limit."""
 
     overlap: Share | None = Field(default=None, description="Least common share of the two stereo views.")
@@ -64,11 +64,19 @@ class DecisionPart(Part):
     """The headline pair and the distances at which it is decided."""
 
     between: Pair
-    at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20)]
+    at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)]
+    compare: Annotated[tuple[Pair, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
+        default=(), description="Pairs of which it is worked out how likely each ranks first; default: between."
+    )
     candidates: Annotated[tuple[CameraName, ...], Field(min_length=1)] | None = Field(
         default=None,
         description="Cameras among which the best is named; default: all. Other readings of one device are none.",
     )
+
+    @property
+    def compared(self) -> tuple[Pair, ...]:
+        """Pairs whose ranks are worked out."""
+        return self.compare or (self.between,)
 
 
 class ReadingPart(Part):
@@ -79,15 +87,32 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """An inverse question: which value of one input makes two cameras equally certain at a distance?"""
+    """An inverse question: which value makes two cameras equally certain at a distance, or one as certain as wanted?"""
 
     says: Text
-    vary: Text
-    low: Text
-    high: Text
-    equal: Pair
+    vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
+        description="Path of the value; of several paths, all take the same value."
+    )
+    low: QuantityText
+    high: QuantityText
+    equal: Pair | None = Field(default=None, description="Cameras that are to be equally certain.")
+    camera: CameraName | None = Field(default=None, description="Instead: the camera that is to be certain enough.")
+    relative: PositiveFraction | None = Field(default=None, description="Its depth uncertainty over the distance.")
     at: ObjectDistance
-    way: Way = "both"
+    errors: Way = Field(default="both", description="Which errors count.")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.equal is None) == (self.camera is None):
+            raise MistakeAt((), "give either equal (two cameras), or camera and relative")
+        if (self.camera is None) != (self.relative is None):
+            raise MistakeAt((), "camera and relative (its uncertainty over the distance) belong together")
+        return self
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Of every value that is varied."""
+        return (self.vary,) if isinstance(self.vary, str) else self.vary
 
 
 class ExpectPart(Part):
@@ -123,7 +148,7 @@ class _ClaimPart(Part):
 class LimitDistanceClaim(_ClaimPart):
     """Where one limit of the usable range begins or ceases to hold, whatever the others do."""
 
-    of: Literal["limit_distance"]
+    quantity: Literal["limit_distance"]
     camera: CameraName
     limit: Literal[
         "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
@@ -135,46 +160,48 @@ class LimitDistanceClaim(_ClaimPart):
 class UncertaintyRatioClaim(_ClaimPart):
     """Largest ratio of one camera's depth uncertainty to another's over a range of distances."""
 
-    of: Literal["uncertainty_ratio"]
+    quantity: Literal["uncertainty_ratio"]
     camera: CameraName
     against: CameraName
     over: Span
-    way: Way = "both"
+    errors: Way = Field(default="both", description="Which errors count.")
 
 
 class ShareBetterClaim(_ClaimPart):
     """Share of a range, on a logarithmic scale, where a camera is usable and the other is not, or is less certain."""
 
-    of: Literal["share_better"]
+    quantity: Literal["share_better"]
     camera: CameraName
     against: CameraName
     over: Span
-    way: Way = "both"
+    errors: Way = Field(default="both", description="Which errors count.")
 
 
 class RelativeUncertaintyDistanceClaim(_ClaimPart):
     """The distance beyond which depth uncertainty stays above a share of the distance."""
 
-    of: Literal["relative_uncertainty_distance"]
+    quantity: Literal["relative_uncertainty_distance"]
     camera: CameraName
     threshold: PositiveFraction
-    way: Way = "both"
+    errors: Way = Field(default="both", description="Which errors count.")
 
 
 class DepthOfFieldClaim(_ClaimPart, BlurPart):
     """How deep a camera's depth of field is, all its sharp stretches together."""
 
-    of: Literal["depth_of_field"]
+    quantity: Literal["depth_of_field"]
     camera: CameraName
 
 
 class DepthOfFieldRatioClaim(_ClaimPart):
     """How many times deeper one camera's depth of field is than another's, at equal blur or at equal resolution."""
 
-    of: Literal["depth_of_field_ratio"]
+    quantity: Literal["depth_of_field_ratio"]
     camera: CameraName
     against: CameraName
-    blur: PositivePixels | None = Field(default=None, description="On the sensor of each, as in depth_of_field.sharp.")
+    blur: PositivePixels | None = Field(
+        default=None, description="On the sensor of each, as in depth_of_field.criteria."
+    )
     diffraction: Diffraction | None = Field(default=None, description="Beside blur; default: none.")
     resolution: PositiveLength | None = Field(
         default=None, description="Size of detail on the object that both must resolve, geometrically, instead of blur."
@@ -193,7 +220,7 @@ class DepthOfFieldRatioClaim(_ClaimPart):
 class PsfErrorClaim(_ClaimPart):
     """How far Fresnel's point-spread function on axis is from Kirchhoff's at one f-number."""
 
-    of: Literal["psf_error"]
+    quantity: Literal["psf_error"]
     element: ElementName
     f_number: FNumber
     wavelength: PositiveWavelength
@@ -205,7 +232,7 @@ class PsfErrorClaim(_ClaimPart):
 class FresnelFNumberClaim(_ClaimPart):
     """The least f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
 
-    of: Literal["fresnel_f_number"]
+    quantity: Literal["fresnel_f_number"]
     element: ElementName
     error: PositiveFraction
     wavelength: PositiveWavelength
@@ -217,7 +244,7 @@ class FresnelFNumberClaim(_ClaimPart):
 class CriterionFNumberClaim(_ClaimPart):
     """The least f-number for Fresnel by one of the closed-form criteria."""
 
-    of: Literal["criterion_f_number"]
+    quantity: Literal["criterion_f_number"]
     element: ElementName
     criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"]
     wavelength: PositiveWavelength
@@ -233,7 +260,7 @@ class CriterionFNumberClaim(_ClaimPart):
 class ImageDifferenceClaim(_ClaimPart):
     """Sum of absolute differences between two images of the light spot, over the sum of the second."""
 
-    of: Literal["image_difference"]
+    quantity: Literal["image_difference"]
     method: MethodName
     reference: MethodName
 
@@ -241,7 +268,7 @@ class ImageDifferenceClaim(_ClaimPart):
 class LitPixelsClaim(_ClaimPart):
     """How many times more pixels one method lights than another, above a share of the brightest pixel's light."""
 
-    of: Literal["lit_pixels_ratio"]
+    quantity: Literal["lit_pixels_ratio"]
     method: MethodName
     reference: MethodName
     above: PositiveFraction
@@ -259,7 +286,7 @@ ClaimPart = Annotated[
     | CriterionFNumberClaim
     | ImageDifferenceClaim
     | LitPixelsClaim,
-    Field(discriminator="of"),
+    Field(discriminator="quantity"),
 ]
 
 

@@ -7,16 +7,16 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from tradestudy.calibration.declaration import CalibrationStudyPart, calibration_mistakes
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.kinds import CameraPart
 from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.words import Text
 from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
-from tradestudy.study.schema.depth_of_field import CriteriaPart, DepthOfFieldPart
+from tradestudy.study.schema.depth_of_field import DepthOfFieldPart, ReliefPart
 from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.study.schema.light_spot import LightSpotPart, law_mistakes
+from tradestudy.study.schema.propagation import PropagationPart, SensitivityPart
 from tradestudy.study.schema.questions import (
     ClaimPart,
     DecisionPart,
@@ -25,13 +25,13 @@ from tradestudy.study.schema.questions import (
     SolvePart,
     SweepRangePart,
     SweepValues,
-    UsablePart,
+    UsableRangePart,
 )
 from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.wave_claims import wave_claim_mistakes
 from tradestudy.study.schema.wave_optics import FresnelValidityPart, PointSpreadPart
 
-FORMAT = 1
+FORMAT = 2
 NAME_PATTERN = r"^[\w][\w.+-]*$"
 LONGEST_NAME = 80
 Location = tuple[str | int, ...]
@@ -41,7 +41,7 @@ Name = Annotated[str, Field(pattern=NAME_PATTERN, max_length=LONGEST_NAME)]
 class StudyFile(Part):
     """A trade study: cameras, a scene, and questions about them."""
 
-    format: Literal[1] = Field(description="Version of this file format.")
+    format: Literal[2] = Field(description="Version of this file format.")
     study: Name = Field(description="Name of the study and of its report folder.")
     title: Text
     question: Text
@@ -49,11 +49,12 @@ class StudyFile(Part):
     scene: ScenePart | None = None
     accuracy: AccuracyPart = AccuracyPart()
     effects: EffectsPart = EffectsPart()
-    usable: UsablePart = UsablePart()
+    propagation: PropagationPart = PropagationPart()
+    usable_range: UsableRangePart = UsableRangePart()
     depth_of_field: DepthOfFieldPart | None = None
-    criteria: CriteriaPart | None = None
+    relief: ReliefPart | None = None
     decision: DecisionPart | None = None
-    calibration: CalibrationStudyPart | None = None
+    sensitivity: SensitivityPart | None = None
     fresnel_validity: FresnelValidityPart | None = None
     light_spot: LightSpotPart | None = None
     point_spread: PointSpreadPart | None = None
@@ -68,7 +69,7 @@ class StudyFile(Part):
     @classmethod
     def _is_a_number(cls, value: object) -> object:
         if isinstance(value, bool):  # Python takes true for 1
-            raise MistakeAt((), "'true' stands here; the number 1 is expected")
+            raise MistakeAt((), "'true' stands here; the number 2 is expected")
         return value
 
     @classmethod
@@ -101,23 +102,17 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("cameras",), "this key is missing or empty, and nothing else is asked for"))
         if self.cameras and self.scene is None:
             mistakes.append(MistakeAt(("scene",), "this key is missing; cameras need it"))
-        if self.scene is None or self.scene.temperature is None:
-            mistakes += [
-                MistakeAt(
-                    ("cameras", name, "thermal_expansion"), "needs scene.temperature, without which it does nothing"
-                )
-                for name, part in self.cameras.items()
-                if isinstance(part, DepthCameraDeclaration) and part.thermal_expansion is not None
-            ]
         if self.light_spot is not None and not self.cameras:  # of which forced effects may speak instead
             mistakes += law_mistakes(self.light_spot, self.effects)
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
         if self.depth_of_field is not None and not self.cameras:
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
-        if self.criteria is not None and self.depth_of_field is None:
-            mistakes.append(MistakeAt(("criteria",), "needs depth_of_field, whose scene it is worked out for"))
-        if self.calibration is not None:
-            mistakes += calibration_mistakes(self.calibration, self.cameras)
+        if self.relief is not None and self.depth_of_field is None:
+            mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose scene it is worked out for"))
+        if self.sensitivity is not None and not any(
+            isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()
+        ):
+            mistakes.append(MistakeAt(("sensitivity",), "needs a camera that measures depth"))
         return mistakes
 
     def with_parts(self, parts: Mapping[str, Any]) -> Self:
@@ -137,7 +132,7 @@ class StudyFile(Part):
         asked: list[tuple[Location, str]] = []
         for path, name in _named_cameras(dict(self)):
             claim = self.claims.get(str(path[1])) if path[0] == "claims" else None
-            if claim is None or claim.of not in ("depth_of_field", "depth_of_field_ratio"):
+            if claim is None or claim.quantity not in ("depth_of_field", "depth_of_field_ratio"):
                 asked.append((path, name))
         return asked
 
@@ -148,8 +143,11 @@ def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
     decision = _mapping(tree.get("decision"))
     for word in ("between", "candidates"):
         named += [(("decision", word, i), name) for i, name in enumerate(_list(decision.get(word)))]
+    for i, pair in enumerate(_list(decision.get("compare"))):
+        named += [(("decision", "compare", i, side), name) for side, name in enumerate(_list(pair))]
     for key, question in _mapping(tree.get("solve")).items():
         named += [(("solve", key, "equal", i), name) for i, name in enumerate(_list(_mapping(question).get("equal")))]
+        named.append((("solve", key, "camera"), _mapping(question).get("camera")))
     for key, claim in _mapping(tree.get("claims")).items():
         named += [(("claims", key, word), _mapping(claim).get(word)) for word in ("camera", "against")]
     for key, requirement in _mapping(tree.get("requirements")).items():

@@ -10,20 +10,8 @@ from pydantic import Field, model_validator
 from tradestudy.declarations.distances import MOST_DISTANCES, DistanceRangePart
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import (
-    NonNegativeTemperatureDifference,
-    ObjectDistance,
-    PositiveWavelength,
-    ThermalExpansion,
-)
+from tradestudy.declarations.quantities import ObjectDistance, PositiveWavelength
 from tradestudy.study.schema.picture import PicturePart
-
-
-class TemperaturePart(Part):
-    """How far the temperature may be from that of the calibration, and what that does to lengths."""
-
-    deviation: NonNegativeTemperatureDifference = Field(description="One standard deviation.")
-    expansion: ThermalExpansion = Field(description="Of cameras that declare none: their baseline, or lens to array.")
 
 
 class ScenePart(Part):
@@ -34,13 +22,13 @@ class ScenePart(Part):
     picture: PicturePart | None = Field(
         default=None, description="Texture, light and sensor: what derived disparity errors follow from."
     )
-    temperature: TemperaturePart | None = Field(default=None, description="Default: that of the calibration.")
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:
-        values = self.distance_values()
-        if any(not a < b for a, b in itertools.pairwise(values)):
-            raise MistakeAt(("distances",), "must increase")
+        pairs = enumerate(itertools.pairwise(self.distance_values()), start=1)
+        if wrong := [index for index, (near, far) in pairs if not near < far]:
+            at = () if isinstance(self.distances, DistanceRangePart) else (wrong[0],)
+            raise MistakeAt(("distances", *at), "distances increase, each stands once")
         return self
 
     def distance_values(self) -> tuple[float, ...]:

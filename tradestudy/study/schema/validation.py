@@ -269,7 +269,8 @@ def _message(finding: _Finding) -> tuple[str, str, str]:
         return f"{shown} is unknown", _choice(choices), _only_nearest(shown.strip("'"), choices)
     if kind in _LIMITS:
         name, words = _LIMITS[kind]
-        return f"{shown} is out of range", f"{words} {context[name]:g}", ""
+        limit = context[name]
+        return f"{shown} is out of range", f"{words} {limit if isinstance(limit, int) else f'{limit:g}'}", ""
     if kind in ("too_short", "too_long"):
         bound, words = ("min_length", "at least") if kind == "too_short" else ("max_length", "at most")
         count = len(finding.entry.items) if isinstance(finding.entry, ListEntry) else len(list(_members(finding.entry)))

@@ -66,7 +66,7 @@ class ElementPart(Part):
     object_distance: ObjectDistance
     f_number: FNumber = Field(description="At which the camera uses it.")
     published_error: PublishedErrorPart | None = Field(default=None, description="A published point to compare with.")
-    published_minimum: PositiveNumber | None = Field(
+    published_minimum_f_number: PositiveNumber | None = Field(
         default=None, description="A published least f-number for Fresnel to compare with."
     )
 
@@ -128,7 +128,7 @@ class PointSpreadPart(Part):
     f_numbers: Annotated[tuple[FNumber, ...], Field(min_length=1, max_length=20)]
     wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)]
     field_angles: Annotated[tuple[NonNegativeAngle, ...], Field(min_length=1, max_length=20)]
-    standing_wavelength: PositiveWavelength = Field(description="While something else is varied.")
+    reference_wavelength: PositiveWavelength = Field(description="While something else is varied.")
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
         description="Distance of the object from focus, in waves of path at the rim of the pupil; > 0 is nearer."
     )

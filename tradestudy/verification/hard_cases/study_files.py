@@ -15,9 +15,9 @@ LONGEST_SECONDS: Final = 10.0
 
 _CAMERA: Final = (
     "{kind: stereo, title: A rig, lenses: {focal_length: 8 mm, f_number: 8}, "
-    "sensor: {pixels: [1024, 1024], pixel_pitch: 10 um}, baseline: 300 mm, axes_meet_at: infinity, "
+    "sensor: {pixels: [1024, 1024], pixel_pitch: 10 um}, baseline: 300 mm, convergence_distance: infinity, "
     "focus_distance: 2 m, depth: {estimator: disparity, disparity_error: 0.1 px, discrimination_step: 0.1 px}, "
-    "calibration: {yaw: {standard_deviation: 0.05 deg}}}"
+    "calibration: {errors: {yaw: {standard_deviation: 0.05 deg}}}}"
 )
 _SCENE: Final = "{distances: [1 m, 2 m], wavelength: 550 nm}"
 
@@ -26,7 +26,7 @@ def study(
     *, name: str = "hard", cameras: str = f"{{rig: {_CAMERA}}}", scene: str = _SCENE, title: str = "T", more: str = ""
 ) -> str:
     """A small legal study with one part made hard."""
-    return f"format: 1\nstudy: {name}\ntitle: {title}\nquestion: Q\ncameras: {cameras}\nscene: {scene}\n{more}\n"
+    return f"format: 2\nstudy: {name}\ntitle: {title}\nquestion: Q\ncameras: {cameras}\nscene: {scene}\n{more}\n"
 
 
 def _case(name: str, law: str, text: str, *expected: str) -> OutcomeCase:

@@ -1,0 +1,106 @@
+"""The line in inverse depth: where it holds, where it is refused, and how far its stated error is from the truth."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.analysis.plain_depths import CENTRAL, B, of_rig, stereo_depth
+from tests.cameras.builders import stereo
+from tradestudy.analysis.depth import model_error
+from tradestudy.analysis.linear_depth import linear_distribution, linear_reading
+from tradestudy.cameras.calibration import Calibration
+from tradestudy.plan.plan import plan_of
+from tradestudy.study.loading import load_definition
+from tradestudy.uncertainty.distributions import Normal
+
+YAW = math.radians(0.2)
+STUDY = """
+format: 2
+study: rig
+title: A rig
+question: How well does it measure?
+cameras:
+  rig:
+    kind: stereo
+    title: Rig
+    lenses: {focal_length: 30.5 mm, f_number: 4}
+    sensor: {pixels: [1024, 1024], pixel_pitch: 10 um}
+    baseline: 100 mm
+    convergence_distance: infinity
+    focus_distance: 1 m
+    depth: {estimator: disparity, disparity_error: 0.001 px, discrimination_step: 0.1 px}
+    calibration: {errors: {ERRORS}}
+scene: {distances: {from: 0.4 m, to: 3 m, points: 21}, wavelength: 550 nm}
+accuracy: {tolerance: 1 %}
+usable_range: {relative_uncertainty: 50 %}
+"""
+
+
+def with_one(name: str, deviation: float):
+    source = of_rig(name, Normal(mean=0.0, standard_deviation=deviation))
+    return stereo(disparity_error_px=1e-9, calibration=Calibration(groups=(source,)))
+
+
+def ends(distance: float, name: str, deviation: float, coverage: float) -> np.ndarray:
+    """Of the central interval: depth falls or rises with one normal error."""
+    low, high = Normal(mean=0.0, standard_deviation=deviation).quantile(np.array(CENTRAL[coverage]))
+    return np.sort(stereo_depth(distance, {name: np.array([low, high])}))
+
+
+@pytest.mark.parametrize("distance", [0.5, 1.4, 1.5, 3.0, 8.0, 12.0])
+def test_a_line_in_inverse_depth_holds_where_one_in_depth_does_not(distance: float) -> None:
+    """95 % of a yaw of 0.2°: a line in depth misses the half width by 1 % from 1.45 m on."""
+    near, far = ends(distance, "yaw", YAW, 0.95)
+    true, rig = (far - near) / 2.0, with_one("yaw", YAW)
+    line = linear_distribution(rig, np.array([distance]), 0.0, "calibration")
+    assert line.half_widths(0.95)[0, 0] == pytest.approx(true, rel=2e-3)
+    assert line.quantile[[0, -1], 0] == pytest.approx([near, far], rel=2e-3)
+    reading = linear_reading(rig, np.array([distance]), 0.0)
+    in_depth = 1.959964 * distance**2 * float(reading.standard_deviation[0])
+    assert (abs(in_depth / true - 1.0) > 0.01) == (distance > 1.45)
+
+
+def test_a_line_in_inverse_depth_misses_a_baseline_that_is_off_by_a_tenth() -> None:
+    """Depth is proportional to the baseline: 19.60 % at 95 %, which the line takes for 20.38 %."""
+    rig, place = with_one("baseline", 0.1 * B), np.array([2.0])
+    near, far = ends(2.0, "baseline", 0.1 * B, 0.95)
+    line = linear_distribution(rig, place, 0.0, "calibration")
+    assert (far - near) / 4.0 == pytest.approx(0.1960, abs=5e-5)
+    assert line.half_widths(0.95)[0, 0] / 2.0 == pytest.approx(0.2038, abs=5e-5)
+
+
+@pytest.mark.parametrize("spread", [0.03, 0.05, 0.07, 0.1, 0.15])
+def test_the_measured_error_of_the_line_is_its_true_one(spread: float) -> None:
+    """Half widths of all coverages that are reported, against the closed form."""
+    rig, places = with_one("baseline", spread * B), np.array([1.0, 3.0])
+    line = linear_distribution(rig, places, 0.0, "calibration")
+    found = model_error(rig, places, "calibration")
+    for k, distance in enumerate(places.tolist()):
+        missed = []
+        for coverage in (0.6827, 0.95):
+            near, far = ends(distance, "baseline", spread * B, coverage)
+            missed.append(abs(line.half_widths(coverage)[0, k] / ((far - near) / 2.0) - 1.0))
+        assert found.half_width[k] == pytest.approx(missed[0], abs=2e-3)
+        assert found.intervals[k] == pytest.approx(max(missed), abs=6e-3)
+        assert found.intervals[k] >= found.half_width[k]
+
+
+@pytest.mark.parametrize(
+    ("errors", "model"),
+    [
+        ("yaw: {standard_deviation: 0.2 deg}", "linear"),
+        ("baseline: {standard_deviation: 2 mm}", "linear"),
+        ("baseline: {standard_deviation: 7 mm}", "exact"),  # 0.5 % at 68 %, 2 % at 95 %
+        ("baseline: {standard_deviation: 10 mm}", "exact"),
+        ("yaw: {half_width: 0.5 deg}", "exact"),
+    ],
+)
+def test_a_plan_takes_the_line_where_it_holds_to_the_tolerance(tmp_path: Path, errors: str, model: str) -> None:
+    file = tmp_path / "rig.yaml"
+    file.write_text(STUDY.replace("ERRORS", errors), encoding="utf-8")
+    plan = plan_of(load_definition(file))
+    assert plan.selections["rig"].chosen["calibration"].name == model

@@ -1,0 +1,89 @@
+"""Ranks of cameras that lose depth, and inverse questions of several inputs or without an answer."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.analysis.plain_depths import B, F, of_rig
+from tests.analysis.test_linear_depth import STUDY
+from tests.cameras.builders import stereo
+from tradestudy.analysis.inverse_questions import Solved, solve
+from tradestudy.analysis.ranks import rank
+from tradestudy.cameras.calibration import Calibration
+from tradestudy.study.loading import load_definition
+from tradestudy.uncertainty.distributions import Normal
+
+R5 = """  r5:
+    kind: focused-plenoptic
+    title: R5
+    main_lens: {focal_length: 12.5 mm, f_number: 3.8}
+    sensor: {pixels: [2048, 2048], pixel_pitch: 5.5 um}
+    microlenses: {layout: hexagonal, pitch: 126.5 um, gap: f-number-matching, types: 3}
+    focus: {total_covering_plane: 150 mm, relay: keplerian}
+    depth: {estimator: same-type-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}
+    calibration:
+      errors:
+        mla_distance: {standard_deviation: 2 um}
+        focal_length: {standard_deviation: 2 um}
+        microlens_gap: {standard_deviation: 0.2 um}
+      correlations: {mla_distance: {focal_length: 0.9}}
+solve:
+  array:
+    says: Which?
+    vary: [r5.calibration.errors.mla_distance.standard_deviation, r5.calibration.errors.focal_length.standard_deviation]
+    low: 0.01 um
+    high: 100 um
+    camera: r5
+    relative: 1 %
+    at: 0.5 m
+    errors: WAY
+scene:"""
+
+
+def answer(folder: Path, errors: str, model: str) -> Solved:
+    """How well the array of the R5 must be known for 1 % at half a metre."""
+    file = folder / "array.yaml"
+    text = STUDY.replace("ERRORS", "baseline: {standard_deviation: 1 mm}").replace("scene:", R5.replace("WAY", errors))
+    file.write_text(text, encoding="utf-8")
+    definition = load_definition(file)
+    definition = definition.with_models({"r5": {"calibration": model}})
+    return solve(definition, definition.file.solve["array"])
+
+
+@pytest.mark.parametrize("model", ["exact", "linear"])
+def test_two_tied_inputs_are_varied_together(tmp_path: Path, model: str) -> None:
+    """Both spreads σ, ρ = 0.9: u = s σ √(1 − 2ρw + w²), s = ((a − f)/f)², w = (a/(a − f))²; the gap adds s v δ."""
+    f, a, wanted = 12.5e-3, 0.5, 5e-3
+    slope, weight = ((a - f) / f) ** 2, (a / (a - f)) ** 2
+    gap = slope * (14.77255e-3 - f * a / (a - f)) / 0.568093e-3 * 0.2e-6
+    expected = math.sqrt(wanted**2 - gap**2) / (slope * math.sqrt(1 - 2 * 0.9 * weight + weight**2))
+    found = answer(tmp_path, "calibration", model)
+    assert found.value == pytest.approx(expected, rel=0.01)
+    assert "declared: 2 um" in found.answer
+
+
+def test_a_question_without_an_answer_says_why(tmp_path: Path) -> None:
+    """Noise alone is 26 mm at half a metre."""
+    found = answer(tmp_path, "both", "linear")
+    assert math.isnan(found.value)
+    assert math.isnan(found.error)
+    assert found.answer == "nowhere between 10 nm and 100 µm: R5 is not certain enough throughout for 1 % at 500 mm"
+
+
+def test_a_reading_beyond_infinity_loses_and_two_of_them_rank_nobody() -> None:
+    """Noise σ at a disparity d is beyond infinity with Φ(−d/σ): 15.9 % at d = σ, for each camera on its own."""
+    noise = 2.0 * 10e-6
+    lost = math.erfc(1.0 / math.sqrt(2.0)) / 2.0
+    source = of_rig("baseline", Normal(mean=0.0, standard_deviation=0.001 * B))
+    noisy = stereo(disparity_error_px=2.0, calibration=Calibration(groups=(source,)))
+    found = rank(noisy, noisy, np.array([F * B / noise]), "both")
+    assert found.neither[0] == pytest.approx(lost**2, abs=2e-3)
+    np.testing.assert_allclose(found.first, (1.0 - lost**2) / 2.0, atol=5e-3)
+    sure = stereo(disparity_error_px=1e-3, calibration=Calibration(groups=(source,)))
+    found = rank(sure, noisy, np.array([F * B / noise]), "both")
+    assert found.first[0] > 0.99
+    assert found.neither[0] == 0.0

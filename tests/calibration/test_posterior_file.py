@@ -1,0 +1,129 @@
+"""A posterior saved and loaded: the same bits, the same reading, and what is refused."""
+
+import numpy as np
+import pytest
+import xarray
+
+from tests.calibration.calibration_files import write_calibration
+from tests.calibration.cameras import board, corners, focused, normal, shown, stereo, unfocused
+from tests.data.simulate_corners import true_rig
+from tradestudy.calibration.calibration_file import CalibrationCovariance, CalibrationDraws, CalibrationFileError
+from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
+from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
+from tradestudy.calibration.posterior_file import posterior_of_file, write_posterior
+from tradestudy.calibration.posteriors import infer
+from tradestudy.cameras.parts import Lens
+from tradestudy.uncertainty.error_class import ErrorClass
+
+DISTANCES = np.array([0.3, 1.0, 5.0])
+
+
+def errors_of(calibration):
+    (group,) = calibration.groups
+    scores = np.random.default_rng(0).standard_normal((group.dimensions, 500))
+    return dict(zip(group.parameters, group.draw(scores)[..., None], strict=True))
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return infer(corners(stereo(), steps=200))
+
+
+def test_a_rig_of_corners_is_loaded_bit_for_bit(tmp_path, rig):
+    """Draws, what they are about, and hence every depth."""
+    path = tmp_path / "rig.nc"
+    write_posterior(path, rig.posterior)
+    loaded = posterior_of_file(path, "rig", stereo())
+    assert loaded.source == "posterior"
+    assert loaded.vocabulary == rig.calibration.vocabulary
+    for field in (0.0, 0.5):
+        found, expected = (
+            calibration.reading(DISTANCES, field, errors_of(calibration), None)
+            for calibration in (loaded, rig.calibration)
+        )
+        assert np.array_equal(found.inverse_depth, expected.inverse_depth)
+        assert np.array_equal(found.no_overlap, expected.no_overlap)
+    write_posterior(tmp_path / "again.nc", rig.posterior)
+    assert path.read_bytes() == (tmp_path / "again.nc").read_bytes()
+
+
+def test_a_target_is_loaded_bit_for_bit(tmp_path):
+    asked = shown(stereo(), (normal("yaw", 3e-3), normal("right_principal_point_x", 50e-6)), board(max_steps=200))
+    inferred = infer(asked)
+    write_posterior(tmp_path / "rig.nc", inferred.posterior)
+    loaded = posterior_of_file(tmp_path / "rig.nc", "rig", stereo())
+    found, expected = (errors_of(calibration) for calibration in (loaded, inferred.calibration))
+    assert list(found) == list(expected)
+    assert all(np.array_equal(found[name], expected[name]) for name in found)
+    assert loaded.reading is None
+
+
+def test_a_covariance_is_one_about_its_own_best_values(tmp_path):
+    covariance = np.array([[1e-6, 2e-8], [2e-8, 9e-10]])
+    names = ("yaw", "right_principal_point_x")
+    write_calibration(
+        tmp_path / "rig.csv", CalibrationCovariance(names=names, mean=np.array([0.01, 1e-4]), covariance=covariance)
+    )
+    (group,) = posterior_of_file(tmp_path / "rig.csv", "rig", stereo()).groups
+    assert group.parameters == names
+    assert group.error_class is ErrorClass.RIG
+    assert np.array_equal(group.nominal, [0.0, 0.0])
+    np.testing.assert_allclose(group.covariance, covariance)
+
+
+def saved(path, **changes):
+    """A posterior of the simulated rig with narrow draws."""
+    draws = true_rig() + 1e-9 * np.random.default_rng(0).standard_normal((200, 18))
+    values = {"names": SHARED_NAMES, "draws": draws, "best": true_rig(), "pixels": (1024, 1024)}
+    write_posterior(path, CalibrationDraws(**(values | changes)))
+    return path
+
+
+@pytest.mark.parametrize("camera", [focused(), unfocused()])
+def test_the_posterior_of_a_pair_is_none_of_a_single_camera(tmp_path, camera):
+    with pytest.raises(CalibrationFileError, match=r"rig.nc holds the posterior of a stereo rig: r5 is none"):
+        posterior_of_file(saved(tmp_path / "rig.nc"), "r5", camera)
+
+
+def test_unknown_names_are_told(tmp_path):
+    with pytest.raises(CalibrationFileError, match=r"rig\.nc names parameters that the camera does not have: shift_x"):
+        posterior_of_file(saved(tmp_path / "rig.nc", names=(*SHARED_NAMES[:-1], "shift_x")), "rig", stereo())
+    draws = CalibrationDraws(names=("yaw", "tilt"), draws=np.random.default_rng(0).standard_normal((200, 2)))
+    write_posterior(tmp_path / "other.nc", draws)
+    with pytest.raises(CalibrationFileError, match=r"does not have: tilt \(allowed: baseline, "):
+        posterior_of_file(tmp_path / "other.nc", "rig", stereo())
+
+
+def test_a_posterior_that_contradicts_the_declared_rig_is_told_with_both(tmp_path):
+    path = saved(tmp_path / "rig.nc")
+    assert posterior_of_file(path, "rig", stereo()).reading is not None
+    with pytest.raises(
+        GeometryContradictionError, match=r"declared baseline 200 mm, the posterior says 100.*another posterior"
+    ):
+        posterior_of_file(path, "rig", stereo(baseline=0.2))
+
+
+def test_damaged_files_are_named(tmp_path):
+    path = saved(tmp_path / "rig.nc")
+    with xarray.open_dataset(path, engine="h5netcdf") as data:
+        data.load()
+    data["best"].values[3] = np.nan
+    data.to_netcdf(tmp_path / "nan.nc", engine="h5netcdf")
+    with pytest.raises(CalibrationFileError, match=r"nan\.nc holds what is no finite number: 1 cell"):
+        posterior_of_file(tmp_path / "nan.nc", "rig", stereo())
+    data.drop_vars("pixels").to_netcdf(tmp_path / "part.nc", engine="h5netcdf")
+    with pytest.raises(CalibrationFileError, match=r"posterior of a rig needs pixels"):
+        posterior_of_file(tmp_path / "part.nc", "rig", stereo())
+
+
+def test_a_longer_lens_contradicts_the_fit():
+    with pytest.raises(GeometryContradictionError) as caught:
+        infer(corners(stereo(lens=Lens(focal_length=30.5e-3, f_number=8.0), baseline=0.06, convergence_angle=0.1)))
+    lines = str(caught.value).splitlines()
+    assert caught.value.exit_status == 2
+    assert [line.split(",")[0] for line in lines] == [
+        "declared focal length 3050 px",
+        "declared baseline 60 mm",
+        "declared angle between the axes 5.73°",
+    ]
+    assert "corners say 99.99 ± 0.01 mm; correct cameras.rig.baseline or take another corner file" in lines[1]

@@ -1,0 +1,118 @@
+"""A line that follows inverse depth and whose quantiles are known: what its draws miss of them, depth misses too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.quantiles import quantiles_of
+
+_FOR_A_LINE: Final = 2**14  # draws that a line is fitted to
+_ROWS: Final = 512  # quantiles that stand for the rows of a posterior
+_BISECTIONS: Final = 30
+_ALIKE: Final = 1e-12
+_REACH: Final = 9.0  # standard deviations, beyond which a probability is below 1e-18
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drivers:
+    """What inverse depth is a line of.
+
+    Parameters
+    ----------
+    scores
+        Standard normal scores of each draw, shape (scores, draws).
+    responses
+        Of each draw, what the posterior's row does to depth from near to far, shape (directions, draws); none without a
+        posterior.
+    rows
+        The same of every row of the posterior, shape (directions, rows).
+    """
+
+    scores: FloatArray
+    responses: FloatArray
+    rows: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Missed:
+    """What the draws of each scramble miss of a line: of its quantiles, and of its share that is at infinity or beyond.
+
+    Shapes (scrambles, probabilities, distances) and (scrambles, distances).
+    """
+
+    quantiles: FloatArray
+    failed: FloatArray
+
+
+def missed(inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities: FloatArray) -> Missed:
+    """By how much quantiles and the failed share of a line that follows inverse depth are off in each scramble.
+
+    Parameters
+    ----------
+    inverse
+        Inverse depths of all draws, shape (distances, draws); no line follows where one has no rank.
+    drivers
+        What the line is fitted to by least squares.
+    scrambles
+        How many stand one after the other in the draws.
+    probabilities
+        Of the quantiles.
+    """
+    known = np.concatenate([drivers.scores, drivers.responses])
+    ranked = np.where(np.isnan(inverse).any(axis=1, keepdims=True), 0.0, inverse)
+    slopes = _slopes(ranked, known)
+    of_scores, of_rows = slopes[:, : len(drivers.scores)], slopes[:, len(drivers.scores) :]
+    deviation = np.linalg.norm(of_scores, axis=1)
+    rows = of_rows @ drivers.rows
+    exact, lines = _quantiles_of_line(rows, deviation, probabilities), np.split(slopes @ known, scrambles, axis=1)
+    infinity = -ranked.mean(axis=1, keepdims=True)
+    beyond = _share_below(rows, deviation, infinity)
+    return Missed(
+        quantiles=np.stack([quantiles_of(line, probabilities) - exact for line in lines]),
+        failed=np.stack([np.mean(line <= infinity, axis=1) - beyond for line in lines]),
+    )
+
+
+def _slopes(inverse: FloatArray, known: FloatArray) -> FloatArray:
+    some = slice(None, None, max(1, known.shape[1] // _FOR_A_LINE))
+    centred = known[:, some] - known[:, some].mean(axis=1, keepdims=True)
+    size = np.linalg.norm(centred, axis=1, keepdims=True)
+    unit = centred / np.where(size > 0.0, size, 1.0)
+    # Directions of a posterior are nearly alike: what their products cannot tell apart is left out.
+    inverted = np.linalg.pinv(unit @ unit.T, rcond=_ALIKE, hermitian=True)
+    return np.asarray((inverse[:, some] @ unit.T @ inverted) / np.where(size > 0.0, size, 1.0)[:, 0])
+
+
+def _share_below(rows: FloatArray, deviation: FloatArray, limit: FloatArray) -> FloatArray:
+    """Probability that a row (distances, rows), drawn with equal weight, plus a normal error is at most a limit."""
+    from scipy.special import ndtr
+
+    own = rows if rows.shape[1] else np.zeros_like(limit)
+    spread = deviation[:, None]
+    smooth = ndtr((limit - own) / np.where(spread > 0.0, spread, 1.0))
+    return np.asarray(np.mean(np.where(spread > 0.0, smooth, own <= limit), axis=1))
+
+
+def _quantiles_of_line(rows: FloatArray, deviation: FloatArray, probabilities: FloatArray) -> FloatArray:
+    """Quantiles (probabilities, distances) of a row (distances, rows), drawn with equal weight, plus a normal error."""
+    from scipy.special import ndtr, ndtri
+
+    if not rows.shape[1]:
+        return np.asarray(ndtri(probabilities)[:, None] * deviation)
+    ascending = np.sort(rows, axis=1)
+    if not np.any(deviation > 0.0):
+        return quantiles_of(ascending, probabilities)
+    middle = quantiles_of(ascending, (np.arange(_ROWS) + 0.5) / _ROWS)
+    scale = np.where(deviation > 0.0, deviation, np.finfo(float).tiny)
+    p = probabilities[:, None]
+    low = np.broadcast_to(middle[0] - _REACH * deviation, (probabilities.size, deviation.size))
+    high = np.broadcast_to(middle[-1] + _REACH * deviation, low.shape)
+    for _ in range(_BISECTIONS):
+        x = 0.5 * (low + high)
+        below = np.mean(ndtr((x - middle[:, None]) / scale), axis=0) < p
+        low, high = np.where(below, x, low), np.where(below, high, x)
+    return np.asarray(0.5 * (low + high))

@@ -1,0 +1,112 @@
+"""The distribution of one measured depth over distances: every number about depth is taken from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from tradestudy.cameras.calibration import ONE_SIGMA
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthDistribution:
+    """Quantiles of depth over distances, from independent scrambles; from one where nothing is drawn.
+
+    Parameters
+    ----------
+    probabilities
+        Of the quantiles, rising and symmetric about the median.
+    quantiles
+        Depths [m], shape (scrambles, probabilities, distances); +inf beyond infinity, NaN where nothing is measured.
+    failures
+        Finds `failed`, for those who ask.
+    counting_step
+        The smallest share that the draws can tell from none.
+    """
+
+    probabilities: tuple[float, ...]
+    quantiles: FloatArray
+    failures: Callable[[], FloatArray]
+    counting_step: float = 0.0
+
+    @cached_property
+    def failed(self) -> FloatArray:
+        """Share of measurements that end at or beyond infinity or give no depth, shape (scrambles, distances)."""
+        return self.failures()
+
+    @cached_property
+    def quantile(self) -> FloatArray:
+        """Mean over scrambles, shape (probabilities, distances)."""
+        return _mean(self.quantiles)
+
+    @property
+    def half_width(self) -> FloatArray:
+        """The depth uncertainty: half the central 68.27 % interval [m]; +inf where it has no far end."""
+        return _mean(self.half_widths(ONE_SIGMA))
+
+    @property
+    def half_width_error(self) -> FloatArray:
+        """Standard error of `half_width` over scrambles [m]; 0 where nothing is drawn, NaN without a bound."""
+        return self.half_width_errors(ONE_SIGMA)
+
+    def half_width_errors(self, coverage: float) -> FloatArray:
+        """Standard error over scrambles of half the central interval of a coverage [m]."""
+        return _standard_error(self.half_widths(coverage))
+
+    @property
+    def failed_fraction(self) -> FloatArray:
+        """Mean over scrambles."""
+        return _mean(self.failed)
+
+    @property
+    def failed_fraction_error(self) -> FloatArray:
+        """Standard error over scrambles, at least what counting draws can tell; 0 where nothing is drawn."""
+        return np.maximum(_standard_error(self.failed), self.counting_step)
+
+    def half_widths(self, coverage: float) -> FloatArray:
+        """Of each scramble, half the central interval of a coverage [m]; +inf where it has no far end."""
+        low = int(np.argmin(np.abs(np.array(self.probabilities) - (1.0 - coverage) / 2.0)))
+        near, far = self.quantiles[:, low], self.quantiles[:, len(self.probabilities) - 1 - low]
+        unbounded = np.isinf(far)
+        return np.asarray(np.where(unbounded, np.inf, (far - np.where(unbounded, 0.0, near)) / 2.0))
+
+    def converged(self, tolerance: float, widest: FloatArray | None = None) -> BoolArray:
+        """Where the t-interval of every reported half width is within the tolerance of it.
+
+        Where an interval has no far end, that of the failed fraction is judged instead; one that is bounded but
+        ``widest`` [m] or wider, not at all.
+        """
+        from scipy.special import stdtrit
+
+        met = np.ones(self.quantiles.shape[2], dtype=bool)
+        if len(self.quantiles) < 2:
+            return met
+        t = float(stdtrit(len(self.quantiles) - 1, 0.975))
+        certain = t * self.failed_fraction_error <= tolerance * self.failed_fraction
+        for probability in self.probabilities[: len(self.probabilities) // 2]:
+            widths = self.half_widths(1.0 - 2.0 * probability)
+            width = _mean(widths)
+            bounded = (t * _standard_error(widths) <= tolerance * width) | np.isnan(width)
+            if widest is not None:
+                bounded |= width >= widest
+            met &= np.where(np.isinf(width), certain, bounded)
+        return met
+
+
+def _mean(values: FloatArray) -> FloatArray:
+    """Over scrambles; +inf where any of them is."""
+    with np.errstate(invalid="ignore"):
+        return np.asarray(np.mean(values, axis=0))
+
+
+def _standard_error(values: FloatArray) -> FloatArray:
+    """Of the mean over scrambles; 0 for one alone, NaN where any is infinite."""
+    count = len(values)
+    if count < 2:
+        return np.where(np.isfinite(values[0]), 0.0, np.nan)
+    finite = np.where(np.isinf(values).any(axis=0), np.nan, values)
+    return np.asarray(np.std(finite, axis=0, ddof=1) / np.sqrt(count))

@@ -1,0 +1,252 @@
+"""Exact propagation: everything that is uncertain about one camera, drawn once and read at any distance."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.control_line import Drivers, missed
+from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.distributions import Normal
+from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
+from tradestudy.uncertainty.evaluation import Model, Outcome, ScoreAlignment, alignment_with, depth_from_inverse
+from tradestudy.uncertainty.joint import JointDraws
+from tradestudy.uncertainty.quantiles import quantiles_of
+from tradestudy.uncertainty.scores import each_scramble, scramble_scores
+from tradestudy.uncertainty.sources import Group, Source, Sources
+
+SCRAMBLES: Final = 8
+"""Fewer independent scrambles do not give a trustworthy standard error."""
+CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
+    "noise": NOISE,
+    "calibration": CALIBRATION,
+    "both": (*NOISE, *CALIBRATION),
+}
+_FIRST_DRAWS: Final = 2**8  # of each scramble
+_TRIAL_DRAWS: Final = 2**9
+_DIRECTIONS: Final = 6  # in which a posterior is looked at for what it does to depth
+_MANY_DRAWS: Final = 2**13  # of each scramble, from which on scrambles are drawn on several threads
+_AT_ONCE: Final = 2**14  # readings that fit into a processor's cache
+_WORTH_THREADS: Final = 2**18  # readings; fewer are done before a thread has started
+_OF_FOCAL_LENGTH: Final = (10.0, 100.0, 1000.0)  # distances, where none is judged
+
+
+def noise_group() -> Source:
+    """The noise of one measurement, as a standard normal score that the camera's own noise scales."""
+    score = Normal(mean=0.0, standard_deviation=1.0)
+    return Source(name=PIXEL_NOISE, distribution=score, error_class=ErrorClass.MEASUREMENT)
+
+
+def uncertain_groups(camera: DepthCamera, way: str) -> tuple[Group, ...]:
+    """What is drawn: noise, calibration, or both; calibrations and their ageing never average."""
+    noise = (noise_group(),) if ErrorClass.MEASUREMENT in CLASSES[way] else ()
+    return (*noise, *(camera.calibration.groups if way != "noise" else ()))
+
+
+def fixed_errors(camera: DepthCamera, way: str) -> dict[str, FloatArray]:
+    """The errors that are not drawn but have a mean other than zero."""
+    held = camera.calibration.groups if way == "noise" else ()
+    means = {name: mean for group in held for name, mean in zip(group.parameters, group.nominal, strict=True)}
+    return {name: np.full((1, 1), mean) for name, mean in means.items() if mean != 0.0}
+
+
+def read_draws(
+    camera: DepthCamera, values: Mapping[str, FloatArray], distance: FloatArray, field: float, noise: FloatArray
+) -> FloatArray:
+    """Inverse depths [1/m] that draws (draws, 1) read at distances [m]; NaN where a draw has no rank.
+
+    ``noise`` [m on the sensor] is the standard deviation of the disparity at each distance; shape (draws, distances).
+    """
+    errors = dict(values)
+    if PIXEL_NOISE in errors:
+        errors[PIXEL_NOISE] = errors[PIXEL_NOISE] * noise
+    found = camera.reading(distance, field, errors)
+    return np.where(found.no_overlap | found.out_of_range, np.nan, found.inverse_depth)
+
+
+@lru_cache(maxsize=128)
+def uncertain_sources(camera: DepthCamera, way: str, field: float = 0.0) -> Sources:
+    """See `uncertain_groups`; joint draws stand in the order in which they move depth at a place in the field."""
+    groups = (
+        replace(group, along=_responses(camera, group, field)[[0, -1]]) if isinstance(group, JointDraws) else group
+        for group in uncertain_groups(camera, way)
+    )
+    return Sources(groups=tuple(groups))
+
+
+def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArray:
+    """Change of inverse depth with each parameter of joint draws, from the nearest to the farthest distance seen."""
+    judged = _judged(camera)
+    seen = judged[np.isfinite(nominal_inverse(camera, judged, field))]
+    seen = seen if seen.size else judged
+    places = seen[np.linspace(0, seen.size - 1, _DIRECTIONS).round().astype(int)]
+    deviation = np.std(group.draws, axis=0)
+    steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
+    values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
+    read = read_draws(camera, values, places, field, camera.noise(places))
+    change = np.nan_to_num(read[: deviation.size] - read[deviation.size :]).T
+    return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
+
+
+def _judged(camera: DepthCamera) -> FloatArray:
+    """Distances [m] at which draws are judged and pictures formed; where there are none, some focal lengths away."""
+    judged = np.array(camera.propagation.judged, dtype=np.float64)
+    judged = judged[camera.images(judged)]
+    return judged if judged.size else camera.gathering_lens.focal_length * np.array(_OF_FOCAL_LENGTH)
+
+
+def _places(camera: DepthCamera) -> FloatArray:
+    """Near, middle and far of these [m]."""
+    judged = _judged(camera)
+    return judged[[0, judged.size // 2, -1]]
+
+
+def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:
+    """Inverse depths at distances [m] as the engine of propagation asks for them."""
+    fixed, noise = fixed_errors(camera, way), camera.noise(distance)
+
+    def model(values: Mapping[str, FloatArray]) -> Outcome:
+        draws = len(next(iter(values.values()))) if values else 1
+        found = read_draws(camera, {**fixed, **values}, distance, field, noise)
+        return Outcome(values=np.broadcast_to(found, (draws, distance.size)))
+
+    return model
+
+
+@lru_cache(maxsize=64)
+def _alignment(camera: DepthCamera, way: str, field: float) -> ScoreAlignment:
+    return alignment_with([outcome_model(camera, _places(camera), field, way)], uncertain_sources(camera, way, field))
+
+
+@lru_cache(maxsize=32)
+def _drawn(camera: DepthCamera, way: str, field: float, draws: int) -> tuple[Drivers, dict[str, FloatArray]]:
+    """The errors (scrambles · draws, 1) of every scramble, and what drives depth in them.
+
+    What moves depth most is in the first coordinates.
+    """
+    sources, alignment = uncertain_sources(camera, way, field), _alignment(camera, way, field)
+
+    def of_scramble(scramble: int) -> tuple[FloatArray, dict[str, FloatArray]]:
+        seed = camera.propagation.seed
+        scores = scramble_scores(sources.dimensions, draws, seed=seed, point="depth", scramble=scramble)
+        aligned = np.asarray(alignment.apply(scores.copy()))
+        return aligned, sources.draw(aligned)
+
+    found = (
+        each_scramble(of_scramble, SCRAMBLES) if draws >= _MANY_DRAWS else [of_scramble(k) for k in range(SCRAMBLES)]
+    )
+    values = {name: np.concatenate([own[name] for _, own in found]) for name in found[0][1]}
+    scores = np.concatenate([scores for scores, _ in found], axis=1)
+    return _drivers(camera, field, sources, scores, values), values
+
+
+def _drivers(
+    camera: DepthCamera, field: float, sources: Sources, scores: FloatArray, values: Mapping[str, FloatArray]
+) -> Drivers:
+    """Scores, and in place of those of a posterior what its rows do to depth."""
+    posterior = next((group for group in sources.active_groups if isinstance(group, JointDraws)), None)
+    if posterior is None:
+        none = np.zeros((0, scores.shape[1]))
+        return Drivers(scores=scores, responses=none, rows=np.zeros((0, 0)))
+    drawn = np.concatenate([values[name] for name in posterior.parameters], axis=1)
+    along = _responses(camera, posterior, field)
+    return Drivers(
+        scores=np.delete(scores, sources.coordinates()[posterior.name], axis=0),
+        responses=along @ drawn.T,
+        rows=along @ posterior.draws.T,
+    )
+
+
+def _read_all(
+    camera: DepthCamera, distance: FloatArray, field: float, way: str, values: Mapping[str, FloatArray]
+) -> FloatArray:
+    """Inverse depths [1/m] of all draws, (distances, draws); many are read on several threads."""
+    fixed, noise = fixed_errors(camera, way), camera.noise(distance)
+    draws = len(next(iter(values.values())))
+    found = np.empty((distance.size, draws))
+    step = max(64, _AT_ONCE // max(distance.size, 1))
+
+    def read(start: int) -> None:
+        batch = {name: value[start : start + step] for name, value in values.items()}
+        found[:, start : start + step] = read_draws(camera, batch | fixed, distance, field, noise).T
+
+    starts = range(0, draws, step)
+    if found.size < _WORTH_THREADS:
+        for start in starts:
+            read(start)
+    else:
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as threads:
+            list(threads.map(read, starts))
+    return found
+
+
+def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
+    """The inverse depth [1/m] that the camera reads with every error at its mean; NaN where it reads none."""
+    values = fixed_errors(camera, "noise")
+    read = read_draws(camera, values, distance, field, camera.noise(distance))
+    return np.asarray(np.broadcast_to(read, (1, distance.size))[0])
+
+
+def trial_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+    """The same by a few draws, against which a cheaper model is held: their error is stated as well."""
+    return _of_draws(camera, distance, field, way, _TRIAL_DRAWS)
+
+
+def exact_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+    """The distribution of depth by draws through the exact reading, as many as the tolerance takes."""
+    return _of_draws(camera, distance, field, way, settled_draws(camera, field, way))
+
+
+def _of_draws(camera: DepthCamera, distance: FloatArray, field: float, way: str, draws: int) -> DepthDistribution:
+    probabilities = camera.propagation.probabilities
+    drivers, values = _drawn(camera, way, field, draws)
+    inverse, upper = _read_all(camera, distance, field, way, values), 1.0 - np.array(probabilities)
+    off = missed(inverse, drivers, SCRAMBLES, upper)
+    quantiles = np.stack([_ranked_quantiles(one, upper) for one in np.split(inverse, SCRAMBLES, axis=1)])
+    counted = 1.0 - np.mean((inverse > 0.0).reshape(distance.size, SCRAMBLES, draws), axis=2).T
+    failed = np.clip(counted - off.failed, 0.0, 1.0)
+    seen = np.isfinite(nominal_inverse(camera, distance, field))
+    return DepthDistribution(
+        probabilities=probabilities,
+        quantiles=np.where(seen, depth_from_inverse(quantiles - off.quantiles), np.nan),
+        failures=lambda: np.where(seen, failed, np.nan),
+        counting_step=1.0 / (SCRAMBLES * draws),
+    )
+
+
+def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatArray:
+    """Quantiles (probabilities, distances) of the draws that have a rank."""
+    missing = np.isnan(inverse).sum(axis=1)
+    found = np.full((probabilities.size, len(inverse)), np.nan)
+    whole = missing == 0
+    found[:, whole] = quantiles_of(inverse[whole], probabilities)
+    for row in np.flatnonzero(~whole & (missing < inverse.shape[1])):
+        found[:, row] = quantiles_of(inverse[[row]][:, ~np.isnan(inverse[row])], probabilities)[:, 0]
+    return found
+
+
+@lru_cache(maxsize=1024)
+def settled_draws(camera: DepthCamera, field: float, way: str) -> int:
+    """How many draws each scramble takes: doubled until every judged half width is known to the tolerance.
+
+    Judged are intervals that are narrower than their distance, and those that have no far end; what lies between is
+    reported with its larger error.
+    """
+    propagation = camera.propagation
+    judged = np.array(propagation.judged, dtype=np.float64)
+    judged = judged[camera.images(judged)]
+    draws = _FIRST_DRAWS
+    while judged.size and 2 * draws * SCRAMBLES <= propagation.max_draws:
+        if np.all(_of_draws(camera, judged, field, way, draws).converged(propagation.tolerance, widest=judged)):
+            break
+        draws *= 2
+    return draws

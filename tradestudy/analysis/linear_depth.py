@@ -1,0 +1,165 @@
+"""Propagation without draws: noise alone, exactly; and the covariance of everything through the exact Jacobian."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.depth_distribution import DepthDistribution
+from tradestudy.analysis.depth_draws import fixed_errors, nominal_inverse, read_draws, uncertain_groups
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.evaluation import depth_from_inverse
+from tradestudy.uncertainty.sources import Sources
+
+# Central differences over so many standard deviations: far above rounding, and with a truncation error of a
+# millionth of the third-order term.
+_STEP: Final = 1e-3
+_LEAST_NOISE_PX: Final = 1e-3  # of the steps of the noise: less would be lost in rounding
+_NEVER: Final = 1e-18
+_FARTHEST_SCORE: Final = 9.0  # beyond it the probability is below 1e-18
+_BISECTIONS: Final = 28  # to 1e-7 of a standard deviation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearReading:
+    """Inverse depth as a line in every uncertain parameter.
+
+    Parameters
+    ----------
+    parameters
+        Their names.
+    covariance
+        Of the parameters, square, in their units; the noise counts in its own standard deviations.
+    inverse_depth
+        Read with every error at its mean [1/m], shape (distances,).
+    sensitivity
+        Its change with each parameter [1/m per unit], shape (parameters, distances).
+    """
+
+    parameters: tuple[str, ...]
+    covariance: FloatArray
+    inverse_depth: FloatArray
+    sensitivity: FloatArray
+
+    @property
+    def standard_deviation(self) -> FloatArray:
+        """Of inverse depth, √(JᵀVJ) [1/m]."""
+        variance = np.einsum("pd,pq,qd->d", self.sensitivity, self.covariance, self.sensitivity)
+        # A correlation of ±1 can cancel the variance to a rounding below zero.
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+
+@lru_cache(maxsize=128)
+def _covariance(camera: DepthCamera, way: str) -> tuple[tuple[str, ...], FloatArray, FloatArray]:
+    """Names, means and covariance of what is drawn."""
+    sources = Sources(groups=uncertain_groups(camera, way))
+    covariance = sources.covariance()
+    if covariance is None:
+        missing = ", ".join(group.name for group in sources.groups if group.covariance is None)
+        raise OutOfRangeError(
+            "linear propagation needs standard deviations",
+            value=f"{missing} has none",
+            limit="distributions with a variance",
+            remedy="propagate exactly, with effects.calibration: exact",
+        )
+    mean = np.concatenate([group.nominal for group in sources.groups]) if sources.groups else np.zeros(0)
+    return sources.parameters, mean, covariance
+
+
+def has_covariance(camera: DepthCamera) -> bool:
+    """Whether everything uncertain about a camera has a variance, so that a line can be drawn."""
+    return all(group.covariance is not None for group in camera.calibration.groups)
+
+
+def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way: str = "both") -> LinearReading:
+    """Linearise the reading of a camera at distances [m] about the means of its errors.
+
+    Raises
+    ------
+    OutOfRangeError
+        Something uncertain has no variance.
+    """
+    names, mean, covariance = _covariance(camera, way)
+    deviation = np.sqrt(np.diag(covariance))
+    moving = np.flatnonzero(deviation > 0.0)
+    step = np.broadcast_to(_STEP * deviation[:, None], (deviation.size, distance.size)).copy()
+    noise = camera.noise(distance)
+    if PIXEL_NOISE in names:  # which is counted in its own deviations
+        step[names.index(PIXEL_NOISE)] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
+    values = fixed_errors(camera, way)
+    for k in np.flatnonzero((deviation > 0.0) | (mean != 0.0)):
+        acts = (moving == k)[:, None] * (step[k] if names[k] == PIXEL_NOISE else step[k, :1])
+        values[names[k]] = mean[k] + np.concatenate([acts, -acts])
+    sensitivity = np.zeros((len(names), distance.size))
+    if moving.size:
+        read = read_draws(camera, values, distance, field, noise)
+        sensitivity[moving] = (read[: moving.size] - read[moving.size :]) / (2.0 * step[moving])
+    return LinearReading(
+        parameters=names,
+        covariance=covariance,
+        inverse_depth=nominal_inverse(camera, distance, field),
+        sensitivity=sensitivity,
+    )
+
+
+def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+    """The distribution of depth where every error acts as so many deviations of the noise.
+
+    Inverse depth is a line in all errors; its deviation over that by noise alone is the scale at which the ends of
+    intervals are read, so that noise acts exactly.
+    """
+    noise = linear_reading(camera, distance, field, "noise").standard_deviation
+    return scaled_noise(
+        camera, distance, field, linear_reading(camera, distance, field, way).standard_deviation / noise
+    )
+
+
+def noise_distribution(camera: DepthCamera, distance: FloatArray, field: float) -> DepthDistribution:
+    """The exact distribution of depth under noise alone: depth falls with disparity, so that quantiles map."""
+    return scaled_noise(camera, distance, field, np.ones(distance.shape))
+
+
+def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale: FloatArray) -> DepthDistribution:
+    """The distribution of depth under noise that is larger by a scale (distances,)."""
+    from scipy.special import ndtr, ndtri
+
+    probabilities = camera.propagation.probabilities
+    scores = -ndtri(np.array(probabilities))[:, None] * scale
+    depths = depth_from_inverse(_under_noise(camera, distance, field, scores))
+    seen = ~np.isnan(depths).any(axis=0)
+
+    def failures() -> FloatArray:
+        score = _score_of_infinity(camera, distance, field, _FARTHEST_SCORE * np.nan_to_num(np.maximum(scale, 1.0)))
+        shares = ndtr(score / np.where(scale > 0.0, scale, _FARTHEST_SCORE**-2))
+        failed = np.where(shares > _NEVER, shares, 0.0)
+        return np.where(seen, failed, np.nan)[None]
+
+    return DepthDistribution(
+        probabilities=probabilities, quantiles=np.where(seen, depths, np.nan)[None], failures=failures
+    )
+
+
+def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
+    """Inverse depth [1/m] read where the noise has so many of its standard deviations, (scores, distances)."""
+    errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
+    return read_draws(camera, errors, distance, field, camera.noise(distance))
+
+
+def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
+    """The score of the noise at which infinity is read, by bisection; ∓reach (distances,) where it lies beyond."""
+    beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
+    found = np.where(beyond[1], reach, -reach)
+    open_ = np.flatnonzero(beyond[0] & ~beyond[1])
+    low, high = -reach[open_], reach[open_]
+    for _ in range(_BISECTIONS if open_.size else 0):
+        middle = 0.5 * (low + high)
+        lost = _under_noise(camera, distance[open_], field, middle[None])[0] <= 0.0
+        low, high = np.where(lost, middle, low), np.where(lost, high, middle)
+    found[open_] = 0.5 * (low + high)
+    return np.asarray(found)

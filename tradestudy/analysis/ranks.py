@@ -1,0 +1,59 @@
+"""Which of two cameras errs less at one reading, and with what probability."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.analysis.depth_draws import outcome_model, uncertain_groups
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_vocabulary import SESSION_PARAMETERS
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.decision import Draws, RankProbability, rank_probability
+from tradestudy.uncertainty.evaluation import Model, Outcome
+from tradestudy.uncertainty.sources import Group, Sources
+from tradestudy.uncertainty.streams import scrambled_sobol
+
+RANK_WAYS: Final = ("calibration", "both")
+"""Over calibrations alone, as after averaging all noise away, and over single measurements."""
+_DRAWS, _SCRAMBLES = 2**11, 8
+_PREFIXES: Final = ("first/", "second/")
+
+
+def rank(first: DepthCamera, second: DepthCamera, distance: FloatArray, way: str) -> RankProbability:
+    """Probability that the depth error of the first camera is smaller than that of the second, over distances [m].
+
+    A change of temperature or pressure that both declare alike is one change, and drawn once for both.
+    """
+    cameras = (first, second)
+    groups = [uncertain_groups(camera, way) for camera in cameras]
+    shared = [group for group in groups[0] if group.name in SESSION_PARAMETERS and group in groups[1]]
+    own = [
+        group.under(prefix)
+        for prefix, some in zip(_PREFIXES, groups, strict=True)
+        for group in some
+        if group not in shared
+    ]
+    models = [
+        _model(camera, prefix, some, distance) for camera, prefix, some in zip(cameras, _PREFIXES, groups, strict=True)
+    ]
+    draws = Draws(
+        draws=_DRAWS,
+        replicates=_SCRAMBLES,
+        sampler=scrambled_sobol,
+        seed=first.propagation.seed,
+        point="rank",
+        batch_draws=max(2**8, 2**14 >> max(distance.size - 1, 0).bit_length()),
+    )
+    return rank_probability(models[0], models[1], Sources(groups=(*own, *shared)), distance, draws)
+
+
+def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance: FloatArray) -> Model:
+    """The reading of one of two cameras, whose own parameters stand under a prefix."""
+    names = [name for group in groups for name in group.parameters]
+    alone = outcome_model(camera, distance)
+
+    def evaluate(values: Mapping[str, FloatArray]) -> Outcome:
+        return alone({name: values[prefix + name] if prefix + name in values else values[name] for name in names})
+
+    return evaluate

@@ -1,0 +1,124 @@
+"""The geometry that a study declares of a pair beside the one that its corners say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+import numpy as np
+
+from tradestudy.calibration.projection import rotation_matrix
+from tradestudy.cameras.pair_geometry import PairGeometry
+from tradestudy.errors import TradestudyError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.units import significant
+
+LENGTH_LIMIT = 0.05  # of a declared focal length or baseline
+ANGLE_LIMIT = 0.05  # of the field of view
+CENTRE_LIMIT = 0.15  # of the sensor, for the principal point
+_DEVIATIONS = 5.0
+Says = Literal["corners say", "the posterior says"]
+
+
+class GeometryContradictionError(TradestudyError):
+    """A study declares another geometry than the corners of the rig say."""
+
+    exit_status = 2
+
+
+def check_geometry(name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, *, says: Says) -> None:
+    """Refuse a declared pair that contradicts the fitted one, with all contradictions at once.
+
+    Parameters
+    ----------
+    name
+        Of the camera in its study.
+    rig
+        As declared.
+    best : array (18,)
+        Best parameters, in the order of ``view_blocks.SHARED_NAMES``.
+    draws : array (K, 18)
+        Joint draws about them, which say how well they are known.
+    says
+        Where they come from.
+
+    Raises
+    ------
+    GeometryContradictionError
+        Focal length or baseline differ by more than 5 %, the angle between the axes by more than 5 % of the field of
+        view, or the principal point lies farther from the middle of the sensor than 15 % of it; five standard
+        deviations where these are larger.
+    """
+    if found := tuple(_contradictions(name, rig, best, draws, says)):
+        raise GeometryContradictionError("\n".join(found))
+
+
+def check_inside(name: str, rig: PairGeometry, seen: FloatArray) -> None:
+    """Refuse corners (N, 2) [px] beside the declared sensor: they are of pictures of another size.
+
+    Raises
+    ------
+    GeometryContradictionError
+        With the corner farthest out.
+    """
+    size = np.array([rig.sensor.columns, rig.sensor.rows])
+    if np.all((seen >= -0.5) & (seen <= size - 0.5)):
+        return
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    raise GeometryContradictionError(
+        f"declared sensor {size[0]} × {size[1]} px, corners lie between ({low[0]:.0f}, {low[1]:.0f}) and "
+        f"({high[0]:.0f}, {high[1]:.0f}) px; correct cameras.{name}.sensor.pixels or take another corner file"
+    )
+
+
+def _contradictions(name: str, rig: PairGeometry, best: FloatArray, draws: FloatArray, says: Says) -> Iterator[str]:
+    """One line for each quantity that is off by more than is allowed."""
+    focal, baseline, angle = _geometry(best)
+    deviation = np.std(np.stack(_geometry(draws)), axis=-1)
+    instead = "another corner file" if says == "corners say" else "another posterior"
+    declared = rig.principal_distance / rig.sensor.pixel_pitch
+    rows = (
+        ("focal length", "lenses", "px", 1.0, declared, focal, LENGTH_LIMIT * declared),
+        ("baseline", "baseline", "mm", 1e3, rig.baseline, baseline, LENGTH_LIMIT * rig.baseline),
+        (
+            "angle between the axes",
+            "convergence_distance",
+            "°",
+            np.degrees(1.0),
+            rig.convergence_angle,
+            angle,
+            ANGLE_LIMIT * rig.field_of_view,
+        ),
+    )
+    for (what, key, unit, per_unit, said, found, allowed), spread in zip(rows, deviation, strict=True):
+        if abs(said - found) > max(allowed, _DEVIATIONS * spread):
+            label = unit if unit == "°" else f" {unit}"
+            yield (
+                f"declared {what} {significant(said * per_unit, 4)}{label}, {says} "
+                f"{_with_spread(float(found) * per_unit, float(spread) * per_unit)}{label}; "
+                f"correct cameras.{name}.{key} or take {instead}"
+            )
+    for side, first in (("left", 0), ("right", 6)):
+        size = np.array([rig.sensor.columns, rig.sensor.rows])
+        centre, spread = best[first + 2 : first + 4], draws[:, first + 2 : first + 4].std(axis=0)
+        if np.any(np.abs(centre - (size - 1) / 2.0) > np.maximum(CENTRE_LIMIT * size, _DEVIATIONS * spread)):
+            yield (
+                f"declared sensor {size[0]} × {size[1]} px, {says} that the {side} axis meets it at "
+                f"({centre[0]:.0f}, {centre[1]:.0f}) px; correct cameras.{name}.sensor.pixels or take {instead}"
+            )
+
+
+def _geometry(shared: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Mean focal length [px], baseline [m], and angle by which the axes converge [rad], each (...,)."""
+    right_axis = rotation_matrix(shared[..., 12:15])[..., 2, :]  # of the right camera, in the left frame
+    return (
+        shared[..., [0, 1, 6, 7]].mean(axis=-1),
+        np.linalg.norm(shared[..., 15:18], axis=-1),
+        np.arctan2(-right_axis[..., 0], right_axis[..., 2]),
+    )
+
+
+def _with_spread(value: float, spread: float) -> str:
+    """A value with its standard deviation, both to the first digit of the latter: "60.1 ± 0.1"."""
+    digits = max(0, -int(np.floor(np.log10(spread)))) if spread > 0.0 else 3
+    return f"{value:.{digits}f} ± {spread:.{digits}f}".replace("-", "−")

@@ -1,0 +1,162 @@
+"""Depth read by a pair that was calibrated from corners: all 18 of its parameters can be in error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair
+from tradestudy.calibration.corners.view_blocks import RELATIVE_POSE_NAMES, SHARED_NAMES
+from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.error_vocabulary import INTERIOR, PIXEL_NOISE, ErrorParameter, ErrorVocabulary, Unit
+from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
+from tradestudy.optics.arrays import FloatArray
+
+SIDES: Final = ("left", "right")
+_BOTH: Final = {"left": -0.5, "right": 0.5}
+_LENGTHS: Final = np.array(["focal_length" in name or "translation" in name for name in SHARED_NAMES])
+_POSE: Final = ("yaw", "pitch", "roll", "baseline", "baseline_direction_y", "baseline_direction_z")
+
+
+def _unit_of(name: str) -> Unit:
+    if name.endswith("_px"):
+        return "px"
+    return "1" if "distortion" in name else "rad" if "rotation" in name else "m"
+
+
+RIG_PARAMETERS: Final[ErrorVocabulary] = {
+    **{
+        f"{side}_{name}": ErrorParameter(
+            unit=_unit_of(name),
+            part=INTERIOR,
+            meaning=f"The {side} camera's {name.replace('_', ' ')}, by the fit.",
+        )
+        for side in SIDES
+        for name in INTRINSIC_NAMES
+    },
+    **{
+        name: ErrorParameter(
+            unit=_unit_of(name),
+            part="relative rotation" if "rotation" in name else "relative position",
+            meaning=f"The right camera's {name.replace('_', ' ')} against the left one, by the fit.",
+        )
+        for name in RELATIVE_POSE_NAMES
+    },
+}
+"""The parameters that corners determine, in the order of ``SHARED_NAMES``."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigReading:
+    """The exact model of a pair calibrated from corners, as a `Calibration` takes it.
+
+    Parameters
+    ----------
+    best : array (18,)
+        Best parameters, in the order of ``SHARED_NAMES`` [px, 1, rad, m].
+    pixels
+        Columns and rows of each picture.
+    pixel_pitch
+        [m], which turns errors on the sensor into pixels.
+    vocabulary
+        Everything that can be in error: `RIG_PARAMETERS`, and those of a stereo rig, which can have aged.
+    """
+
+    best: FloatArray
+    pixels: tuple[int, int]
+    pixel_pitch: float
+    vocabulary: ErrorVocabulary
+
+    def __call__(
+        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
+    ) -> InverseDepthReading:
+        """Inverse depths by disparity in the frame of the left camera; arguments as of `DepthCamera.read`.
+
+        The axis runs from the middle of the baseline midway between the two optical axes; the edge lies from there
+        towards the corner of the left picture. Baseline and principal distances grow with the housing; pressure and
+        colour move the focus of a lens, not its principal distance.
+        """
+        require_known(errors, self.vocabulary, "a rig calibrated from corners")
+        require_field(field)
+        points = self._points(np.asarray(distance, dtype=np.float64), field)
+        seen = observe_pair(self._grown(errors, environment), points)
+        size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
+        inside = np.all((seen >= -0.5) & (seen <= size - 0.5), axis=-1)  # NaN, behind a camera, is not inside
+        half = value_of(errors, PIXEL_NOISE)[..., None] / (2.0 * self.pixel_pitch)
+        measured = np.where(inside[..., None], seen, size / 2.0) + half * np.array([1.0, 0.0, -1.0, 0.0])
+        inverse = inverse_depth(self._believed(errors), measured)
+        return InverseDepthReading(
+            inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
+        )
+
+    def _points(self, z: FloatArray, field: float) -> FloatArray:
+        """Points at distances z [m] in the left camera's frame, shape (distances, 3)."""
+        to_right = rotation_matrix(self.best[12:15])
+        axis = to_right[2] + np.array([0.0, 0.0, 1.0])  # the right camera's axis in the left frame, and the left one's
+        corner = np.array([self.pixels[0] / 2.0 / self.best[0], self.pixels[1] / 2.0 / self.best[1]])
+        across = 0.5 * _right_centre(self.best)[:2] + z[:, None] * (axis[:2] / axis[2] + field * corner)
+        return np.concatenate([across, z[:, None]], axis=-1)
+
+    def _grown(self, errors: Errors, environment: Environment | None) -> FloatArray:
+        """The rig as it is at the temperature of the reading, shape (18,) or (draws, 18)."""
+        if environment is None or "temperature_change" not in errors:
+            return self.best
+        growth = environment.length_factor(errors).reshape(-1, 1)
+        return np.where(_LENGTHS, self.best * growth, self.best)
+
+    def _believed(self, errors: Errors) -> FloatArray:
+        """The rigs that calibrations in error believe in, shape (draws, 18)."""
+        own = np.broadcast_arrays(*(_of_draws(errors, name) for name in SHARED_NAMES))
+        rigs: FloatArray = self.best + np.stack(own, axis=-1)
+        if aged := {name for name in errors if name not in RIG_PARAMETERS and name in self.vocabulary} - {PIXEL_NOISE}:
+            rigs = rigs + self._interior(errors)
+        return _posed(rigs, errors) if aged & set(_POSE) else rigs
+
+    def _interior(self, errors: Errors) -> FloatArray:
+        """Errors of the cameras by the names of a stereo rig, shape (draws, 18)."""
+        pitch, columns = self.pixel_pitch, []
+        for side in SIDES:
+            focal = (_of_draws(errors, "focal_length") + _of_draws(errors, f"{side}_focal_length")) / pitch
+            apart = _BOTH[side] * _of_draws(errors, "principal_point")
+            columns += [
+                focal,
+                focal,
+                (apart + _of_draws(errors, f"{side}_principal_point_x")) / pitch,
+                _of_draws(errors, f"{side}_principal_point_y") / pitch,
+                _of_draws(errors, f"{side}_distortion_k1"),
+                _of_draws(errors, f"{side}_distortion_k2"),
+            ]
+        return np.stack(np.broadcast_arrays(*columns, *[np.zeros(1)] * len(RELATIVE_POSE_NAMES)), axis=-1)
+
+
+def _of_draws(errors: Errors, name: str) -> FloatArray:
+    """One error, shape (draws,) or (1,)."""
+    return value_of(errors, name).reshape(-1)
+
+
+def _right_centre(rigs: FloatArray) -> FloatArray:
+    """Centre of the right camera in the left camera's frame, −Rᵀ t [m], shape (..., 3)."""
+    centre: FloatArray = -(rotation_matrix(rigs[..., 12:15]).swapaxes(-1, -2) @ rigs[..., 15:18, None])[..., 0]
+    return centre
+
+
+def _posed(rigs: FloatArray, errors: Errors) -> FloatArray:
+    """Rigs whose right camera is moved and turned as a stereo rig's errors say; see `cameras.stereo.pair`."""
+    yaw, pitch, roll, longer, down, along = np.broadcast_arrays(*(_of_draws(errors, name) for name in _POSE))
+    zero = np.zeros_like(yaw)
+    turned = (
+        rotation_matrix(np.stack([zero, -yaw, zero], axis=-1))
+        @ rotation_matrix(np.stack([pitch, zero, zero], axis=-1))
+        @ rotation_matrix(np.stack([zero, zero, roll], axis=-1))
+    )
+    centre = _right_centre(rigs)
+    length = np.linalg.norm(centre, axis=-1, keepdims=True)
+    direction = centre / length + np.stack([zero, np.tan(down), np.tan(along)], axis=-1)
+    direction = direction / np.linalg.norm(direction, axis=-1, keepdims=True)
+    rotation = rotation_matrix(rigs[..., 12:15]) @ np.swapaxes(turned, -1, -2)
+    moved = -(rotation @ (direction * (length + longer[:, None]))[..., None])[..., 0]
+    interior = np.broadcast_to(rigs[..., :12], (*moved.shape[:-1], 12))
+    return np.concatenate([interior, rotation_vector(rotation), moved], axis=-1)

@@ -1,0 +1,152 @@
+"""A saved posterior: written beside the results of a run, and read as the calibration of a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from tradestudy.calibration.calibration_file import (
+    CalibrationCovariance,
+    CalibrationDraws,
+    CalibrationFileError,
+    read_calibration,
+)
+from tradestudy.calibration.corners.rig_geometry import check_geometry
+from tradestudy.calibration.corners.rig_reading import RIG_PARAMETERS, RigReading
+from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
+from tradestudy.calibration.sources import CALIBRATION, group_of_draws
+from tradestudy.cameras.calibration import Calibration, SourceName
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.pair_geometry import PairGeometry
+from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.joint import JointNormal
+from tradestudy.uncertainty.sources import Group
+
+
+def write_posterior(path: Path, posterior: CalibrationDraws) -> None:
+    """Write a posterior as NetCDF, with all its bits, as `read_calibration` reads it.
+
+    Parameters
+    ----------
+    path
+        The file; its folder exists.
+    posterior
+        Its draws, and what the reading of a rig calibrated from corners takes.
+    """
+    import h5netcdf
+
+    with h5netcdf.File(path, "w") as file:
+        file.dimensions = {"draw": len(posterior.draws), "parameter": len(posterior.names)}
+        file.create_variable("parameter", ("parameter",), data=np.array(posterior.names, dtype=np.bytes_))
+        file.create_variable("draws", ("draw", "parameter"), data=posterior.draws)
+        if posterior.best is not None:
+            file.dimensions["side"] = 2
+            file.create_variable("best", ("parameter",), data=posterior.best)
+            file.create_variable("pixels", ("side",), data=np.array(posterior.pixels, dtype=np.int64))
+
+
+def posterior_of_file(path: Path, name: str, camera: DepthCamera) -> Calibration:
+    """What a file determines of a camera's calibration.
+
+    Parameters
+    ----------
+    path
+        NetCDF or CSV with joint draws or with a covariance; see `calibration_file`.
+    name
+        Of the camera in its study.
+    camera
+        The design.
+
+    Raises
+    ------
+    CalibrationFileError
+        The file cannot be what it says it is, or names parameters that the camera does not have.
+    GeometryContradictionError
+        It contradicts the declared geometry.
+    """
+    found = read_calibration(path)
+    if isinstance(found, CalibrationDraws) and found.best is not None:
+        return _of_rig(path, name, camera, found)
+    _require_known(path, found.names, [name for name in camera.error_vocabulary if name != PIXEL_NOISE])
+    return Calibration(groups=(_group(found),), source="posterior")
+
+
+def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source: SourceName) -> Calibration:
+    """The calibration of a rig by the posterior of its 18 parameters, which brings its own reading.
+
+    Parameters
+    ----------
+    camera
+        The design.
+    posterior
+        Draws of the 18 parameters, the best of them, and the size of the pictures.
+    source
+        Where it comes from.
+    """
+    assert posterior.best is not None
+    assert posterior.pixels is not None
+    vocabulary = {**RIG_PARAMETERS, **camera.error_vocabulary}
+    reading = RigReading(
+        best=posterior.best,
+        pixels=posterior.pixels,
+        pixel_pitch=camera.sensor.pixel_pitch,
+        vocabulary=vocabulary,
+    )
+    group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
+    return Calibration(groups=(group,), source=source, reading=reading, vocabulary=vocabulary)
+
+
+def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:
+    """The saved posterior of corners, for a stereo rig alone."""
+    if not camera.corners_calibrate:
+        raise CalibrationFileError(
+            f"{path.name} holds the posterior of a stereo rig",
+            value=f"{name} is none",
+            limit="the posterior of a camera of the same kind",
+            remedy="take the file that a run wrote for such a camera",
+        )
+    _require_known(path, found.names, RIG_PARAMETERS)
+    if lacking := [name for name in SHARED_NAMES if name not in found.names]:
+        raise CalibrationFileError(
+            f"{path.name} lacks parameters of a rig",
+            value=", ".join(lacking),
+            limit=f"all {len(SHARED_NAMES)}",
+            remedy="take the file as a run wrote it",
+        )
+    assert found.best is not None
+    if found.names != SHARED_NAMES:  # the reading takes them by place
+        order = [found.names.index(name) for name in SHARED_NAMES]
+        draws = np.ascontiguousarray(found.draws[:, order])
+        found = replace(found, names=SHARED_NAMES, draws=draws, best=found.best[order])
+    assert found.best is not None
+    pair = cast(PairGeometry, camera)
+    check_geometry(name, pair, found.best, found.draws, says="the posterior says")
+    return rig_calibration(pair, found, source="posterior")
+
+
+def _group(found: CalibrationCovariance | CalibrationDraws) -> Group:
+    """Errors about the file's own best values."""
+    if isinstance(found, CalibrationDraws):
+        return group_of_draws(CALIBRATION, found.names, found.draws)
+    return JointNormal(
+        name=CALIBRATION,
+        parameters=found.names,
+        mean=np.zeros(len(found.names)),
+        covariance=found.covariance,
+        error_class=ErrorClass.RIG,
+    )
+
+
+def _require_known(path: Path, names: tuple[str, ...], known: Collection[str]) -> None:
+    if unknown := [name for name in names if name not in known]:
+        raise CalibrationFileError(
+            f"{path.name} names parameters that the camera does not have",
+            value=", ".join(unknown),
+            limit=", ".join(known),
+            remedy="rename the columns; values are in SI units",
+        )

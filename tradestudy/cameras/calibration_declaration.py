@@ -1,0 +1,308 @@
+"""What studies declare of a calibration: the errors of a camera, their source, and what has happened since."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, ClassVar, Final, Self
+
+import numpy as np
+from pydantic import Field, create_model, model_validator
+
+from tradestudy import units
+from tradestudy.cameras.calibration import SourceName
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.declarations.distributions import (
+    AngleDistribution,
+    AnyDistribution,
+    LengthDistribution,
+    NumberDistribution,
+    PressureDistribution,
+    TemperatureDistribution,
+    lowest,
+)
+from tradestudy.declarations.mistakes import MistakeAt, nearest_name
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
+    PositiveAngle,
+    PositiveLength,
+    PositivePixels,
+    Pressure,
+    Temperature,
+    ThermalExpansion,
+    quantity,
+)
+from tradestudy.declarations.words import Span, Text
+from tradestudy.uncertainty.error_class import ErrorClass
+
+Correlation = Annotated[float, *quantity(units.NUMBER, at_least=-1.0, at_most=1.0)]
+HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0 * units.DEGREE)]
+MostSteps = Annotated[int, Field(ge=100, le=1_000_000, strict=True)]
+
+_OF_UNIT: Final = {"m": LengthDistribution, "rad": AngleDistribution, "1": NumberDistribution}
+_SOURCES: Final[tuple[SourceName, ...]] = ("corners", "target", "posterior")
+_ROUNDING: Final = 1e-9  # of correlations written with nine digits, as for draws
+
+
+class ErrorsPart(Part):
+    """Errors of a camera's parameters by name, each with its distribution."""
+
+    def given(self) -> dict[str, AnyDistribution]:
+        """Those that are given, by name."""
+        return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
+
+
+class CalibratedAtPart(Part):
+    """The surroundings of the calibration."""
+
+    temperature: Temperature = 293.15
+    pressure: Pressure = 101325.0
+
+
+class StabilityPart(Part):
+    """What has happened since the calibration; what is left out has not changed."""
+
+    temperature: TemperatureDistribution | None = Field(default=None, description="Change since the calibration.")
+    pressure: PressureDistribution | None = Field(default=None, description="Change since the calibration.")
+    color: LengthDistribution | None = Field(
+        default=None, description="Focal length in the color of the object less that in the color of the target."
+    )
+    ageing: ErrorsPart = Field(
+        default_factory=ErrorsPart, description="What has been added to the error of a parameter since."
+    )
+    calibrated_at: CalibratedAtPart = Field(
+        default_factory=CalibratedAtPart, description="Default: 20 degC and 1013.25 hPa."
+    )
+    housing_expansion: ThermalExpansion | None = Field(
+        default=None, description="Linear expansion of what holds the parts apart; temperature needs it."
+    )
+    focal_length_expansion: ThermalExpansion | None = Field(
+        default=None, description="Relative change of the focal length per kelvin; temperature needs it."
+    )
+    glass_index: Annotated[float, Field(gt=1.1, lt=5.0)] | None = Field(
+        default=None,
+        description="Refractive index of the lens taken as one glass: it says what the air around it does to the focal "
+        "length; temperature and pressure need it.",
+    )
+
+    @model_validator(mode="after")
+    def _acts(self) -> Self:
+        if mistakes := [*self._mistakes_of_surroundings()]:
+            raise MistakeAt.several(mistakes)
+        return self
+
+    def _mistakes_of_surroundings(self) -> Iterator[MistakeAt]:
+        changes = [name for name in ("temperature", "pressure") if getattr(self, name) is not None]
+        for name in changes:
+            if getattr(self.calibrated_at, name) + lowest(getattr(self, name)) <= 0.0:
+                what = "reaches absolute zero" if name == "temperature" else "reaches a pressure below zero"
+                yield MistakeAt((name,), f"{what} from stability.calibrated_at.{name}; give a smaller change")
+        needed_by: Mapping[str, tuple[str, ...]] = {
+            "housing_expansion": ("temperature",),
+            "focal_length_expansion": ("temperature",),
+            "glass_index": ("temperature", "pressure"),
+            "calibrated_at": ("temperature", "pressure"),
+        }
+        for name, users in needed_by.items():
+            using = [user for user in users if user in changes]
+            given = name in self.model_fields_set and getattr(self, name) is not None
+            if using and not given and name != "calibrated_at":
+                yield MistakeAt((using[0],), f"needs stability.{name} beside it")
+            if given and not using:
+                yield MistakeAt(
+                    (name,), f"needs stability.{' or stability.'.join(users)}, without which it does nothing"
+                )
+
+
+class TargetPart(Part):
+    """A simulated calibration: a board shown to the camera; the declared errors are its priors."""
+
+    views: Annotated[int, Field(ge=3, le=1000, strict=True)]
+    columns: Annotated[int, Field(ge=2, le=100, strict=True)]
+    rows: Annotated[int, Field(ge=2, le=100, strict=True)]
+    spacing: PositiveLength = Field(description="Distance of neighbouring corners.")
+    distances: Span = Field(description="Nearest and farthest distance of the board.")
+    half_field_angle: HalfFieldAngle = Field(description="Largest angle of the board's middle from the optical axis.")
+    tilt: PositiveAngle = Field(description="Standard deviation of each component of the board's rotation.")
+    corner_noise: PositivePixels = Field(description="Standard deviation of one image coordinate of a corner.")
+    rotation_known_to: PositiveAngle | None = Field(default=None, description="Left out: poses are not known.")
+    position_known_to: PositiveLength | None = Field(default=None, description="Left out: poses are not known.")
+    max_steps: MostSteps = Field(default=20_000, description="Most steps of each sampler of the posterior.")
+
+    @property
+    def half_field(self) -> float:
+        """Largest slope of the direction to the board's middle."""
+        return math.tan(self.half_field_angle)
+
+
+class CornersPart(Part):
+    """A measured calibration: corners of a board that both cameras of the rig saw."""
+
+    file: Text = Field(description="CSV of corners, beside the file that holds this.")
+    max_steps: MostSteps = Field(default=20_000, description="Most steps of each sampler of the posterior.")
+
+
+class PosteriorPart(Part):
+    """A saved calibration: a covariance or joint draws."""
+
+    file: Text = Field(description="CSV or NetCDF, beside the file that holds this.")
+
+
+class CalibrationPart(Part):
+    """The calibration of a camera: its errors, at most one source that they are known from, and its stability."""
+
+    camera: ClassVar[type[DepthCamera]]
+    kind: ClassVar[str]
+
+    errors: ErrorsPart = Field(
+        default_factory=ErrorsPart,
+        description="Without a source, all that is in error; with one, the priors and what it does not determine.",
+    )
+    correlations: dict[str, dict[str, Correlation]] = Field(
+        default={}, description="Between any two errors, of their normal scores; each pair once."
+    )
+    corners: CornersPart | None = None
+    target: TargetPart | None = None
+    posterior: PosteriorPart | None = None
+    stability: StabilityPart = Field(default_factory=StabilityPart)
+
+    @property
+    def source(self) -> SourceName:
+        """Where the errors are known from."""
+        return next((name for name in _SOURCES if getattr(self, name) is not None), "errors")
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if mistakes := [*self._mistakes_of_source(), *self._mistakes_of_correlations()]:
+            raise MistakeAt.several(mistakes)
+        return self
+
+    def _mistakes_of_source(self) -> Iterator[MistakeAt]:
+        given = [name for name in _SOURCES if getattr(self, name) is not None]
+        for name in given[1:]:
+            yield MistakeAt((name,), f"a calibration has one source, and {given[0]} is given already")
+        if self.corners is not None and not self.camera.corners_calibrate:
+            what = f"corners of two cameras calibrate a stereo rig; a {self.kind} camera takes target or posterior"
+            yield MistakeAt(("corners",), what)
+        elif self.corners is not None and self.errors.given():
+            what = (
+                "corners determine every parameter of the rig; leave errors out (null takes inherited ones back), and "
+                "put what has changed since under stability"
+            )
+            yield MistakeAt(("errors",), what)
+        if self.target is not None:
+            yield from self._mistakes_of_priors()
+
+    def _mistakes_of_priors(self) -> Iterator[MistakeAt]:
+        given = self.errors.given()
+        if not given:
+            yield MistakeAt(("target",), "needs errors: the priors of what it is to determine")
+        known = self.camera.error_vocabulary
+        priors = {name for name in given if known[name].error_class is ErrorClass.RIG}
+        for name in given:
+            shape = given[name].resolved_shape
+            if name in priors and shape not in ("normal", "uniform"):
+                yield MistakeAt(("errors", name), f"a prior of a target is normal or uniform, not {shape}")
+        for name, others in self.correlations.items():
+            if priors & {name, *others}:
+                what = (
+                    "priors of a target are independent, it finds their correlation; null takes an inherited one back"
+                )
+                yield MistakeAt(("correlations", name), what)
+
+    def _mistakes_of_correlations(self) -> Iterator[MistakeAt]:
+        given, seen = self.errors.given(), set[frozenset[str]]()
+        wrong = [*self._unknown_names(given)]
+        for first, others in self.correlations.items():
+            for second in others:
+                pair, path = frozenset((first, second)), ("correlations", first, second)
+                if len(pair) == 1:
+                    wrong.append(MistakeAt(path, "an error is not correlated with itself"))
+                elif pair in seen:
+                    wrong.append(MistakeAt(path, f"{second} with {first} is given already; each pair once"))
+                elif pair <= given.keys() and (classes := self._classes(first, second)) is not None:
+                    wrong.append(MistakeAt(path, f"what is drawn {classes} cannot be correlated"))
+                seen.add(pair)
+        yield from wrong or _indefinite(self.correlations)
+
+    def _unknown_names(self, given: Mapping[str, object]) -> Iterator[MistakeAt]:
+        for first, others in self.correlations.items():
+            for path, name in ((("correlations", first), first), *((("correlations", first, n), n) for n in others)):
+                if name not in given:
+                    yield MistakeAt(path, f"{name!r} is not among the errors of this camera{nearest_name(name, given)}")
+
+    def _classes(self, first: str, second: str) -> str | None:
+        """How often each of two parameters is drawn, where that differs."""
+        one, other = (self.camera.error_vocabulary[name].error_class for name in (first, second))
+        return None if one is other else f"{one.value} and what is drawn {other.value}"
+
+
+def correlated(correlations: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
+    """Errors that are tied to each other, directly or through others, as groups in the order of their first one."""
+    groups: list[list[str]] = []
+    for first, others in correlations.items():
+        joined = [group for group in groups if {first, *others} & set(group)]
+        names = dict.fromkeys([*(name for group in joined for name in group), first, *others])
+        groups = [group for group in groups if group not in joined]
+        groups.append(list(names))
+    return [tuple(group) for group in groups if len(group) > 1]
+
+
+def correlation_matrix(
+    names: tuple[str, ...], correlations: Mapping[str, Mapping[str, float]]
+) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    """Correlations of these errors, square and symmetric: 1 on the diagonal, 0 where nothing is given."""
+    matrix = np.eye(len(names))
+    at = {name: index for index, name in enumerate(names)}
+    for first, others in correlations.items():
+        for second, value in others.items():
+            if first in at and second in at:
+                matrix[at[first], at[second]] = matrix[at[second], at[first]] = value
+    return matrix
+
+
+def _indefinite(correlations: Mapping[str, Mapping[str, float]]) -> Iterator[MistakeAt]:
+    """Groups whose correlations no distribution can have."""
+    for names in correlated(correlations):
+        smallest = float(np.linalg.eigvalsh(correlation_matrix(names, correlations))[0])
+        if smallest < -len(names) * _ROUNDING:
+            yield MistakeAt(
+                ("correlations", next(name for name in correlations if name in names)),
+                f"no errors are correlated like this: the matrix of {', '.join(names)} has the eigenvalue "
+                f"{smallest:.3g}; at least 0 is expected. Declare the pairs that are missing, for a pair that is left "
+                "out is uncorrelated, or bring the correlations nearer to 0",
+            )
+
+
+def calibration_part(camera: type[DepthCamera], kind: str) -> type[CalibrationPart]:
+    """The calibration part of a kind of camera: every error of its vocabulary, each in its dimension.
+
+    Parameters
+    ----------
+    camera
+        The kind; the noise of its measurements is declared as its disparity error.
+    kind
+        What studies call it.
+    """
+    title = "".join(word.capitalize() for word in kind.split("-"))
+    fields: dict[str, Any] = {
+        name: (_OF_UNIT[parameter.unit] | None, Field(default=None, description=parameter.meaning))
+        for name, parameter in camera.error_vocabulary.items()
+        if name != PIXEL_NOISE
+    }
+    errors = create_model(f"{title}Errors", __base__=ErrorsPart, __doc__=ErrorsPart.__doc__, **fields)
+    ageing = Field(default_factory=errors, description=StabilityPart.model_fields["ageing"].description)
+    stability = create_model(
+        f"{title}Stability", __base__=StabilityPart, __doc__=StabilityPart.__doc__, ageing=(errors, ageing)
+    )
+    described = Field(default_factory=errors, description=CalibrationPart.model_fields["errors"].description)
+    made = create_model(
+        f"{title}Calibration",
+        __base__=CalibrationPart,
+        __doc__=CalibrationPart.__doc__,
+        errors=(errors, described),
+        stability=(stability, Field(default_factory=stability)),
+    )
+    made.camera, made.kind = camera, kind
+    return made

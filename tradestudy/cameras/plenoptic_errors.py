@@ -1,0 +1,81 @@
+"""What can be in error about a camera with a microlens array behind its main lens."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tradestudy.cameras.error_vocabulary import INTERIOR, NOISE_PARAMETER, PIXEL_NOISE, ErrorParameter, ErrorVocabulary
+from tradestudy.uncertainty.error_class import ErrorClass
+
+PLENOPTIC_ERRORS: Final[ErrorVocabulary] = {
+    "mla_distance": ErrorParameter(unit="m", part=INTERIOR, meaning="Distance from the main lens to the array."),
+    "focal_length": ErrorParameter(unit="m", part=INTERIOR, meaning="Focal length of the main lens."),
+    "microlens_gap": ErrorParameter(unit="m", part=INTERIOR, meaning="Distance from the array to the sensor."),
+    "microlens_pitch": ErrorParameter(
+        unit="m", part="array", meaning="Mean distance of neighbouring microlens centres."
+    ),
+    "array_rotation": ErrorParameter(
+        unit="rad", part="array", meaning="Turn of the array against the pixel rows, about the optical axis."
+    ),
+    "array_tilt_x": ErrorParameter(
+        unit="rad",
+        part="array",
+        meaning="Slope of the array against the sensor along x: farther from the main lens at larger x, nearer to the "
+        "sensor.",
+    ),
+    "array_tilt_y": ErrorParameter(
+        unit="rad", part="array", meaning="Slope of the array against the sensor along y, as array_tilt_x along x."
+    ),
+    "array_offset_x": ErrorParameter(unit="m", part="array", meaning="Centre of the array on the sensor along x."),
+    "array_offset_y": ErrorParameter(unit="m", part="array", meaning="Centre of the array on the sensor along y."),
+    "pupil_distance": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="Exit pupil to array less main lens to array; it tells microlens centres from their white images.",
+    ),
+    "principal_point_x": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="Where the axis of the main lens meets the array along x; distortion and curvature are centred there.",
+    ),
+    "principal_point_y": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="Where the axis of the main lens meets the array along y; distortion and curvature are centred there.",
+    ),
+    "field_curvature": ErrorParameter(
+        unit="m",
+        part=INTERIOR,
+        meaning="How much farther from the main lens its image lies in the corner than the known field curvature says; "
+        "it grows with the square of the distance from the axis.",
+    ),
+    "depth_distortion": ErrorParameter(
+        unit="1",
+        part=INTERIOR,
+        meaning="Relative stretch of the distance from image to array in the corner; it grows with the square of the "
+        "distance from the axis.",
+    ),
+    "distortion_k1": ErrorParameter(
+        unit="1",
+        part=INTERIOR,
+        meaning="Radial distortion of the main lens with the square of the slope.",
+    ),
+    "distortion_k2": ErrorParameter(
+        unit="1",
+        part=INTERIOR,
+        meaning="Radial distortion of the main lens with the fourth power of the slope.",
+    ),
+    "microlens_center_scatter": ErrorParameter(
+        unit="m",
+        part="microlens centres",
+        meaning="One coordinate of the centre of one microlens, from which the coordinates under it count; the "
+        "disparity of two lenses is off by √2 of it.",
+        error_class=ErrorClass.ELEMENT,
+    ),
+    PIXEL_NOISE: NOISE_PARAMETER,
+}
+"""Errors of a plenoptic camera, focused or not, in the order in which they are drawn.
+
+Depth distortion: O. Johannsen et al., "On the calibration of focused plenoptic cameras", 2013. A microlens's own focal
+length changes blur, not geometry, and is none of them. The principal point is counted on the array, on which a tilt
+acts; ``array_offset_x`` and ``_y`` move the array on the sensor."""

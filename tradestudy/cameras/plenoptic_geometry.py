@@ -1,0 +1,179 @@
+"""Main lens, microlens array and sensor with every parameter in error: what all plenoptic cameras share of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.environment import Environment
+from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.reading import Errors, value_of
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.radial_distortion import distort, undistort
+from tradestudy.optics.thin_lens import focus_shift
+
+Observation = tuple[FloatArray, FloatArray, FloatArray]
+"""What depth is measured from, and where on the sensor it is seen, x and y [m]."""
+
+
+def disparity_error(errors: Errors) -> FloatArray:
+    """Error of one disparity [m]: its noise, and two lens centres that are each off by the scatter of one.
+
+    Coordinates count from the centre of their own microlens; the baseline is that of the regular grid.
+    """
+    return value_of(errors, PIXEL_NOISE) + math.sqrt(2.0) * value_of(errors, "microlens_center_scatter")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ArrayGeometry:
+    """Main lens, array and sensor as designed.
+
+    Parameters
+    ----------
+    focal_length
+        Of the main lens f_M [m].
+    mla_distance
+        Main lens to array z [m].
+    gap
+        Array to sensor b_L [m].
+    pitch
+        Of the microlenses [m].
+    corner
+        From the axis to the corner of the sensor [m].
+    field_curvature
+        How much farther from the main lens its image lies in the corner than on the axis [m], as it is known.
+    """
+
+    focal_length: float
+    mla_distance: float
+    gap: float
+    pitch: float
+    corner: float
+    field_curvature: float
+
+    def changed(self, errors: Errors, environment: Environment | None) -> Errors:
+        """What the surroundings and the colour of the object have changed since the calibration, as errors.
+
+        z, b_L and the pitch grow with the housing; the focal length of the main lens has its own drift, follows the
+        index of the air, and differs from colour to colour.
+        """
+        changed: dict[str, ArrayLike] = {}
+        if environment is not None and ("temperature_change" in errors or "pressure_change" in errors):
+            growth = environment.length_factor(errors) - 1.0
+            changed = {
+                "mla_distance": self.mla_distance * growth,
+                "microlens_gap": self.gap * growth,
+                "microlens_pitch": self.pitch * growth,
+                "focal_length": self.focal_length * (environment.focal_length_factor(errors) - 1.0),
+            }
+        if "color_shift" in errors:
+            changed["focal_length"] = value_of(changed, "focal_length") + value_of(errors, "color_shift")
+        return changed
+
+    def focal_length_with(self, errors: Errors) -> FloatArray:
+        """f_M [m] of a camera that deviates by ``errors``."""
+        return self.focal_length + value_of(errors, "focal_length")
+
+    def pitch_scale(self, errors: Errors) -> FloatArray:
+        """Pitch of the microlenses over that of the design [1]."""
+        return 1.0 + value_of(errors, "microlens_pitch") / self.pitch
+
+    def place_of(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> PlaceOnArray:
+        """Where the ray from a point [m] through the centre of the main lens meets the array."""
+        a = np.asarray(z, dtype=np.float64)
+        k1, k2 = value_of(errors, "distortion_k1"), value_of(errors, "distortion_k2")
+        slopes = distort(np.asarray(x) / a, np.asarray(y) / a, k1, k2)
+        distance = self.mla_distance + value_of(errors, "mla_distance")
+        return PlaceOnArray(geometry=self, errors=errors, x=slopes[0] * distance, y=slopes[1] * distance)
+
+    def place_seen(self, errors: Errors, x: FloatArray, y: FloatArray) -> PlaceOnArray:
+        """Where on the array a place on the sensor [m] is, as a calibration that is off by ``errors`` believes."""
+        x, y = (
+            seen - value_of(errors, f"array_offset_{axis}") - value_of(errors, f"principal_point_{axis}")
+            for seen, axis in ((x, "x"), (y, "y"))
+        )
+        return PlaceOnArray(geometry=self, errors=errors, x=x, y=y)
+
+    def microlens_object_distance(self, errors: Errors, place: PlaceOnArray, distance: ArrayLike) -> FloatArray:
+        """a_L [m] of a point at a distance [m], as depth distortion leaves it: array less image of the main lens.
+
+        NaN for points that it does not image.
+        """
+        a, f = np.asarray(distance, dtype=np.float64), self.focal_length_with(errors)
+        image = f + focus_shift(np.where(a > f, a, np.nan), f)
+        return (place.flat_distance - image) / place.stretch
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlaceOnArray:
+    """A place on the array of a camera that deviates from its design.
+
+    Parameters
+    ----------
+    geometry, errors
+        The design, and what the camera (or its calibration) is less that.
+    x, y
+        From the axis of the main lens [m]; upright.
+    """
+
+    geometry: ArrayGeometry
+    errors: Errors
+    x: FloatArray
+    y: FloatArray
+
+    @cached_property
+    def _tilt(self) -> FloatArray:
+        """How much farther from the main lens the array stands here [m]; a tilt turns it about its own centre."""
+        return np.asarray(
+            sum(
+                value_of(self.errors, f"array_tilt_{axis}") * (at + value_of(self.errors, f"principal_point_{axis}"))
+                for axis, at in (("x", self.x), ("y", self.y))
+            )
+        )
+
+    @cached_property
+    def _square(self) -> FloatArray:
+        """Square of the distance from the axis over that of the corner."""
+        return (self.x * self.x + self.y * self.y) / self.geometry.corner**2
+
+    @cached_property
+    def distance(self) -> FloatArray:
+        """Main lens to array z [m]."""
+        return self.geometry.mla_distance + value_of(self.errors, "mla_distance") + self._tilt
+
+    @cached_property
+    def gap(self) -> FloatArray:
+        """Array to sensor b_L [m]."""
+        return self.geometry.gap + value_of(self.errors, "microlens_gap") - self._tilt
+
+    @cached_property
+    def flat_distance(self) -> FloatArray:
+        """z [m] less what field curvature moves the image: as if the main lens imaged flat."""
+        return self.distance - (self.geometry.field_curvature + value_of(self.errors, "field_curvature")) * self._square
+
+    @cached_property
+    def stretch(self) -> FloatArray:
+        """By how much depth distortion stretches a_L [1]."""
+        return 1.0 + value_of(self.errors, "depth_distortion") * self._square
+
+    @cached_property
+    def on_sensor(self) -> tuple[FloatArray, FloatArray]:
+        """Where it is seen [m]."""
+        x, y = (
+            at + value_of(self.errors, f"principal_point_{axis}") + value_of(self.errors, f"array_offset_{axis}")
+            for axis, at in (("x", self.x), ("y", self.y))
+        )
+        return x, y
+
+    @cached_property
+    def valid(self) -> BoolArray:
+        """Where the lengths are positive and the distortion has an inverse."""
+        valid = (self.geometry.focal_length_with(self.errors) > 0.0) & (self.gap > 0.0) & (self.distance > 0.0)
+        k1, k2 = value_of(self.errors, "distortion_k1"), value_of(self.errors, "distortion_k2")
+        if np.any(k1) or np.any(k2):
+            valid = valid & undistort(self.x / self.distance, self.y / self.distance, k1, k2)[2]
+        return np.asarray(valid)

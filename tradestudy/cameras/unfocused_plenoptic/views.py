@@ -1,0 +1,87 @@
+"""The shift of a point between two views, every parameter in error: what is seen, and which inverse depth follows.
+
+The two pixels of a pair of views lie N apart under every microlens, counted from the centres of its white image, which
+is the image of the exit pupil at a distance z_p before the array. A pixel o beside that centre under a microlens at x
+looks along the slope ``o/b_L + x/z_p``, so the rays of both views through an image at a_L before the array meet the
+array d' apart, ``d' (1 − a_L/z_p) = N a_L/b_L``. Disparity is d = −d': positive for points nearer than the focus.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation, PlaceOnArray, disparity_error
+from tradestudy.cameras.reading import Errors, value_of
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+
+def views_observation(
+    geometry: ArrayGeometry, pixels_apart: float, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike
+) -> Observation:
+    """What a camera that deviates from its design by ``errors`` sees of a point.
+
+    Parameters
+    ----------
+    geometry
+        The design.
+    pixels_apart
+        N [m]: how far the pixels of the two views are apart.
+    errors
+        What the camera is less what its design says, by the names of `PLENOPTIC_ERRORS`, without pixel noise and
+        without the scatter of the microlens centres, which differs from place to place.
+    x, y, z
+        The point [m] from the centre of the main lens; upright coordinates.
+
+    Returns
+    -------
+    Observation
+        Disparity, in the lenses of the design, and where the point is seen. Exact for thin lenses; NaN for points that
+        the main lens does not image.
+    """
+    place = geometry.place_of(errors, x, y, z)
+    a_L = geometry.microlens_object_distance(errors, place, z)
+    shift = -pixels_apart * a_L / (place.gap * (1.0 - a_L / _pupil_distance(errors, place)))
+    return shift / geometry.pitch_scale(errors), *place.on_sensor
+
+
+def views_inverse_depth(
+    geometry: ArrayGeometry, pixels_apart: float, errors: Errors, seen: Observation
+) -> tuple[FloatArray, BoolArray]:
+    """The inverse depth that a calibration which is off by ``errors`` reads.
+
+    ``a_L = −d/(N/b_L − d/z_p)``, ``b = z − a_L``, ``1/a = 1/f − 1/b``; where the pupil lies in the main lens,
+    ``1/a = 1/f − 1/z + d b_L/(N z²)``.
+
+    Parameters
+    ----------
+    geometry, pixels_apart
+        The design.
+    errors
+        What the calibration says less what the design says, by the names of `PLENOPTIC_ERRORS`.
+    seen
+        From `views_observation`.
+
+    Returns
+    -------
+    inverse_depth
+        [1/m]; zero at infinity and negative beyond.
+    valid
+        False where a believed length is not positive, the believed distortion has no inverse, or the two rays do not
+        meet behind the main lens.
+    """
+    shift, seen_x, seen_y = seen
+    place = geometry.place_seen(errors, seen_x, seen_y)
+    turned = geometry.pitch_scale(errors) * np.cos(value_of(errors, "array_rotation"))
+    d = shift * turned + disparity_error(errors)
+    pupil = _pupil_distance(errors, place)
+    opening = pixels_apart / place.gap - d / pupil
+    image_times_opening = place.flat_distance * opening + place.stretch * d
+    meet = ~(image_times_opening <= 0.0)
+    inverse = 1.0 / geometry.focal_length_with(errors) - opening / np.where(meet, image_times_opening, np.nan)
+    return inverse, place.valid & (turned > 0.0) & (pupil > 0.0) & meet
+
+
+def _pupil_distance(errors: Errors, place: PlaceOnArray) -> FloatArray:
+    """From the exit pupil to the array z_p [m]; by design it lies in the main lens."""
+    return place.distance + value_of(errors, "pupil_distance")

@@ -1,0 +1,133 @@
+"""How an error is distributed, one part for each dimension: a normal or a uniform one needs no shape."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Final, Generic, Literal, Self, TypeVar
+
+from pydantic import Field, model_validator
+
+from tradestudy import units
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
+    Angle,
+    Length,
+    Number,
+    PositiveAngle,
+    PositiveLength,
+    PositiveNumber,
+    PressureDifference,
+    TemperatureDifference,
+    quantity,
+)
+from tradestudy.declarations.words import Text
+
+PositiveTemperatureDifference = Annotated[float, *quantity(units.TEMPERATURE_DIFFERENCE, above=0.0)]
+PositivePressureDifference = Annotated[float, *quantity(units.PRESSURE, above=0.0)]
+
+Shape = Literal["normal", "uniform", "triangular", "student-t", "arcsine", "curvilinear-trapezoid", "empirical"]
+_NEEDS: Final[dict[Shape, tuple[str, ...]]] = {
+    "normal": ("standard_deviation",),
+    "uniform": ("half_width",),
+    "triangular": ("half_width",),
+    "student-t": ("scale", "degrees_of_freedom"),
+    "arcsine": ("half_width",),
+    "curvilinear-trapezoid": ("half_width", "inexactness"),
+    "empirical": ("file", "column"),
+}
+
+Signed = TypeVar("Signed", bound=float)
+Positive = TypeVar("Positive", bound=float)
+
+
+_DEVIATIONS: Final = 6.0
+
+
+class DistributionPart(Part, Generic[Signed, Positive]):
+    """The distribution of one error: ``standard_deviation`` alone is a normal one, ``half_width`` a uniform one."""
+
+    spreads: ClassVar[tuple[str, ...]] = tuple(dict.fromkeys(key for keys in _NEEDS.values() for key in keys))
+
+    shape: Shape | None = Field(default=None, description="Default: normal or uniform, by the spread that is given.")
+    mean: Signed | None = Field(default=None, description="Expectation of the error, or its median; default: 0.")
+    standard_deviation: Positive | None = Field(default=None, description="Of a normal error.")
+    half_width: Positive | None = Field(
+        default=None, description="Of a uniform, triangular, arcsine or curvilinear-trapezoid error."
+    )
+    inexactness: Positive | None = Field(
+        default=None, description="Half width of the uncertainty of a curvilinear trapezoid's half width."
+    )
+    scale: Positive | None = Field(default=None, description="Of student-t: s/√n for n readings of deviation s.")
+    degrees_of_freedom: PositiveNumber | None = Field(default=None, description="Of student-t: n - 1.")
+    file: Text | None = Field(
+        default=None, description="Of empirical: CSV of draws in SI units; the first line names the columns."
+    )
+    column: Text | None = Field(default=None, description="Of empirical.")
+
+    @model_validator(mode="after")
+    def _fits_its_shape(self) -> Self:
+        given = [key for key in self.spreads if getattr(self, key) is not None]
+        if self.shape is None:
+            self._require_one_spread(given)
+            return self
+        needed = _NEEDS[self.shape]
+        mistakes = [MistakeAt((), f"shape {self.shape} needs {key}") for key in needed if key not in given]
+        mistakes += [
+            MistakeAt((key,), f"does not belong to shape {self.shape}, which takes {' and '.join(needed)}")
+            for key in given
+            if key not in needed
+        ]
+        if self.shape == "empirical" and self.mean is not None:
+            mistakes.append(MistakeAt(("mean",), "does not belong to shape empirical, whose draws have their own"))
+        if not mistakes and self.inexactness is not None and self.inexactness > (self.half_width or 0.0):
+            mistakes.append(MistakeAt(("inexactness",), "exceeds the half width; at most the half width is expected"))
+        if mistakes:
+            raise MistakeAt.several(mistakes)
+        return self
+
+    def _require_one_spread(self, given: list[str]) -> None:
+        for key in given:
+            if key not in ("standard_deviation", "half_width"):
+                shapes = " or ".join(shape for shape, keys in _NEEDS.items() if key in keys)
+                raise MistakeAt((key,), f"needs shape: {shapes}")
+        if len(given) != 1:
+            both = ", not both" if given else ""
+            raise MistakeAt((), f"give standard_deviation (a normal error) or half_width (a uniform one){both}")
+
+    @property
+    def resolved_shape(self) -> Shape:
+        """The shape, written or by the spread that is given."""
+        if self.shape is not None:
+            return self.shape
+        return "uniform" if self.standard_deviation is None else "normal"
+
+
+def lowest(part: DistributionPart[Any, Any]) -> float:
+    """The lowest value that counts: the end of a bounded distribution, six deviations below a normal one's mean."""
+    spread = part.half_width if part.half_width is not None else _DEVIATIONS * (part.standard_deviation or 0.0)
+    return float((part.mean or 0.0) - spread - (part.inexactness or 0.0))
+
+
+class LengthDistribution(DistributionPart[Length, PositiveLength]):
+    """The distribution of an error of a length."""
+
+
+class AngleDistribution(DistributionPart[Angle, PositiveAngle]):
+    """The distribution of an error of an angle."""
+
+
+class NumberDistribution(DistributionPart[Number, PositiveNumber]):
+    """The distribution of an error of a plain number."""
+
+
+class TemperatureDistribution(DistributionPart[TemperatureDifference, PositiveTemperatureDifference]):
+    """The distribution of a change of temperature."""
+
+
+class PressureDistribution(DistributionPart[PressureDifference, PositivePressureDifference]):
+    """The distribution of a change of pressure."""
+
+
+AnyDistribution = (
+    LengthDistribution | AngleDistribution | NumberDistribution | TemperatureDistribution | PressureDistribution
+)

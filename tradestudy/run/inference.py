@@ -1,0 +1,64 @@
+"""The calibrations of a study that have to be inferred before anything can be said about depth."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
+
+from tradestudy.errors import Problem, StudyError
+from tradestudy.execution import Steps
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.sweep import sweep_axes, sweep_points
+
+if TYPE_CHECKING:
+    from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
+    from tradestudy.calibration.posteriors import InferredCalibration
+
+
+def infer_calibrations(
+    definition: StudyDefinition, steps: Steps
+) -> tuple[StudyDefinition, Mapping[str, InferredCalibration]]:
+    """Infer every calibration from a target or corners, of the study, its readings and the designs of its sweep.
+
+    Returns
+    -------
+    StudyDefinition
+        The study with cameras that know their calibrations.
+    mapping of str to InferredCalibration
+        Of the study as declared, by camera.
+
+    Raises
+    ------
+    TradestudyError
+        A calibration that cannot be inferred, or contradicts the declared geometry.
+    """
+    as_declared = definition.calibrations_to_infer()
+    if not as_declared and not any(reading.calibrations_to_infer() for reading in definition.readings.values()):
+        return definition, {}
+    asked = {key: one for variant in _variants(definition) for key, one in variant.calibrations_to_infer().items()}
+    from tradestudy.calibration.corners.rig_geometry import GeometryContradictionError
+    from tradestudy.calibration.posteriors import infer
+
+    names = [one.name for one in asked.values()]
+    try:
+        found = dict(zip(asked, steps.map("calibration", infer, list(asked.values()), names), strict=True))
+    except GeometryContradictionError as error:
+        raise StudyError(_located(definition, error)) from None
+    known = definition.with_posteriors({key: one.calibration for key, one in found.items()})
+    return known, {one.name: found[key] for key, one in as_declared.items()}
+
+
+def _located(definition: StudyDefinition, error: GeometryContradictionError) -> list[Problem]:
+    """Every contradiction of corners at the place where its camera names them."""
+    found = []
+    for line in str(error).splitlines():
+        name = next(name for name in definition.file.cameras if f"cameras.{name}." in line)
+        path = ("cameras", name, "calibration", "corners")
+        found.append(definition.document.locate(path).problem(path, line))
+    return found
+
+
+def _variants(definition: StudyDefinition) -> Iterator[StudyDefinition]:
+    designs = sweep_points(definition, sweep_axes(definition))
+    return itertools.chain([definition], definition.readings.values(), designs)

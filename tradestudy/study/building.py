@@ -1,0 +1,62 @@
+"""From the part of a study that declares a camera to the camera, and to what its posterior is known by."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from pathlib import Path
+from typing import Final
+
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.models import closed_form_models
+from tradestudy.study.schema.scene import ScenePart
+
+# Of a camera, what no posterior depends on: words, the noise of a measurement, and what happens after the calibration.
+_NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
+    "title": True,
+    "note": True,
+    "stated": True,
+    "attributes": True,
+    "depth": {"disparity_error", "error_of", "discrimination_step"},
+    "calibration": {"stability"},
+}
+
+
+def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
+    """Build the camera that a part of a study declares, in the light of its scene.
+
+    Raises
+    ------
+    OutOfRangeError
+        Where the parts do not make a camera.
+    """
+    if not isinstance(part, DepthCameraDeclaration):
+        return part.design(None)
+    return part.design(_picture_law(scene, microlenses=part.camera.pictured_by_microlenses))
+
+
+def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder: Path) -> str:
+    """What the posterior of a camera is known by: the same for all that are inferred from the same, in the same way.
+
+    Parameters
+    ----------
+    name
+        Of the camera, which random numbers go by.
+    part
+        Its declaration.
+    seed
+        Of the study.
+    folder
+        Where the files that its calibration names are.
+    """
+    said = (name, str(seed), str(folder), part.model_dump_json(exclude=_NOT_CALIBRATED))
+    return sha256("\n".join(said).encode()).hexdigest()
+
+
+def _picture_law(scene: ScenePart | None, *, microlenses: bool) -> PictureDisparityError | None:
+    """What a derived disparity error follows; None without a picture."""
+    if scene is None or scene.picture is None:
+        return None
+    settings = scene.picture.settings(scene.wavelength)
+    return PictureDisparityError(settings=settings, models=closed_form_models(settings, microlenses=microlenses))

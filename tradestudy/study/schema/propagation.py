@@ -1,0 +1,51 @@
+"""How errors are propagated to depth, and at which distances their sensitivity is asked for."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from tradestudy import units
+from tradestudy.cameras.calibration import ONE_SIGMA, Propagation
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import ObjectDistance, Share, quantity
+from tradestudy.declarations.words import Seed, distinct
+
+Coverage = Annotated[float, *quantity(units.FRACTION, at_least=0.01, at_most=0.999)]
+_SAME_COVERAGE = 1e-4  # 68.27 % is written with four digits
+
+
+class PropagationPart(Part):
+    """How calibration errors are propagated to depth."""
+
+    seed: Seed = Field(default=0, description="Of all random numbers.")
+    field_places: Annotated[tuple[Share, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
+        default=(),
+        description="Places beside the axis at which depth is stated too: 0 is the axis, 100 % the corner of the "
+        "sensor.",
+    )
+    max_draws: Annotated[int, Field(ge=2**12, le=2**26, strict=True)] = Field(
+        default=2**16, description="Most draws for each camera, place in the field and kind of errors."
+    )
+    coverage: Annotated[tuple[Coverage, ...], Field(max_length=10), AfterValidator(distinct)] = Field(
+        default=(0.6827, 0.95), description="Contents of the central intervals that are stated; 68.27 % always is."
+    )
+
+    @property
+    def coverages(self) -> tuple[float, ...]:
+        """Contents of the intervals: that of one standard deviation first, the others rising."""
+        others = sorted(value for value in self.coverage if abs(value - ONE_SIGMA) > _SAME_COVERAGE)
+        return (ONE_SIGMA, *others)
+
+    def propagation(self, tolerance: float) -> Propagation:
+        """For the engine; ``tolerance`` is the relative error that depth uncertainties may have."""
+        return Propagation(seed=self.seed, max_draws=self.max_draws, coverages=self.coverages, tolerance=tolerance)
+
+
+class SensitivityPart(Part):
+    """What the sensitivity of each camera to each of its errors is asked for."""
+
+    at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=50), AfterValidator(distinct)] = Field(
+        description="Distances."
+    )

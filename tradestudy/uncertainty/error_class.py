@@ -1,0 +1,25 @@
+"""How often an error is drawn anew."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import Final
+
+
+class ErrorClass(Enum):
+    """How often an error is drawn anew: averaging readings shrinks only what is drawn per measurement."""
+
+    RIG = "per rig"
+    """One draw per built and calibrated rig: calibration."""
+    SESSION = "per session"
+    """One draw per time of use: temperature, pressure, drift."""
+    ELEMENT = "per lens or pixel"
+    """One draw per microlens or pixel: fixed pattern."""
+    MEASUREMENT = "per measurement"
+    """One draw per reading: pixel noise."""
+
+
+NOISE: Final = (ErrorClass.MEASUREMENT,)
+"""What differs from one reading to the next."""
+CALIBRATION: Final = (ErrorClass.RIG, ErrorClass.SESSION, ErrorClass.ELEMENT)
+"""What stays when a reading is repeated at once with the same rig."""
