@@ -148,7 +148,7 @@ def test_where_every_calibration_comes_from_is_told(make_tree: MakeTree) -> None
     }
     assert table(report_of(tree, inputs), "calibration-source-table") == [
         ["Raytrix R5, Keplerian", "a simulated target, 60 views", "mla distance", "temperature"],
-        ["Stereo 100 mm, f = 30.5 mm", "corners of a real board, corners.csv", "none", "nothing"],
+        ["Stereo 100 mm, f = 30.5 mm", "corners of a board, corners.csv", "none", "nothing"],
         ["Stereo 100 mm, 65.24° across", "declared errors", "yaw", "nothing"],
     ]
 
