@@ -12,13 +12,14 @@ from scipy.special import ndtr, ndtri
 
 from tests.analysis.plain_depths import CENTRAL, F_MAIN, PIXEL, B, F, depth_quantile, of_rig, r5_depth, stereo_depth
 from tests.cameras.builders import PITCH, r5, stereo, unfocused
+from tests.uncertainty.builders import correlated_normal
 from tradestudy.analysis.depth import WAYS, DepthErrors, depth_uncertainty, evaluate_depth, variance_shares
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.parts import Lens
 from tradestudy.uncertainty.distributions import Normal, StudentT, Uniform
 from tradestudy.uncertainty.error_class import ErrorClass
-from tradestudy.uncertainty.joint import GaussianCopula, JointNormal
+from tradestudy.uncertainty.joint import GaussianCopula
 from tradestudy.uncertainty.sources import Source
 
 YAW = math.radians(0.2)
@@ -208,7 +209,7 @@ def test_tied_array_distance_and_focal_length_have_the_published_shares() -> Non
         **r5().error_vocabulary,
         **{name: replace(r5().error_vocabulary[name], part=name) for name in ("mla_distance", "focal_length")},
     }
-    tied = JointNormal.from_correlation(
+    tied = correlated_normal(
         name="main lens", parameters=("mla_distance", "focal_length"), mean=np.zeros(2),
         standard_deviation=np.full(2, 1e-6), correlation=np.array([[1.0, 0.9], [0.9, 1.0]]), error_class=ErrorClass.RIG,
     )  # fmt: skip

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, multivariate_normal
 
+from tests.calibration.rig_draws import depth_of_draws
 from tradestudy.calibration.corners.corner_file import StereoCorners, read_corners
 from tradestudy.calibration.corners.marginal_views import (
     ViewStates,
@@ -13,7 +14,7 @@ from tradestudy.calibration.corners.marginal_views import (
     exact_log_likelihood,
     gyration_radius,
 )
-from tradestudy.calibration.corners.real_rig import depth_of_draws, fit_rig
+from tradestudy.calibration.corners.real_rig import fit_rig
 from tradestudy.calibration.corners.view_blocks import motion_columns, pair_blocks
 from tradestudy.calibration.projection import move, project, rotation_matrix
 from tradestudy.calibration.target.synthetic_target import flat_grid, tilted_poses

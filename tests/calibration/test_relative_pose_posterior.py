@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.calibration.rig_draws import depth_of_draws
 from tests.data.simulate_corners import FILE as SIMULATED
 from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.marginal_views import compress_views
@@ -15,7 +16,7 @@ from tradestudy.calibration.corners.pair_residual import (
     log_posterior,
     sample_relative_pose,
 )
-from tradestudy.calibration.corners.real_rig import depth_of_draws, fit_rig
+from tradestudy.calibration.corners.real_rig import fit_rig
 
 FILE = Path(__file__).parents[2] / "studies" / "data" / "stereo_chessboard_corners.csv"
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import tradestudy
+from tests.calibration.rig_draws import depth_of_draws
 from tests.cameras.builders import stereo
 from tradestudy.analysis.inverse_questions import solve
-from tradestudy.calibration.corners.real_rig import depth_of_draws
 from tradestudy.optics import triangulation
 
 STUDIES = Path(__file__).parents[2] / "studies"

@@ -3,6 +3,7 @@ import pytest
 from scipy import stats
 from scipy.special import ndtri
 
+from tests.uncertainty.builders import correlated_normal, of_class
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT, Triangular, Uniform
 from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
@@ -36,7 +37,7 @@ def test_draws_have_the_declared_covariance_across_scales():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_correlation_of_one_is_exact_and_takes_a_single_coordinate(sign):
-    group = JointNormal.from_correlation(
+    group = correlated_normal(
         name="rig",
         parameters=("mla_distance", "focal_length"),
         mean=np.zeros(2),
@@ -205,13 +206,13 @@ def classed(name, error_class):
 
 def test_sources_are_drawn_by_class_and_the_others_stay_nominal():
     sources = Sources(groups=tuple(classed(kind.name, kind) for kind in ErrorClass))
-    noise = sources.of_class(NOISE)
+    noise = of_class(sources, NOISE)
     assert noise.dimensions == 1
     draws = noise.draw(ndtri(plain_random(1, np.random.default_rng(0))(16)))
     assert np.ptp(draws["MEASUREMENT"]) > 0.0
     for name in ("RIG", "SESSION", "ELEMENT"):
         np.testing.assert_array_equal(draws[name], 1.0)
-    assert [group.name for group in sources.of_class(CALIBRATION).active_groups] == ["RIG", "SESSION", "ELEMENT"]
+    assert [group.name for group in of_class(sources, CALIBRATION).active_groups] == ["RIG", "SESSION", "ELEMENT"]
     np.testing.assert_allclose(np.diag(noise.covariance()), [0.0, 0.0, 0.0, 0.01])
 
 

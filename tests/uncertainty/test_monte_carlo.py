@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
+from tests.uncertainty.builders import of_class
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.uncertainty.distributions import Normal, Uniform
 from tradestudy.uncertainty.error_class import CALIBRATION, NOISE, ErrorClass
@@ -250,12 +251,12 @@ def test_noise_calibration_and_both_are_kept_apart():
         )
     )
     for classes, variance in ((NOISE, 16.0), (CALIBRATION, 14.0), ((*NOISE, *CALIBRATION), 30.0)):
-        part = run(lambda v: Outcome(values=sum(v.values())), sources.of_class(classes))
+        part = run(lambda v: Outcome(values=sum(v.values())), of_class(sources, classes))
         assert part.half_width[0] == pytest.approx(np.sqrt(variance) * 1e-3, rel=5e-3)
 
 
 def test_a_part_without_sources_is_a_point_without_error():
-    noise = run(stereo, STEREO.of_class(NOISE), inverse_depth=True)
+    noise = run(stereo, of_class(STEREO, NOISE), inverse_depth=True)
     np.testing.assert_array_equal(noise.half_width, 0.0)
     np.testing.assert_allclose(noise.median, DISTANCES, rtol=1e-12)
     assert np.all(noise.status == "converged")

@@ -1,11 +1,12 @@
 import numpy as np
 import pytest
 
+from tests.uncertainty.builders import correlated_normal, of_class
 from tradestudy.errors import OutOfRangeError
 from tradestudy.uncertainty.distributions import Normal, StudentT
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.evaluation import Outcome
-from tradestudy.uncertainty.joint import GaussianCopula, JointDraws, JointNormal
+from tradestudy.uncertainty.joint import GaussianCopula, JointDraws
 from tradestudy.uncertainty.monte_carlo import Sampling
 from tradestudy.uncertainty.sensitivity import parameter_tornado, sobol_indices, tornado
 from tradestudy.uncertainty.sources import Source, Sources
@@ -19,7 +20,7 @@ def normal(name, deviation):
 
 
 def pair(correlation, deviations=(1.0, 1.0)):
-    return JointNormal.from_correlation(
+    return correlated_normal(
         name="optics",
         parameters=("z", "f"),
         mean=np.zeros(2),
@@ -94,7 +95,7 @@ def test_a_parameter_alone_is_refused_where_it_is_correlated(group):
 
 def test_weakly_correlated_parameters_get_a_bar_each_and_held_sources_stay_nominal():
     held = Source(name="held", distribution=Normal(mean=5.0, standard_deviation=9.0), error_class=ErrorClass.SESSION)
-    sources = Sources(groups=(pair(0.29, (1.0, 3.0)), held)).of_class([RIG])
+    sources = of_class(Sources(groups=(pair(0.29, (1.0, 3.0)), held)), [RIG])
     bars = parameter_tornado(
         lambda v: Outcome(values=v["held"] + v["z"] - v["f"]), sources, SAMPLING, seed=0, point="t", inverse_depth=False
     )

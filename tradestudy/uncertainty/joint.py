@@ -186,28 +186,6 @@ class JointNormal(_Joint):
             value.setflags(write=False)
             object.__setattr__(self, key, value)
 
-    @classmethod
-    def from_correlation(
-        cls,
-        *,
-        name: str,
-        parameters: tuple[str, ...],
-        mean: FloatArray,
-        standard_deviation: FloatArray,
-        correlation: FloatArray,
-        error_class: ErrorClass,
-    ) -> JointNormal:
-        """Build the covariance from standard deviations (k,) and a correlation matrix (k, k)."""
-        deviation = np.array(standard_deviation, float)
-        matrix = _correlation_matrix(correlation, deviation.size)
-        return cls(
-            name=name,
-            parameters=parameters,
-            mean=mean,
-            covariance=matrix * np.outer(deviation, deviation),
-            error_class=error_class,
-        )
-
     @property
     def dimensions(self) -> int:
         """Number of independent directions."""

@@ -194,10 +194,6 @@ class Sources:
             )
         return Sources(groups=self.groups, _frozen=self._frozen | (known - set(names)))
 
-    def of_class(self, classes: Collection[ErrorClass]) -> Sources:
-        """Return the same sources with only the groups of these error classes drawn."""
-        return self.only([group.name for group in self.groups if group.error_class in classes])
-
     def nominal(self) -> dict[str, FloatArray]:
         """Nominal value of every parameter, each of shape (1, 1)."""
         return {

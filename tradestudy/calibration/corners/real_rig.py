@@ -24,7 +24,7 @@ from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
 from tradestudy.errors import TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.triangulation import depth_of_inverse, inverse_depth_on_ray
+from tradestudy.optics.triangulation import inverse_depth_on_ray
 
 _BETTER = 0.9  # an exchange of columns must lower the residuals by a tenth to be believed
 
@@ -74,28 +74,6 @@ def inverse_depth(shared: FloatArray, seen: FloatArray) -> FloatArray:
     turned = ray @ np.swapaxes(rotation_matrix(shared[..., 12:15]), -1, -2)
     moved_x, moved_z = shared[..., 15, None], shared[..., 17, None]
     return inverse_depth_on_ray(turned[..., 0], turned[..., 2], right, moved_x, moved_z)
-
-
-def depth_of_draws(shared: FloatArray, draws: FloatArray, distances: FloatArray) -> FloatArray:
-    """Depths read by rigs drawn from a calibration, of points on the left axis as the best rig sees them.
-
-    Parameters
-    ----------
-    shared : array (18,)
-        The best calibration: it says what is seen.
-    draws : array (K, 18)
-        Joint draws of the calibration: they say what is read.
-    distances : array (D,)
-        True depths [m].
-
-    Returns
-    -------
-    array (K, D)
-        Depths [m]; +inf where a draw sees no disparity, NaN where its distortion cannot be inverted. Calibration error
-        only, no pixel noise.
-    """
-    points = distances[:, None] * np.array([0.0, 0.0, 1.0])
-    return depth_of_inverse(inverse_depth(draws, observe_pair(shared, points)))
 
 
 @dataclass(frozen=True, kw_only=True)
