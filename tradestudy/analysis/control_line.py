@@ -1,4 +1,4 @@
-"""A line that follows inverse depth and whose quantiles are known: what its draws miss of them, depth misses too."""
+"""A linear control variate for inverse depth: its quantiles are known, so its sampling error corrects that of depth."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Drivers:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Missed:
-    """What the draws of each scramble miss of a line: of its quantiles, and of its share that is at infinity or beyond.
+    """Sampling error of a line in each scramble: of its quantiles, and of its share at infinity or beyond.
 
     Shapes (scrambles, probabilities, distances) and (scrambles, distances).
     """
@@ -49,16 +49,16 @@ class Missed:
 
 
 def missed(inverse: FloatArray, drivers: Drivers, scrambles: int, probabilities: FloatArray) -> Missed:
-    """By how much quantiles and the failed share of a line that follows inverse depth are off in each scramble.
+    """Sampling error, in each scramble, of the quantiles and the failed share of a line fitted to inverse depth.
 
     Parameters
     ----------
     inverse
-        Inverse depths of all draws, shape (distances, draws); no line follows where one has no rank.
+        Inverse depths of all draws, shape (distances, draws); no line is fitted where one of them is NaN.
     drivers
         What the line is fitted to by least squares.
     scrambles
-        How many stand one after the other in the draws.
+        Number of scrambles, which follow one another in the draws.
     probabilities
         Of the quantiles.
     """

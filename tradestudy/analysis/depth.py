@@ -164,11 +164,11 @@ class DepthErrors:
         return self._distribution.failed_fraction
 
     def largest_change(self, change: float) -> FloatArray:
-        """Relative change of the uncertainty at most, if the noise changed by up to such a share, either way.
+        """Upper bound on the relative change of the uncertainty if the noise changes by up to this share, either way.
 
-        With calibration linear. More noise changes it by more than less does, for depth falls ever more steeply
-        towards its far end. Infinite where that is lost for some of these errors only; NaN where for all, and where no
-        image is formed.
+        Calibration is taken as linear. More noise changes the uncertainty by more than less noise does, because depth
+        rises ever more steeply towards the far end of its interval. Infinite where only some of these noises leave the
+        far end finite; NaN where none does, and where no image is formed.
         """
         wide, known, narrow = (self._scaled(factor) for factor in (1.0 + change, 1.0, max(0.0, 1.0 - change)))
         lost = np.isinf(wide)

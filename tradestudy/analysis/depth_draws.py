@@ -111,7 +111,7 @@ def _places(camera: DepthCamera) -> FloatArray:
 
 
 def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:
-    """Inverse depths at distances [m] as the engine of propagation asks for them."""
+    """A model of the inverse depths at distances [m], in the form that `propagate` takes."""
     fixed, noise = fixed_errors(camera, way), camera.noise(distance)
 
     def model(values: Mapping[str, FloatArray]) -> Outcome:

@@ -43,7 +43,7 @@ def calibration_of(
     wavelength: float,
     posterior: Calibration | None = None,
 ) -> Calibration:
-    """The joint distribution of everything that is uncertain about a camera but the noise of a measurement.
+    """The joint distribution of everything uncertain about a camera, except measurement noise.
 
     Parameters
     ----------

@@ -166,7 +166,7 @@ def _shares(tree: xr.DataTree) -> Drawing:
 
 
 def _largest_shares(tree: xr.DataTree) -> str:
-    """For every camera, which part has the largest share from where on."""
+    """The part with the largest share of the variance, and where that changes, for every camera."""
     depth = nominal(tree)
     distances = np.asarray(depth["distance"].values, dtype=np.float64)
     sentences = []

@@ -310,8 +310,8 @@ def _hermite_coefficients(marginal: Distribution) -> FloatArray:
 class JointDraws(_Joint):
     """Equally weighted joint draws, as a posterior sampler returns them; a draw is one whole row.
 
-    Rows are ordered along two directions, in stretches along the first and within these along the second, so that even
-    a short quasi-random sequence covers evenly what these move; with n rows each is taken once in n.
+    Rows are sorted into stretches along one direction and, within each stretch, along a second, so that even a short
+    quasi-random sequence covers both directions evenly; n draws from n rows take each row once.
 
     Parameters
     ----------

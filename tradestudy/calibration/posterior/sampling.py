@@ -77,7 +77,7 @@ class SamplerDiagnostics:
 
     @property
     def final(self) -> bool:
-        """Whether more steps would not change the verdict: nothing fails, or acceptance alone."""
+        """Whether more steps cannot change the verdict: nothing fails, or only the acceptance rate does."""
         return all(failure.startswith(_ACCEPTANCE) for failure in self.failures)
 
 
