@@ -1,0 +1,67 @@
+"""Which models exist for every effect, from the cheapest to the most complete, and what each can be part of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final, Literal, get_args
+
+SlotName = Literal[
+    "defocus_blur",
+    "main_lens_diffraction",
+    "microlens_diffraction",
+    "crosstalk",
+    "pixel_integration",
+    "source_extent",
+    "spectrum",
+    "vignetting",
+    "sensor_noise",
+    "calibration",
+    "sampling",
+]
+Models = Mapping[SlotName, str]
+"""One model for each effect, by name."""
+
+Use = Literal["depth", "sharpness", "spot", "point"]
+"""A camera's depth, its depth of field, the picture of a light spot, or the image of a point behind one lens."""
+
+OFF: Final = "off"
+_EVERY: Final[tuple[Use, ...]] = get_args(Use)
+_DEPTH: Final[tuple[Use, ...]] = ("depth",)
+_SPOT: Final[tuple[Use, ...]] = ("spot",)
+_PICTURES: Final[tuple[Use, ...]] = ("depth", "spot")
+
+_MODELS: Final[Mapping[SlotName, Mapping[str, tuple[Use, ...]]]] = {
+    "defocus_blur": {OFF: _DEPTH, "disc": _DEPTH},
+    "main_lens_diffraction": {
+        OFF: ("depth", "sharpness", "spot"),
+        "airy": ("depth", "sharpness"),
+        "boundary_wave": _SPOT,
+        "fresnel": ("depth", "spot", "point"),
+        "kirchhoff": ("depth", "spot", "point"),
+    },
+    "microlens_diffraction": {
+        OFF: _PICTURES,
+        "airy": _DEPTH,
+        "boundary_wave": _SPOT,
+        "fresnel": _PICTURES,
+        "kirchhoff": _PICTURES,
+    },
+    "crosstalk": {OFF: _PICTURES, "share": _DEPTH, "coherent": _SPOT},
+    "pixel_integration": {OFF: _PICTURES, "square": _PICTURES},
+    "source_extent": {OFF: _SPOT, "disc": _SPOT},
+    "spectrum": {OFF: _PICTURES, "weighted": _PICTURES},
+    "vignetting": {OFF: _DEPTH, "cos4": _DEPTH},
+    "sensor_noise": {OFF: _DEPTH, "shot": _DEPTH, "shot+read": _DEPTH, "shot+read+quantisation": _DEPTH},
+    "calibration": {OFF: _DEPTH, "linear": _DEPTH, "exact": _DEPTH},
+}
+
+
+def models_of(slot: SlotName, use: Use | None = None) -> tuple[str, ...]:
+    """Names of the models of an effect, from the cheapest to the most complete; those of one use, or of any."""
+    uses = _EVERY if use is None else (use,)
+    return tuple(name for name, own in _MODELS[slot].items() if not set(uses).isdisjoint(own))
+
+
+def slots_of(use: Use) -> tuple[SlotName, ...]:
+    """The effects that have models for a use."""
+    return tuple(slot for slot in _MODELS if models_of(slot, use))
