@@ -54,7 +54,7 @@ def test_stopping_down_at_fixed_light_raises_depth_uncertainty_in_focus(study: S
         camera = study.case.cameras[name]
         law = camera.disparity_error_px
         assert isinstance(law, PictureDisparityError)
-        bare = replace(law, models=replace(law.models, main_lens_diffraction="none"))
+        bare = replace(law, models=replace(law.models, main_lens_diffraction="off"))
         lossless.append(evaluate_depth(replace(camera, disparity_error_px=bare), FOCUS).uncertainty[NOISE, 0])
     assert f22[NOISE] / f96[NOISE] > 1.4 * lossless[1] / lossless[0]
 

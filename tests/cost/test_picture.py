@@ -73,10 +73,10 @@ def test_the_reference_and_a_run_with_every_effect_agree_within_what_both_state(
     complete = PictureModels(
         defocus_blur="disc",
         main_lens_diffraction="kirchhoff",
-        microlens_diffraction="none" if geometry.microlens is None else "kirchhoff",
+        microlens_diffraction="off" if geometry.microlens is None else "kirchhoff",
         crosstalk="share",
         pixel_integration="square",
-        spectrum="central",
+        spectrum="off",
         vignetting="cos4",
         sensor_noise="shot+read+quantisation",
     )

@@ -12,11 +12,11 @@ from tradestudy.imaging.picture import DerivedDisparityError, disparity_error_px
 
 RAYS = PictureModels(
     defocus_blur="disc",
-    main_lens_diffraction="none",
-    microlens_diffraction="none",
+    main_lens_diffraction="off",
+    microlens_diffraction="off",
     crosstalk="off",
     pixel_integration="square",
-    spectrum="central",
+    spectrum="off",
     vignetting="off",
     sensor_noise="shot+read",
 )

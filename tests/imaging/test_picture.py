@@ -36,10 +36,10 @@ SETTINGS = PictureSettings(
 CLOSED = PictureModels(
     defocus_blur="disc",
     main_lens_diffraction="airy",
-    microlens_diffraction="none",
+    microlens_diffraction="off",
     crosstalk="off",
     pixel_integration="square",
-    spectrum="central",
+    spectrum="off",
     vignetting="off",
     sensor_noise="shot+read+quantisation",
 )
@@ -176,9 +176,9 @@ def test_models_weighed_one_after_another_have_the_bound_of_each_alone(camera) -
     settings = replace(SETTINGS, spectrum=((500e-9, 1.0), (640e-9, 2.0)))
     geometry = camera.picture_geometry(distance)
     weighed = WeighedPicture(geometry=geometry, settings=settings)
-    micro = ("none",) if geometry.microlens is None else ("none", "airy", "fresnel")
-    choices = itertools.product(("off", "disc"), ("none", "airy", "fresnel"), micro, ("point", "square"),
-                                ("central", "weighted"))  # fmt: skip
+    micro = ("off",) if geometry.microlens is None else ("off", "airy", "fresnel")
+    choices = itertools.product(("off", "disc"), ("off", "airy", "fresnel"), micro, ("off", "square"),
+                                ("off", "weighted"))  # fmt: skip
     for defocus, main, second, pixel, spectrum in choices:
         models = replace(CLOSED, defocus_blur=defocus, main_lens_diffraction=main, microlens_diffraction=second,
                          pixel_integration=pixel, spectrum=spectrum)  # fmt: skip
@@ -258,11 +258,11 @@ def test_kirchhoff_and_fresnel_agree_for_a_slow_well_corrected_lens() -> None:
 
 
 def test_light_through_microlenses_is_blurred_by_them() -> None:
-    models = {"main_lens_diffraction": "none", "defocus_blur": "off"}
+    models = {"main_lens_diffraction": "off", "defocus_blur": "off"}
     dim = replace(SETTINGS, light=Light(electrons=100.0, f_number=4.5))  # or aliasing, which blur heals, would rule
     errors = [
         error_of(r5(), 0.3, dim, microlens_diffraction=m, **models).value[0]
-        for m in ("none", "airy", "fresnel", "kirchhoff")
+        for m in ("off", "airy", "fresnel", "kirchhoff")
     ]
     assert errors[1] > 1.02 * errors[0]
     assert errors[2] == pytest.approx(errors[1], rel=1e-6)
@@ -295,7 +295,7 @@ def test_vignetting_costs_the_light_it_takes() -> None:
 def test_stopping_down_at_fixed_light_raises_the_error_and_more_than_its_light_alone() -> None:
     errors = [error_of(hand_lens(n), 55e-3).value[0] for n in (5.6, 9.8, 16.0, 22.0)]
     assert all(a < b for a, b in itertools.pairwise(errors))
-    undiffracted = [error_of(hand_lens(n), 55e-3, main_lens_diffraction="none").value[0] for n in (9.8, 22.0)]
+    undiffracted = [error_of(hand_lens(n), 55e-3, main_lens_diffraction="off").value[0] for n in (9.8, 22.0)]
     assert errors[3] / errors[1] > 1.5 * undiffracted[1] / undiffracted[0]
 
 

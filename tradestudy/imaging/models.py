@@ -14,10 +14,10 @@ from tradestudy.imaging.light import Light, SensorNoise, SensorNoiseModel, requi
 from tradestudy.optics.arrays import FloatArray
 
 DefocusModel = Literal["off", "disc"]
-DiffractionModel = Literal["none", "airy", "fresnel", "kirchhoff"]
+DiffractionModel = Literal["off", "airy", "fresnel", "kirchhoff"]
 CrosstalkModel = Literal["off", "share"]
-PixelModel = Literal["point", "square"]
-SpectrumModel = Literal["central", "weighted"]
+PixelModel = Literal["off", "square"]
+SpectrumModel = Literal["off", "weighted"]
 VignettingModel = Literal["off", "cos4"]
 
 
@@ -93,7 +93,7 @@ class PictureSettings:
     sensor_noise
         Read noise, full well, bits.
     wavelength
-        Of the model `central` [m].
+        Of the picture where the spectrum is `off` [m].
     spectrum
         Wavelengths [m] and weights of the model `weighted`; the weights are normalised.
     field_angle
@@ -153,16 +153,16 @@ class PictureModels:
         ``off``: everything in focus. ``disc``: the geometric blur; where diffraction is ``fresnel`` or ``kirchhoff``,
         the defocus that belongs to it.
     main_lens_diffraction, microlens_diffraction
-        ``none``; ``airy``: in focus, beside the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact paths and
+        ``off``; ``airy``: in focus, beside the disc; ``fresnel``: the defocused pupil; ``kirchhoff``: exact paths and
         cosines. Where the blur exceeds 200 λN the last two are the disc times their transfer in focus. A camera without
-        a microlens stage takes ``none`` only.
+        a microlens stage takes ``off`` only.
     crosstalk
         ``off``, or ``share``: light of neighbouring microlenses dims the texture and adds theirs to the noise; nothing
         without microlenses.
     pixel_integration
-        ``point`` or ``square``: over the active pixel.
+        ``off``: one sample at the centre of the pixel. ``square``: the mean over its active area.
     spectrum
-        ``central`` wavelength, or ``weighted`` transfer over the spectrum.
+        ``off``: the central wavelength alone. ``weighted``: the mean transfer over the spectrum.
     vignetting
         ``off``, or ``cos4``: with the stops at the field angle.
     sensor_noise
@@ -187,10 +187,10 @@ def closed_form_models(picture: PictureSettings, *, microlenses: bool) -> Pictur
     return PictureModels(
         defocus_blur="disc",
         main_lens_diffraction="airy",
-        microlens_diffraction="airy" if microlenses else "none",
+        microlens_diffraction="airy" if microlenses else "off",
         crosstalk="share" if microlenses else "off",
         pixel_integration="square",
-        spectrum="weighted" if picture.spectrum else "central",
+        spectrum="weighted" if picture.spectrum else "off",
         vignetting="cos4",
         sensor_noise="shot+read+quantisation",
     )

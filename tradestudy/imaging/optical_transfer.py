@@ -86,7 +86,7 @@ class LensTransfers:
     ) -> tuple[FloatArray, FloatArray]:
         key = (stage, wavelength, model, defocus)
         if key not in self._known:
-            columns = self.frequency_px.size if model == "none" else self._below_cutoff(stage, wavelength)
+            columns = self.frequency_px.size if model == "off" else self._below_cutoff(stage, wavelength)
             frequency = self.frequency_px[:columns] / self.geometry.sample_pitch
             self._known[key] = _stage_transfer(stage, model, defocus, self.settings, wavelength, frequency)
         return self._known[key]
@@ -118,7 +118,7 @@ def _stage_transfer(
     blurred = np.any(blur != 0.0)
     by_rays = _is_by_rays(blur, wavelength, N)
     match model:
-        case "none":
+        case "off":
             return (disc_transfer(nu, blur) if blurred else np.ones_like(nu)), exact
         case "airy":
             spread = airy_transfer(nu, wavelength, N)

@@ -195,7 +195,7 @@ def _product(first: FloatArray, second: FloatArray) -> FloatArray:
 
 def _sample_width(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> float:
     """Side or diameter of what a sample collects from [samples]; 0 for a point."""
-    if models.pixel_integration == "point":
+    if models.pixel_integration == "off":
         return 0.0
     fill = settings.pixel_fill if geometry.sample_shape == "square" else 1.0
     return fill * geometry.sample_width / geometry.sample_pitch

@@ -198,11 +198,11 @@ def _band(geometry: PictureGeometry, settings: PictureSettings, rules: tuple[Ban
 
 
 def _require_possible(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> None:
-    if geometry.microlens is None and models.microlens_diffraction != "none":
+    if geometry.microlens is None and models.microlens_diffraction != "off":
         raise OutOfRangeError(
             "this camera's picture is not blurred by microlenses",
             value=f"microlens_diffraction {models.microlens_diffraction}",
-            limit="none",
+            limit="off",
         )
     if models.spectrum == "weighted" and not settings.spectrum:
         raise OutOfRangeError("a weighted spectrum without wavelengths", remedy="give wavelengths and weights")
@@ -311,7 +311,7 @@ def error_causes(
     variants = (
         LitModels(models=models),
         LitModels(models=replace(models, defocus_blur="off")),
-        LitModels(models=replace(models, main_lens_diffraction="none", microlens_diffraction="none")),
+        LitModels(models=replace(models, main_lens_diffraction="off", microlens_diffraction="off")),
         LitModels(models=models, brighter=np.where(known, ratio, 1.0)),
         LitModels(models=models, brighter=_MORE_LIGHT),
     )

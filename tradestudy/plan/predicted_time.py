@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from tradestudy.cameras.declaration import DepthCameraDeclaration
+from tradestudy.effects.models import Models
 from tradestudy.errors import OutOfRangeError
-from tradestudy.study.acting import Models
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 from tradestudy.study.schema.questions import ImageDifferenceClaim, LitPixelsClaim

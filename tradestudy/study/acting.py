@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Final
 
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.effects.base import OFF, SlotName
+from tradestudy.effects.models import Models, SlotName
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
-
-Models = Mapping[SlotName, str]
-
-# What the picture calls it where a slot is off; the other models have one name.
-_OFF_NAMES: Final = {
-    "main_lens_diffraction": "none",
-    "microlens_diffraction": "none",
-    "pixel_integration": "point",
-    "spectrum": "central",
-}
 
 
 def with_models(models: PictureModels, chosen: Models) -> PictureModels:
     """Models of a picture with those that are chosen in their slots."""
     slots = {field.name for field in fields(PictureModels)}
-    names = {slot: _OFF_NAMES.get(slot, OFF) if name == OFF else name for slot, name in chosen.items() if slot in slots}
-    return replace(models, **names)  # type: ignore[arg-type] # which names a slot has is the effects' concern
+    own = {slot: name for slot, name in chosen.items() if slot in slots}
+    return replace(models, **own)  # type: ignore[arg-type] # the effects say which names a slot has
 
 
 def in_closed_form(chosen: Models) -> dict[SlotName, str]:

@@ -18,9 +18,10 @@ from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.effects.models import Models
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.study.acting import Models, acting
+from tradestudy.study.acting import acting
 from tradestudy.study.building import camera_of, posterior_key
 from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry, Value, dotted, walk
 from tradestudy.study.reader import with_values

@@ -189,7 +189,7 @@ def _applicable(camera: DepthCamera, forced: Mapping[SlotName, str]) -> dict[Slo
     law = camera.disparity_error_px
     found = {slot: name for slot, name in forced.items() if name not in ("boundary_wave", "coherent")}
     if isinstance(law, PictureDisparityError):
-        if law.models.microlens_diffraction == "none":
+        if law.models.microlens_diffraction == OFF:
             for slot in _OF_MICROLENSES:
                 found.pop(slot, None)
         if not law.settings.spectrum:

@@ -81,10 +81,10 @@ class PictureCase:
         return PictureModels(
             defocus_blur="disc",
             main_lens_diffraction="fresnel",
-            microlens_diffraction="none" if self.geometry.microlens is None else "fresnel",
+            microlens_diffraction="off" if self.geometry.microlens is None else "fresnel",
             crosstalk="off" if self.geometry.microlens is None else "share",
             pixel_integration="square",
-            spectrum="weighted" if self.settings.spectrum else "central",
+            spectrum="weighted" if self.settings.spectrum else "off",
             vignetting="cos4",
             sensor_noise="shot+read+quantisation",
         )
