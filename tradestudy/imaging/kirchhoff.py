@@ -15,18 +15,19 @@ import numpy as np
 
 from tradestudy.imaging.transfer import fresnel_transfer
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.quadrature import disc_nodes, gauss_legendre
+from tradestudy.optics.axial_spot import axial_fresnel_spot, axial_kirchhoff_spot
+from tradestudy.optics.quadrature import gauss_legendre
 
 if TYPE_CHECKING:  # propagation takes as long to import as all the rest, and few pictures need it
-    from tradestudy.optics.propagation import CircularLens, LensPhase, PointSource
+    from tradestudy.optics.propagation import LensPhase
 
     LatticePoint = tuple[float, float, float, float, float, LensPhase]  # arguments of `kirchhoff_correction`
 
 # Farther than this a point source is at infinity to all digits that matter, and the paths are still exact.
 FARTHEST = 1e6
-_TOLERANCE = 1e-4
-_NODES_PER_PERIOD = 5
 _PERIODS = 12
+_PERIODS_PER_PANEL = 4
+_NODES_PER_PANEL = 16
 _FREQUENCIES = 97
 # Of the lattice.
 _POINTS = 4
@@ -36,12 +37,19 @@ _IN_FOCUS_WAVES = 1e-6
 
 
 def correction_at(correction: FloatArray, share: FloatArray) -> FloatArray:
-    """A correction of `kirchhoff_correction` at shares of the cut-off; 0 past it, where both are below the error."""
+    """Corrections of `kirchhoff_correction` at shares of the cut-off; 0 past it, where both are below the error.
+
+    One correction, shape (97,), is taken at shares of any shape; several, shape (n, 97), each at its row of them.
+    """
     from scipy.interpolate import CubicSpline
 
-    inside = share < 1.0
-    table = np.linspace(0.0, 1.0, _FREQUENCIES)
-    return np.asarray(np.where(inside, CubicSpline(table, correction)(np.where(inside, share, 0.0)), 0.0))
+    intervals = _FREQUENCIES - 1
+    cubic = CubicSpline(np.linspace(0.0, 1.0, _FREQUENCIES), np.atleast_2d(correction), axis=1).c
+    inside = np.minimum(share, 1.0)
+    interval = np.minimum((inside * intervals).astype(np.intp), intervals - 1)
+    a, b, c, d = cubic[:, interval, np.arange(cubic.shape[2])[:, np.newaxis]]
+    t = inside - interval / intervals
+    return np.where(share < 1.0, ((a * t + b) * t + c) * t + d, 0.0).reshape(share.shape)
 
 
 @lru_cache(maxsize=2**15)  # of a kilobyte each
@@ -52,64 +60,40 @@ def kirchhoff_correction(
 
     The transfer is ``2π ∫ I(r) J₀(2π ν r) r dr`` over the spot of a point on the axis. The spot falls off as 1/r³ and
     its transform converges slowly, but Fresnel's spot has the same tail and a transform in one smooth integral: only
-    the difference of the two is transformed, over the geometric blur and 12 periods λ N. The error is the larger of
-    what the outer half of the spot contributes and what normalising took away; the propagation itself is good to 1e-4
-    of the spot.
+    the difference of the two is transformed, over the geometric blur and 12 periods λ N. The error is the spot's
+    own, and the larger of what the outer half of the spot contributes and what normalising took away.
     """
     from scipy.special import j0
 
-    from tradestudy.optics.propagation import CircularLens, PointSource
-
-    N, blur = plane / aperture, aperture * plane * abs(1.0 / focal_length - 1.0 / distance - 1.0 / plane)
-    period = wavelength * N
-    panels = math.ceil((0.6 * blur) / period) + _PERIODS
-    t, w = gauss_legendre(_NODES_PER_PERIOD)
-    r = (np.arange(panels)[:, np.newaxis] + t).ravel() * period
-    weight = 2.0 * np.pi * r * np.tile(w, panels) * period
-    source = PointSource(distance=distance)
-    lens = CircularLens(radius=aperture / 2.0, focal_length=focal_length, lens_phase=lens_phase)
-    difference = _spot(source, lens, r, plane, wavelength) - _fresnel_spot(r, wavelength, aperture, plane, blur)
+    N, waves = plane / aperture, aperture**2 / 8.0 * abs(1.0 / focal_length - 1.0 / distance - 1.0 / plane) / wavelength
+    period, blur = wavelength * N, 8.0 * wavelength * N * waves
     frequency = np.linspace(0.0, 1.0 / period, _FREQUENCIES)
+    fresnel = fresnel_transfer(frequency, wavelength, N, blur)
+    periods = math.ceil(0.6 * blur / period) + _PERIODS
+    panels = math.ceil(periods / _PERIODS_PER_PANEL)
+    panel = periods / panels * period
+    t, w = gauss_legendre(_NODES_PER_PANEL)
+    r = (np.arange(panels)[:, np.newaxis] + t).ravel() * panel
+    weight = 2.0 * np.pi * r * np.tile(w, panels) * panel
+    spot, of_spot = axial_kirchhoff_spot(
+        r,
+        wavelength=wavelength,
+        aperture_diameter=aperture,
+        focal_length=focal_length,
+        object_distance=distance,
+        plane_distance=plane,
+        lens_phase=lens_phase,
+    )
+    difference = spot - axial_fresnel_spot(
+        r, wavelength=wavelength, aperture_diameter=aperture, plane_distance=plane, defocus_waves=waves
+    )
     terms = j0(2.0 * np.pi * np.outer(frequency, r)) * (weight * difference)
     correction = terms.sum(axis=1)
     outer = float(np.max(np.abs(terms[:, r > r[-1] / 2.0].sum(axis=1))))
-    fresnel = fresnel_transfer(frequency, wavelength, N, blur)
     at_zero = 1.0 + float(correction[0])
     normalised = (fresnel + correction) / at_zero - fresnel
     normalised.setflags(write=False)
-    return normalised, max(outer, abs(at_zero - 1.0))
-
-
-def _spot(source: PointSource, lens: CircularLens, r: FloatArray, plane: float, wavelength: float) -> FloatArray:
-    """Kirchhoff's intensity over the power that passed the pupil [1/m²]."""
-    from tradestudy.optics.propagation import FieldAccuracy, TargetPoints, aperture_field, lens_wave
-
-    field = aperture_field(
-        source=source,
-        lens=lens,
-        targets=TargetPoints(x=r, y=0.0, distance=plane),
-        wavelength=wavelength,
-        method="kirchhoff",
-        accuracy=FieldAccuracy(tolerance=_TOLERANCE),
-    )
-    wave = lens_wave(source=source, lens=lens, wavelength=wavelength)
-    nodes = disc_nodes(radius=lens.radius, radial_count=12, angular_count=24)
-    power = float(nodes.weights @ np.abs(wave.amplitude(nodes.x, nodes.y)) ** 2)
-    return np.asarray(field.intensity / power)
-
-
-def _fresnel_spot(r: FloatArray, wavelength: float, aperture: float, plane: float, blur: float) -> FloatArray:
-    """Fresnel's intensity on the axis of a circular lens over the power that passed it [1/m²].
-
-    ``(π/4) (A/λb)² |∫₀¹ exp(2πi W t) J₀(π A r √t / λb) dt|²`` with W = c/(8 N λ) waves of defocus at the rim.
-    """
-    from scipy.special import j0
-
-    waves = blur * aperture / (8.0 * plane * wavelength)
-    reach = np.pi * aperture / (wavelength * plane) * r
-    t, w = gauss_legendre(24 + math.ceil(0.5 * float(reach[-1]) + 4.0 * waves))
-    amplitude = (w * np.exp(2j * np.pi * waves * t)) @ j0(np.sqrt(t)[:, np.newaxis] * reach)
-    return np.asarray(np.pi / 4.0 * (aperture / (wavelength * plane)) ** 2 * np.abs(amplitude) ** 2)
+    return normalised, max(outer, abs(at_zero - 1.0)) + of_spot
 
 
 def kirchhoff_transfers(
@@ -148,23 +132,29 @@ def kirchhoff_transfers(
     Raises
     ------
     TradestudyError
-        From `aperture_field`: the lens or the point is impossible, or takes more nodes than are allowed.
+        The lens phase is neither of the two, or a point takes more nodes than are allowed.
     """
     value, error = np.full_like(frequency, np.nan), np.full(len(frequency), np.nan)
-    for k in np.flatnonzero(np.isfinite(plane_distance + defocus_waves + focal_length)):
-        f, plane, waves = float(focal_length[k]), float(plane_distance[k]), float(defocus_waves[k])
-        place = float(_place(plane_distance[k], defocus_waves[k]))
-        around = _points_around(wavelength, aperture_diameter, f, plane, waves, lens_phase)
-        found = [kirchhoff_correction(*point) for point in around]
-        tables = np.stack([table for table, _ in found])
-        since_first = place - math.floor(place) + 1.0
-        cubic = _lagrange(since_first, _POINTS) @ tables
-        parabola = _lagrange(since_first, _POINTS - 1) @ tables[:-1]
-        N = plane / aperture_diameter
-        blur = 8.0 * N * abs(waves) * wavelength
-        value[k] = fresnel_transfer(frequency[k], wavelength, N, blur)
-        value[k] += correction_at(cubic, wavelength * N * frequency[k])
-        error[k] = max(off for _, off in found) + float(np.max(np.abs(cubic - parabola)))
+    lengths = np.stack(np.broadcast_arrays(focal_length, plane_distance, defocus_waves))
+    known = np.isfinite(lengths).all(axis=0)
+    if not known.any():
+        return value, error
+    nu, (_, plane, waves) = frequency[known], lengths[:, known]
+    found = [
+        [kirchhoff_correction(*point) for point in _points_around(wavelength, aperture_diameter, f, b, w, lens_phase)]
+        for f, b, w in lengths[:, known].T.tolist()
+    ]
+    tables = np.array([[table for table, _ in around] for around in found])
+    place = _place(plane, waves)
+    since_first = place - np.floor(place) + 1.0
+    cubic = np.einsum("dp,dps->ds", _lagrange(since_first, _POINTS), tables)
+    parabola = np.einsum("dp,dps->ds", _lagrange(since_first, _POINTS - 1), tables[:, :-1])
+    N = plane[:, np.newaxis] / aperture_diameter
+    blur = 8.0 * wavelength * N * np.abs(waves)[:, np.newaxis]
+    value[known] = fresnel_transfer(nu, wavelength, N, blur) + correction_at(cubic, wavelength * N * nu)
+    error[known] = np.array([max(off for _, off in around) for around in found]) + np.max(
+        np.abs(cubic - parabola), axis=1
+    )
     return value, error
 
 
@@ -222,7 +212,7 @@ def _place(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
     return np.asarray(np.where(_is_fixed(defocus_waves), defocus_waves / _WAVES, along_plane))
 
 
-def _lagrange(place: float, count: int) -> FloatArray:
-    """Weights of values at 0, 1 … count − 1."""
-    nodes = np.arange(count, dtype=np.float64)
-    return np.array([np.prod([(place - m) / (n - m) for m in nodes if m != n]) for n in nodes])
+def _lagrange(place: FloatArray, count: int) -> FloatArray:
+    """Weights of values at 0, 1 … count − 1, shape (places, count)."""
+    nodes = range(count)
+    return np.stack([np.prod([(place - m) / (n - m) for m in nodes if m != n], axis=0) for n in nodes], axis=-1)
