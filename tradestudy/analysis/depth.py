@@ -18,6 +18,7 @@ from tradestudy.analysis.linear_depth import (
     noise_distribution,
     scaled_noise,
 )
+from tradestudy.analysis.second_order import second_order
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
 from tradestudy.errors import OutOfRangeError
@@ -81,7 +82,8 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
     if camera.propagation.model != "exact":
         measured = [model_error(camera, distance, way, field) for way in WAYS]
         relative = np.stack([one.half_width for one in measured])
-        uncertainty_error = np.where(np.isinf(uncertainty), np.nan, relative * np.nan_to_num(uncertainty, posinf=0.0))
+        known = np.where(np.isinf(uncertainty), np.nan, uncertainty)
+        uncertainty_error = relative * known
         failed_error = np.stack([one.failed_fraction for one in measured])
         converged = np.ones(distance.shape, dtype=bool)
     else:
@@ -214,14 +216,23 @@ class ModelError:
 
 
 def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", field: float = 0.0) -> ModelError:
-    """Measure the error of the model of propagation that acts in a camera against draws at some of these distances.
+    """Estimate the error of the model of propagation that acts in a camera.
 
-    Between two of them the larger error of both is taken; the standard error of the draws counts twice.
+    Where all errors are normal, from the exact reading to second order. Otherwise against draws at some of these
+    distances: between two of them the larger error of both is taken, and the standard error of the draws counts twice.
     """
     known = distance[~np.isnan(distance)]
     if not known.size or way == "noise" or not camera.calibration.groups:  # exact in every model
         none = np.where(np.isnan(distance), np.nan, 0.0)
         return ModelError(half_width=none, intervals=none, failed_fraction=none)
+    if (curved := second_order(camera, distance, field, way)) is not None:
+        line, read = distribution(camera, distance, way, field), curved.steepest
+        intervals = [_apart(line, read, coverage) + curved.across for coverage in camera.propagation.coverages]
+        return ModelError(
+            half_width=_apart(read, line, ONE_SIGMA) + curved.across,
+            intervals=np.fmax.reduce(intervals),
+            failed_fraction=np.abs(line.failed_fraction - read.failed_fraction),
+        )
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
     draws = trial_distribution(camera, places, field, way)
     line = distribution(camera, places, way, field)
@@ -232,6 +243,19 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
         intervals=_larger_neighbour(distance, places, np.fmax.reduce(intervals)),
         failed_fraction=_larger_neighbour(distance, places, failed),
     )
+
+
+def clear_departure(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """How far a line misses the half widths of depth along the direction in which all errors move it most.
+
+    A cheap first look that errors of any shape allow; 0 where it says nothing.
+    """
+    read = second_order(camera, distance, 0.0, "both", any_shape=True)
+    if read is None:
+        return np.zeros(distance.shape)
+    line = distribution(camera, distance, "both")
+    found = [_apart(line, read.steepest, coverage) for coverage in camera.propagation.coverages]
+    return np.asarray(np.nan_to_num(np.fmax.reduce(found), posinf=np.inf))
 
 
 def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) -> FloatArray:
