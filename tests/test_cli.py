@@ -96,14 +96,16 @@ class TestRun:
         result = invoke("run", RIGHT, "--out", tmp_path / "here", "--fresh", "--no-pdf", "--set", "rig.baseline=90 mm")
         assert result.exit_code == 0
         assert ran["directory"] == tmp_path / "here"
-        assert ran["options"] == {"fresh": True, "pdf": False, "executor": None}
+        assert callable(ran["options"].pop("planned"))
+        assert ran["options"] == {"fresh": True, "pdf": False, "with_cost": False, "executor": None}
         assert ran["study"].file.cameras["rig"].baseline == 0.09
         assert result.stdout == f"{tmp_path / 'here' / 'report.html'}\n"
 
     def test_by_default_goes_where_the_study_is_named(self, ran: dict[str, Any]) -> None:
         assert invoke("run", RIGHT).exit_code == 0
         assert ran["directory"] == Path("reports") / "wrong"
-        assert ran["options"] == {"fresh": False, "pdf": True, "executor": None}
+        assert callable(ran["options"].pop("planned"))
+        assert ran["options"] == {"fresh": False, "pdf": True, "with_cost": False, "executor": None}
 
     def test_one_line_for_each_step_where_nobody_watches(self, ran: dict[str, Any]) -> None:
         assert invoke("run", RIGHT).stderr == "depth …\nreport …\n"
@@ -186,7 +188,7 @@ class TestRun:
 
 class TestProgress:
     def test_short_work_shows_no_bar(self) -> None:
-        bar = cli._ProgressBar(is_foreseen=True)
+        bar = cli._ProgressBar(is_predicted=True)
         bar("depth", 0.5)
         assert bar.progress is None
 
@@ -198,13 +200,13 @@ class TestProgress:
         monkeypatch.setenv("TERM", "xterm")
         monkeypatch.setenv("COLUMNS", "80")
         with cli._shown_progress(quiet=False) as progress:
-            progress("depth", 0.25)
             assert isinstance(progress, cli._ProgressBar)
+            progress.expect({"depth": 400.0, "report": 200.0})
+            progress("depth", 0.0)
             assert progress.progress is not None
             progress.progress.refresh()
         assert "depth" in screen.getvalue()
-        assert "25%" in screen.getvalue()
-        assert re.search(r"-?-:--", screen.getvalue())  # nothing to go by yet
+        assert "6:40 left, 10:00 in all" in screen.getvalue()
 
     def test_the_terminal_is_left_as_it_was_after_an_error(self, monkeypatch: pytest.MonkeyPatch) -> None:
         screen = io.StringIO()

@@ -21,7 +21,7 @@ ORDER = (
 )  # fmt: skip
 # Figures and reports are made from results, and from nothing that computes them.
 READ_RESULTS_ONLY = ("figures", "report")
-MAY_BE_READ = ("errors", "units", "light_methods", "wording", "results", "figures", "report")
+MAY_BE_READ = ("errors", "units", "light_methods", "wording", "accuracy", "results", "figures", "report")
 # What a study may declare of cameras, of all kinds and of each; a camera itself is computed with without pydantic.
 KINDS = tuple(sorted(path.parent.name for path in (PACKAGE / "cameras").glob("*/declaration.py")))
 DECLARATIONS = (

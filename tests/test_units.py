@@ -28,6 +28,11 @@ def test_usual_units_are_what_pint_makes_of_them(unit: str, absolute: bool) -> N
     assert units._resolve(unit, absolute=absolute) == units._resolve_by_pint(unit, absolute=absolute)
 
 
+def test_degrees_celsius_are_what_pint_makes_of_them() -> None:
+    assert units._resolve("degC", absolute=True) == units._resolve_by_pint("degC", absolute=True)
+    assert units._resolve("degC", absolute=False) == units._resolve_by_pint("degC", absolute=False)
+
+
 @pytest.mark.parametrize(
     ("text", "dimension", "si_unit"),
     [

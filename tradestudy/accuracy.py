@@ -1,4 +1,4 @@
-"""How accurate the answers shall be, per quantity, and how long they may take."""
+"""How far simplifications may move the answers of a study, per quantity, and how long a run may take."""
 
 from __future__ import annotations
 
@@ -9,41 +9,48 @@ from typing import Final, Literal, get_args
 
 from tradestudy.errors import OutOfRangeError
 
-Quantity = Literal["depth_uncertainty", "depth_of_field", "pixel_intensity", "psf_width"]
+Quantity = Literal["depth_uncertainty", "usable_range", "depth_noise", "depth_of_field", "pixel_intensity", "psf_width"]
 QUANTITIES: Final[tuple[Quantity, ...]] = get_args(Quantity)
+IN_WORDS: Final[Mapping[Quantity, str]] = {
+    "depth_uncertainty": "depth uncertainty",
+    "usable_range": "ends of the usable range",
+    "depth_noise": "depth uncertainty by noise alone",
+    "depth_of_field": "ends of the depth of field",
+    "pixel_intensity": "pixel intensity (relative L2 over the picture)",
+    "psf_width": "width of a point's image",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
-    """The relative error that each quantity may have through what is left out, and the time that all may take.
+    """The relative change that each quantity may suffer from what is left out, and the time that all may take.
 
     Parameters
     ----------
-    relative
-        Largest relative change that all omissions together may make, for every quantity: of the depth uncertainty, of
-        the ends of the depth of field, of the pixel intensities (L2 over the picture), of the width of a point's image.
-    budget
+    tolerances
+        Largest relative change that all omissions together may make: of the depth uncertainty, of the ends of usable
+        ranges, of the part of the uncertainty that noise makes (only where a study asks for it), of the ends of the
+        depth of field, of pixel intensities (L2 over the picture), of the width of a point's image.
+    time_limit
         Seconds; infinite where time is no concern.
 
     Raises
     ------
     OutOfRangeError
-        If a quantity is missing, an error is not positive, or the budget is not positive.
+        If a tolerance or the time limit is not positive.
     """
 
-    relative: Mapping[Quantity, float]
-    budget: float = math.inf
+    tolerances: Mapping[Quantity, float]
+    time_limit: float = math.inf
 
     def __post_init__(self) -> None:
-        if set(self.relative) != set(QUANTITIES):
-            raise OutOfRangeError("accuracy", value=", ".join(self.relative), limit=", ".join(QUANTITIES))
-        for name, value in self.relative.items():
+        for name, value in self.tolerances.items():
             if not 0.0 < value < math.inf:
-                raise OutOfRangeError(f"relative error wanted of {name}", value=f"{value:g}", limit="> 0, finite")
-        if not self.budget > 0.0:
-            raise OutOfRangeError("time budget", value=f"{self.budget:g} s", limit="> 0 s")
+                raise OutOfRangeError(f"tolerance of {name}", value=f"{value:g}", limit="> 0, finite")
+        if not self.time_limit > 0.0:
+            raise OutOfRangeError("time limit", value=f"{self.time_limit:g} s", limit="> 0 s")
 
     @classmethod
-    def of_all(cls, relative: float, budget: float = math.inf) -> Accuracy:
-        """The same relative error for every quantity."""
-        return cls(relative=dict.fromkeys(QUANTITIES, relative), budget=budget)
+    def of_all(cls, tolerance: float, time_limit: float = math.inf) -> Accuracy:
+        """One tolerance for every quantity, noise by itself among them."""
+        return cls(tolerances=dict.fromkeys(QUANTITIES, tolerance), time_limit=time_limit)

@@ -8,13 +8,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from html import escape
 from importlib.resources import files
@@ -22,7 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tradestudy import provenance
-from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
+from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.execution.steps import Progress
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Value
@@ -51,7 +50,7 @@ def load(path: str | Path, overrides: Sequence[str] = (), *, tolerance: str | No
     overrides
         ``path=value`` texts that replace values, as ``--set`` does.
     tolerance
-        Relative error wanted of every quantity, such as ``"1 %"``, in place of the study's own.
+        Tolerance for every quantity, such as ``"1 %"``, in place of the study's own.
 
     Raises
     ------
@@ -123,9 +122,9 @@ class Study:
         """
         forced = set(self.file.effects.forced()) - ({"calibration"} if self.definition.case.cameras else set())
         if forced or self.definition.under_tolerance.entry("accuracy") is not None:
-            from tradestudy.plan.choice import choose
+            from tradestudy.plan.choice import choose_models
 
-            choose(self.definition)
+            choose_models(self.definition)
         return self.check_summary()
 
     def with_values(self, values: Mapping[str, Value]) -> Study:
@@ -138,7 +137,7 @@ class Study:
         Raises
         ------
         UnaffordableError
-            Where nothing is accurate enough, or not within the budget; with the nearest accuracy that can be had.
+            Where nothing is accurate enough, or not within the study's time limit.
         """
         from tradestudy.plan.plan import plan_of
 
@@ -146,28 +145,28 @@ class Study:
 
     def cost(
         self,
-        *,
-        repeats: int = FEWEST_REPEATS,
-        budget: float = DEFAULT_BUDGET,
         progress: Progress = lambda _step, _share: None,
+        *,
+        budget: float = DEFAULT_BUDGET,
+        executor: Executor | None = None,
+        checkpoints: Checkpoints | None = None,
     ) -> xr.Dataset:
-        """Measure error against seconds for every model and setting that can answer what the study asks.
+        """Measure error against seconds of the sets of models that can answer what the study asks.
 
         Parameters
         ----------
-        repeats
-            How often each computation is timed, 3 or more.
-        budget
-            Wall time for everything [s]; what does not fit is left out and named.
         progress
             Called with the step and the share of it done, 0 … 1.
+        budget
+            Wall time for all measurements [s]; what does not fit is left out and named.
+        executor, checkpoints
+            As for `run`, of calibrations that have to be inferred first.
         """
         from tradestudy.cost.study_cost import study_cost
+        from tradestudy.execution import Serial, Steps
 
-        found = study_cost(self.definition, repeats=repeats, budget=budget, progress=progress)
-        return found.assign_attrs(
-            study=self.name, study_hash=self.hash, options=json.dumps(options(self.definition), ensure_ascii=False)
-        )
+        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
+        return study_cost(self.plan(), steps, budget=budget)
 
     def run(
         self,
@@ -175,6 +174,7 @@ class Study:
         *,
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
+        planned: Callable[[Plan], None] = lambda _plan: None,
     ) -> Result:
         """Compute everything that the study asks for.
 
@@ -187,6 +187,8 @@ class Study:
             the same to the last bit.
         checkpoints
             Where finished points are kept for a run that is taken up; None keeps nothing.
+        planned
+            Called with the plan before anything is computed.
         """
         from tradestudy.execution import Serial, Steps
         from tradestudy.run.runner import compute
@@ -196,12 +198,13 @@ class Study:
         seconds: dict[str, float] = {}
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
         plan = self.plan()
+        planned(plan)
         tree = compute(plan, steps, seconds)
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
         record = {
             **self._record(started, seconds),
-            "predicted_seconds": [round(end, 1) for end in plan.seconds],
+            "predicted_seconds": round(plan.seconds, 1),
             "points": steps.counts,
         }
         return Result(data=tree, run_record=record)
@@ -279,6 +282,10 @@ class Result:
 
         return figures.figure(self.data, name)
 
+    def with_cost(self, cost: xr.Dataset) -> Result:
+        """The same with what `Study.cost` measured, for the report to show."""
+        return replace(self, data=self.data.assign({"cost": type(self.data)(cost)}))
+
     def write(self, directory: str | Path, *, pdf: bool = True, drawer: Drawer | None = None) -> Path:
         """Write results, record, tables, figures and report; every file whole or not at all.
 
@@ -291,6 +298,7 @@ class Result:
         drawer
             Who draws the figures while the rest is written; None draws them here.
         """
+        from tradestudy import report as renderer
         from tradestudy.results import storage
 
         target = Path(directory)
@@ -299,7 +307,7 @@ class Result:
         storage.remove_abandoned(target)
         record = storage.write_finished(self.data, self.run_record, target)
         _write_posteriors(self.data, target)
-        _write_report(self.data, record, target, pdf=pdf, drawer=drawer)
+        renderer.write(self.data, record, target, pdf=pdf, drawer=drawer)
         return target
 
     def _repr_html_(self) -> str:
@@ -337,28 +345,38 @@ def run(
     *,
     fresh: bool = False,
     pdf: bool = True,
+    with_cost: bool = False,
     progress: Progress = lambda _s, _p: None,
     executor: Executor | None = None,
+    planned: Callable[[Plan], None] = lambda _plan: None,
 ) -> Result:
     """Run a study into a folder, taking up what a finished or interrupted run left there.
 
     Results of the same study by the same code are not computed again unless ``fresh``, nor are the finished points of a
-    run that ended early; the report always is made.
+    run that ended early; the report always is made. What accuracy costs is measured only ``with_cost``.
     """
+    from tradestudy import report as renderer
+    from tradestudy.cost.study_cost import require_prices
     from tradestudy.execution import Checkpoints
     from tradestudy.results import storage
 
     result = None if fresh else _finished(study, directory)
+    measuring = with_cost and (result is None or "cost" not in result.data.children)
+    if measuring:
+        require_prices(study.definition)  # before anything is computed
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
-        if result is None:
+        if result is None or measuring:
             with _drawer_while_computing() as drawer:
-                result = study.run(progress, executor=executor, checkpoints=checkpoints)
+                if result is None:
+                    result = study.run(progress, executor=executor, checkpoints=checkpoints, planned=planned)
+                if measuring:
+                    result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
                 progress("report", 0.0)
                 result.write(directory, pdf=pdf, drawer=drawer)
         else:
             progress("report", 0.0)
             storage.remove_abandoned(directory)
-            _write_report(result.data, result.run_record, directory, pdf=pdf)
+            renderer.write(result.data, result.run_record, directory, pdf=pdf)
         checkpoints.remove()
     progress("report", 1.0)
     return result
@@ -369,11 +387,6 @@ def _drawer_while_computing() -> AbstractContextManager[Drawer | None]:
     from tradestudy.figures.drawn import drawer
 
     return drawer() if provenance.cores() > 1 and sys.executable else nullcontext()
-
-
-def is_finished(study: Study, directory: Path) -> bool:
-    """Whether a folder holds whole results of this study by this code, whose report `cost` renders again."""
-    return _finished(study, directory) is not None
 
 
 def _finished(study: Study, directory: Path) -> Result | None:
@@ -406,62 +419,37 @@ def open_result(directory: str | Path) -> Result:
 
 def report(directory: str | Path, *, pdf: bool = True) -> None:
     """Render the report of a finished run again, to the same bytes."""
+    from tradestudy import report as renderer
+
     result = open_result(directory)
-    _write_report(result.data, result.run_record, Path(directory), pdf=pdf)
+    renderer.write(result.data, result.run_record, Path(directory), pdf=pdf)
 
 
 def cost(
-    study: Study,
-    directory: Path,
-    *,
-    repeats: int = FEWEST_REPEATS,
-    budget: float = DEFAULT_BUDGET,
-    progress: Progress = lambda _s, _p: None,
-) -> xr.Dataset:
-    """Measure what accuracy costs and write it beside the results; a finished run there gets a report that shows it."""
-    from tradestudy.cost.stored import write_cost
+    study: Study, directory: Path, *, budget: float = DEFAULT_BUDGET, progress: Progress = lambda _s, _p: None
+) -> list[str]:
+    """Measure what accuracy costs and write ``cost.json`` and ``cost.svg``, which belong to no run.
 
-    found = study.cost(repeats=repeats, budget=budget, progress=progress)
-    write_cost(found, directory)
-    if is_finished(study, directory):
-        progress("report", 0.0)
-        report(directory, pdf=(directory / "report.pdf").is_file())
-        progress("report", 1.0)
-    return found
-
-
-def cost_answers(study: Study, cost: xr.Dataset, directory: Path) -> list[str]:
-    """What one more digit of every quantity would cost, a sentence each, as the report says it.
-
-    Parameters
-    ----------
-    study
-        Whose cost was measured.
-    cost
-        What `cost` found.
-    directory
-        Where it was written.
+    Returns
+    -------
+    list of str
+        A sentence for each piece of the study, and the path of the figure.
     """
+    from xarray import DataTree
+
+    from tradestudy import figures
+    from tradestudy.cost.study_cost import cost_json
     from tradestudy.report.document import plain_text
-    from tradestudy.report.sections.cost import Measuring, answers
+    from tradestudy.report.sections.cost import answers
+    from tradestudy.results.storage import replace_file
 
-    measuring = Measuring(
-        file=study.definition.document.locate(()).file, folder=str(directory), options=options(study.definition)
-    )
-    return [plain_text(answer) for answer in answers(cost, measuring)]
-
-
-def _write_report(
-    tree: xr.DataTree, record: Mapping[str, Any], directory: Path, *, pdf: bool, drawer: Drawer | None = None
-) -> None:
-    """With the last cost of the same study on this machine, where the folder has one, or why what it has is none."""
-    from tradestudy import report as renderer
-    from tradestudy.cost.stored import read_cost, why_not_shown
-
-    study_hash = str(tree.attrs.get("study_hash", ""))
-    found, not_shown = read_cost(directory, study_hash), why_not_shown(directory, study_hash)
-    shown = tree if found is None else tree.assign({"cost": type(tree)(found)})
-    renderer.write(shown, record, directory, cost_not_shown=not_shown, pdf=pdf, drawer=drawer)
+    found = study.cost(progress, budget=budget)
+    drawings = figures.build(DataTree.from_dict({"/cost": found}))
+    written = {"cost.json": cost_json(study.name, found).encode()}
+    written |= {f"{name}.svg": drawing.draw().svg() for name, drawing in drawings.items()}
+    for name, content in written.items():
+        replace_file(directory / name, content)
+    return [*(plain_text(answer) for answer in answers(found)), str(directory / list(written)[-1])]
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:

@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import os
 import signal
 import sys
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
 import typer
 
-from tradestudy.cost.defaults import DEFAULT_BUDGET, FEWEST_REPEATS
+from tradestudy.cost import DEFAULT_BUDGET
 from tradestudy.errors import RequirementsNotMetError, TradestudyError
 
 if TYPE_CHECKING:
@@ -85,6 +86,9 @@ def run(
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute again what an earlier run has computed.")] = False,
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf out.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 if a requirement is not met.")] = False,
+    with_cost: Annotated[
+        bool, typer.Option("--with-cost", help="Measure what accuracy costs, too, and show it in the report.")
+    ] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -96,7 +100,16 @@ def run(
         directory = out if out is not None else Path("reports") / loaded.name
         executor = _executor(jobs=jobs, threads=threads, dask=dask)
         with _shown_progress(quiet=quiet) as progress:
-            result = api.run(loaded, directory, fresh=fresh, pdf=not no_pdf, progress=progress, executor=executor)
+            result = api.run(
+                loaded,
+                directory,
+                fresh=fresh,
+                pdf=not no_pdf,
+                with_cost=with_cost,
+                progress=progress,
+                executor=executor,
+                planned=lambda plan: progress.expect({step.name: step.seconds for step in plan.steps}),
+            )
         if not quiet:
             typer.echo(f"{directory / 'report.html'}")
         if strict and result.unmet_requirements:
@@ -108,13 +121,16 @@ def plan(
     study: StudyArgument,
     set_: SetOption = None,
     tolerance: ToleranceOption = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Every decision with its numbers, and every step.")
+    ] = False,
     debug: DebugOption = False,
 ) -> None:
     """Say which effects a run will simulate, which it leaves out and why, and how long it will take."""
     with _answering(debug=debug):
         from tradestudy import api
 
-        typer.echo(str(api.load(study, set_ or (), tolerance=tolerance).plan()))
+        typer.echo(api.load(study, set_ or (), tolerance=tolerance).plan().text(verbose=verbose))
 
 
 @app.command()
@@ -123,34 +139,23 @@ def cost(
     out: OutOption = None,
     set_: SetOption = None,
     tolerance: ToleranceOption = None,
-    repeats: Annotated[
-        int, typer.Option("--repeats", metavar="N", help="Time each computation N times or more.")
-    ] = FEWEST_REPEATS,
     budget: Annotated[
         float,
-        typer.Option(
-            "--budget",
-            metavar="SECONDS",
-            help="Time for all, as predicted; what does not fit is left out. Starting up comes on top.",
-        ),
+        typer.Option("--budget", metavar="SECONDS", help="Time for all measurements; what does not fit is left out."),
     ] = DEFAULT_BUDGET,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Measure error against seconds for every model and setting that can answer what the study asks."""
+    """Measure error against seconds of the sets of models that can answer; write cost.json and cost.svg."""
     with _answering(debug=debug):
         from tradestudy import api
 
         loaded = api.load(study, set_ or (), tolerance=tolerance)
         directory = out if out is not None else Path("reports") / loaded.name
-        # How many settings fit into the budget shows only as they are measured.
-        with _shown_progress(quiet=quiet, is_foreseen=False) as progress:
-            found = api.cost(loaded, directory, repeats=repeats, budget=budget, progress=progress)
-            shown = api.is_finished(loaded, directory)
+        with _shown_progress(quiet=quiet, is_predicted=False) as progress:  # what fits shows only as it is measured
+            told = api.cost(loaded, directory, budget=budget, progress=progress)
         if not quiet:
-            typer.echo("\n".join((*api.cost_answers(loaded, found, directory), f"{directory / 'cost.json'}")))
-            later = "The report of the next `run` of this study into this folder shows it, given the same options."
-            typer.echo(f"{directory / 'report.html'}" if shown else later)
+            typer.echo("\n".join(told))
 
 
 @app.command()
@@ -288,6 +293,9 @@ class _ProgressLine:
     def __init__(self, stream: TextIO) -> None:
         self.stream, self.step = stream, ""
 
+    def expect(self, predicted: Mapping[str, float]) -> None:
+        """Steps are named as they begin, and nothing is said of those to come."""
+
     def __call__(self, step: str, _share: float) -> None:
         """Print a step once, when it begins."""
         if step != self.step:
@@ -300,14 +308,22 @@ class _ProgressBar:
 
     WORTH_A_LOOK = 2.0
 
-    def __init__(self, *, is_foreseen: bool) -> None:
-        self.is_foreseen = is_foreseen
+    def __init__(self, *, is_predicted: bool) -> None:
+        from tradestudy.execution.time_left import TimeLeft
+
+        self.is_predicted = is_predicted
         self.begin = time.monotonic()
+        self.left = TimeLeft()
         self.tasks: dict[str, TaskID] = {}
         self.progress: Progress | None = None
 
+    def expect(self, predicted: Mapping[str, float]) -> None:
+        """Predicted seconds of every step."""
+        self.left.expect(predicted)
+
     def __call__(self, step: str, share: float) -> None:
         """Move the bar of a step."""
+        self.left(step, share)
         if self.progress is None:
             if time.monotonic() - self.begin < self.WORTH_A_LOOK:
                 return
@@ -318,14 +334,22 @@ class _ProgressBar:
                 progress.TextColumn("{task.description}"),
                 progress.BarColumn(),
                 progress.TaskProgressColumn(),
-                progress.TimeRemainingColumn(compact=True) if self.is_foreseen else progress.TimeElapsedColumn(),
+                progress.TextColumn("{task.fields[left]}") if self.is_predicted else progress.TimeElapsedColumn(),
                 console=Console(stderr=True),
                 transient=True,
             )
             self.progress.start()
         if step not in self.tasks:
-            self.tasks[step] = self.progress.add_task(step, total=1.0)
-        self.progress.update(self.tasks[step], completed=share)
+            for task in self.tasks.values():
+                self.progress.update(task, left="")
+            self.tasks[step] = self.progress.add_task(step, total=1.0, left="")
+        self.progress.update(self.tasks[step], completed=share, left=self._words())
+
+    def _words(self) -> str:
+        """What is left of the running step and of the run."""
+        step, run = self.left.of_step, self.left.of_run
+        words = "" if math.isnan(step) else f"{_minutes(step)} left"
+        return f"{words}, {_minutes(run)} in all" if run > step else words
 
     def close(self) -> None:
         """Leave the terminal as it was."""
@@ -333,15 +357,30 @@ class _ProgressBar:
             self.progress.stop()
 
 
+def _minutes(seconds: float) -> str:
+    whole = round(seconds)
+    return f"{whole // 60}:{whole % 60:02}"
+
+
+class _Silent:
+    """Shows nothing."""
+
+    def expect(self, predicted: Mapping[str, float]) -> None:
+        """Hear of predictions."""
+
+    def __call__(self, step: str, share: float) -> None:
+        """Hear of progress."""
+
+
 @contextmanager
-def _shown_progress(*, quiet: bool, is_foreseen: bool = True) -> Iterator[Callable[[str, float], None]]:
-    """Choose how a long command shows how far it is; where shares of its time are not foreseen, how long it has run."""
+def _shown_progress(*, quiet: bool, is_predicted: bool = True) -> Iterator[_Silent | _ProgressLine | _ProgressBar]:
+    """Choose how a long command shows how far it is; where nothing is predicted, how long it has run."""
     if quiet:
-        yield lambda _step, _share: None
+        yield _Silent()
     elif not sys.stderr.isatty():
         yield _ProgressLine(sys.stderr)
     else:
-        bar = _ProgressBar(is_foreseen=is_foreseen)
+        bar = _ProgressBar(is_predicted=is_predicted)
         try:
             yield bar
         finally:

@@ -341,25 +341,28 @@ def _in_si(number: str, unit: str, text: str, dimension: Dimension) -> float:
 
 # What most values are written in, as pint resolves it: pint takes longer to import than a study to be read.
 _USUAL: Mapping[str, _Unit] = {
-    unit: _Unit(scale=scale, offset=0.0, dimensions=frozenset({(base, 1)} if base else ()))
+    unit: _Unit(scale=scale, offset=0.0, dimensions=frozenset({(base.removeprefix("1/"), power)} if base else ()))
     for base, units in {
         "[length]": {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3},
         "[angle]": {"deg": DEGREE, "rad": 1.0},
-        "[time]": {"s": 1.0},
+        "[time]": {"s": 1.0, "h": 3600.0},
         "[temperature]": {"K": 1.0},
-        "[pressure]": {"Pa": 1.0},
+        "1/[temperature]": {"1/K": 1.0, "ppm/K": 1e-6},
+        "[pressure]": {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0},
         "[pixel]": {"px": 1.0},
         "[electron]": {"electron": 1.0, "electrons": 1.0},
         "[wave]": {"wave": 1.0, "waves": 1.0},
         "": {"percent": 0.01},
     }.items()
+    for power in [-1 if base.startswith("1/") else 1]
     for unit, scale in units.items()
 }
+_ABSOLUTE: Mapping[str, _Unit] = {"degC": _Unit(scale=1.0, offset=273.15, dimensions=frozenset({("[temperature]", 1)}))}
 
 
 def _resolve(unit: str, *, absolute: bool) -> _Unit | str:
     """Look a unit up; a unit that does not exist comes back as the sentence that says so."""
-    return _USUAL.get(unit) or _resolve_by_pint(unit, absolute=absolute)
+    return (_ABSOLUTE.get(unit) if absolute else None) or _USUAL.get(unit) or _resolve_by_pint(unit, absolute=absolute)
 
 
 @functools.lru_cache(maxsize=1024)

@@ -103,4 +103,4 @@ def test_a_plan_takes_the_line_where_it_holds_to_the_tolerance(tmp_path: Path, e
     file = tmp_path / "rig.yaml"
     file.write_text(STUDY.replace("ERRORS", errors), encoding="utf-8")
     plan = plan_of(load_definition(file))
-    assert plan.selections["rig"].chosen["calibration"].name == model
+    assert plan.models("rig")["calibration"] == model

@@ -60,9 +60,9 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
         return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
     f = log(6.0, 50.0)  # mm
-    f_number = log(2.0, 16.0)
+    f_number = log(1.4, 22.0)
     focus = f * log(5.0, 40.0)
-    wavelength = rng.uniform(430.0, 680.0)
+    wavelength = rng.uniform(400.0, 1000.0)
     width = rng.uniform(0.02, 0.3) * wavelength
     values = {
         "scene.distances.from": f"{focus * rng.uniform(0.6, 0.95)} mm",
@@ -86,7 +86,7 @@ def random_study(base: StudyDefinition, kind: str, rng: np.random.Generator) -> 
         values |= {
             "cameras.one.focus_distance": f"{focus} mm",
             "cameras.one.baseline": f"{focus * log(0.02, 0.4)} mm",
-            "cameras.one.calibration.errors.yaw.standard_deviation": f"{log(1e-4, 0.3)} deg",
+            "cameras.one.calibration.errors.yaw.standard_deviation": f"{log(1e-5, 0.3)} deg",
         }
     elif kind == "focused":
         values["cameras.one.focus.total_covering_plane"] = f"{focus * rng.uniform(0.6, 1.0)} mm"

@@ -33,7 +33,6 @@ from tests.campaigns.invented import invent
 from tests.campaigns.mutations import Corpus, mutated
 from tradestudy import api
 from tradestudy.errors import StudyError, TradestudyError
-from tradestudy.machine import machine_speed
 
 LONGEST_SECONDS = 10.0
 MOST_BYTES = 2**30
@@ -137,7 +136,6 @@ def _outcome(path: Path, overrides: tuple[str, ...]) -> str:
 def campaign(folder: Path, *, inputs: int, seed: int, keep: Callable[[Path, int], None]) -> Tally:
     """Feed so many inputs."""
     tally, watch, corpus = Tally(), Watch(), Corpus.shipped(folder)
-    machine_speed()  # measured once and remembered by the user's machine: no input's doing
     rng = random.Random(seed)
 
     def fed(text: bytes, overrides: tuple[str, ...], source: str) -> None:

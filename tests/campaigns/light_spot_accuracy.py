@@ -15,10 +15,10 @@ import numpy as np
 
 from tests.campaigns import record
 from tradestudy import load
-from tradestudy.accuracy import Accuracy
 from tradestudy.analysis import spot_images
-from tradestudy.machine import machine_speed
-from tradestudy.plan.situations.light_spot import light_spot_situation, spot_models
+from tradestudy.effects.choice import choose
+from tradestudy.plan.light_pilot import predicted_picture_seconds
+from tradestudy.plan.pieces.light_spot import LightSpotPiece, spot_models
 
 STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
 ASKED = (0.1, 0.01, 0.001)
@@ -29,30 +29,30 @@ def main() -> None:
     """Select, predict, compute, compare; write the record."""
     part = load(STUDY).file.light_spot
     assert part is not None
-    situation, speed = light_spot_situation(part), machine_speed()
     found = []
     for asked in ASKED:
         start = time.perf_counter()
-        selection = situation.select(Accuracy.of_all(asked), {})
+        models = choose(LightSpotPiece(part, {}), {"pixel_intensity": asked}, {}).models
         selecting = time.perf_counter() - start
+        predicted = predicted_picture_seconds(part, spot_models(models))
         wall, cpu = time.perf_counter(), time.process_time()
-        image = spot_images.spot_picture(part, spot_models(selection))
+        image = spot_images.spot_picture(part, spot_models(models))
         taken = time.perf_counter() - wall, time.process_time() - cpu
-        found.append((asked, selection, selecting, image, taken))
+        found.append((asked, models, predicted, selecting, image, taken))
         print(f"{asked:g}: {taken[0]:.0f} s", flush=True)
     finest = spot_images.spot_picture(part, spot_images.SpotModels(method="kirchhoff", tolerance=FINEST)).pixels
     rows = [
         (
             f"{100 * asked:g} %",
-            ", ".join(f"{slot.name}: {selection.name_of(slot.name)}" for slot in situation.slots),
-            f"{selection.seconds / speed:.1f}",
+            ", ".join(f"{slot}: {model}" for slot, model in models.items()),
+            f"{predicted:.1f}",
             f"{cpu:.1f}",
             f"{wall:.1f}",
             f"{100 * float(np.linalg.norm(image.pixels - finest) / np.linalg.norm(finest)):.3f} %",
             f"{100 * image.numerical_error:.3f} %",
             f"{1e3 * selecting:.0f}",
         )
-        for asked, selection, selecting, image, (wall, cpu) in found
+        for asked, models, predicted, selecting, image, (wall, cpu) in found
     ]
     record.write(
         "light_spot_accuracy",

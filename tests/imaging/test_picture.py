@@ -74,6 +74,32 @@ def test_a_stereo_picture_by_hand() -> None:
     assert np.isnan(geometry.magnification[2])
 
 
+def test_in_focus_the_picture_is_that_of_the_airy_pattern_by_another_quadrature() -> None:
+    """At f/22 exact paths differ from parabolic ones by next to nothing; an even grid over the whole band."""
+    distance, focal_length, pixel = 55e-3, 18.3e-3, 7.4e-6
+    image = focal_length * distance / (distance - focal_length)
+    working = image / (focal_length / 22)
+    electrons, length_px = 8000 * (9.8 / working) ** 2, 100e-6 * image / distance / pixel
+    n = 400
+    axis = (np.arange(n) + 0.5) / n - 0.5
+    fx, fy = np.meshgrid(axis, axis)
+
+    def density(x, y):
+        s = np.minimum(np.hypot(x, y) * 550e-9 * working / pixel, 1.0)
+        airy = 2 / np.pi * (np.arccos(s) - s * np.sqrt(1 - s * s))
+        passed = airy * np.sinc(x) * np.sinc(y)
+        return electrons**2 * texture_spectrum(np.hypot(x, y), 0.2, length_px) * passed**2
+
+    signal, shifts = density(fx, fy), range(-2, 3)
+    aliased = sum(density(fx + i, fy + j) for i in shifts for j in shifts if (i, j) != (0, 0))
+    noise = electrons + 10.0**2 + (1e5 / 2**12) ** 2 / 12 + aliased
+    coherence = signal / (signal + noise)
+    expected = 1 / math.sqrt(15.0**2 * np.mean((2 * np.pi * fx) ** 2 * coherence**2 / (1 - coherence**2)))
+    found = error_of(hand_lens(22.0), np.array([distance]), main_lens_diffraction="kirchhoff")
+    # What is cut off at the spectrum's cusp by a grid of even steps is 1e-4.
+    assert abs(found.value[0] / expected - 1) <= 5e-4 + found.error[0] / expected
+
+
 def test_a_micro_image_by_hand() -> None:
     camera, a = r5(), np.array([0.15, 0.3])
     geometry = camera.picture_geometry(a)

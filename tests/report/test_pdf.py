@@ -59,7 +59,6 @@ def test_headings_stand_on_their_pages_in_order(pages: list[str]) -> None:
         "Method",
         "Results",
         "Calibration",
-        "What accuracy costs",
         "Claims",
         "Requirements",
         "Contradictions found",

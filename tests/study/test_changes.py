@@ -72,10 +72,10 @@ def test_a_camera_that_does_not_change_is_built_once(headline: Study) -> None:
 def test_a_tolerance_stays_whatever_is_changed_under_it() -> None:
     asked = load(STUDIES / "calibration.yaml", tolerance="10 %").definition
     changed = asked.with_values({"scene.wavelength": "600 nm", "accuracy.depth_uncertainty": "3 %"})
-    assert set(changed.file.accuracy.wanted().relative.values()) == {0.1}
+    assert set(changed.file.accuracy.asked().tolerances.values()) == {0.1}
     assert changed.tolerance == "10 %"
     assert asked.document.overrides == ()
-    assert changed.with_tolerance("5 %").file.accuracy.wanted() == asked.with_tolerance("5 %").file.accuracy.wanted()
+    assert changed.with_tolerance("5 %").file.accuracy.asked() == asked.with_tolerance("5 %").file.accuracy.asked()
 
 
 def test_a_looser_tolerance_loosens_pictures_that_are_compared_and_a_tighter_one_leaves_them() -> None:

@@ -50,7 +50,7 @@ def test_a_study_as_it_is_needs_none() -> None:
 def test_a_tolerance_is_one_option_whatever_it_takes_back() -> None:
     finer = ["accuracy.depth_uncertainty=3 %"]
     given = load(STUDIES / "calibration.yaml", finer, tolerance="10 %").definition
-    assert given.file.accuracy.wanted().relative["depth_uncertainty"] == 0.1
+    assert given.file.accuracy.asked().tolerances["depth_uncertainty"] == 0.1
     assert options(given) == ("--set", *finer, "--tolerance", "10 %")
 
 

@@ -58,8 +58,8 @@ def test_what_is_added_taken_back_or_given_with_its_own_basis_is_told() -> None:
 
 def test_a_tolerance_is_set_for_the_run_and_a_reading_s_value_is_the_study_s_own() -> None:
     loaded = load(CLOSE, [], tolerance="10 %")
-    (given,) = loaded.definition.under_tolerance.overrides
-    assert (given.path, given.text) == (("accuracy", "tolerance"), "10 %")
+    given = {override.path: override.text for override in loaded.definition.under_tolerance.overrides}
+    assert given == {("accuracy", "tolerance"): "10 %", ("accuracy", "depth_noise"): "10 %"}
     headline = load(CLOSE.with_name("plenoptic_vs_stereo.yaml")).definition
     assert headline.readings
     assert all(not reading.document.overrides for reading in headline.readings.values())

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import tradestudy
-from tradestudy.accuracy import Accuracy
 from tradestudy.analysis.spot_images import SpotModels, light_path, spot_image, spot_picture
 from tradestudy.optics.chain import (
     FRESNEL,
@@ -27,7 +26,7 @@ from tradestudy.optics.chain import (
     spectral_image,
 )
 from tradestudy.optics.propagation import CircularLens, PointSource
-from tradestudy.plan.situations.light_spot import light_spot_situation, picture_seconds
+from tradestudy.plan.pieces.light_spot import LightSpotPiece
 from tradestudy.study.schema.light_spot import LightSpotPart
 
 STUDY = """
@@ -53,10 +52,11 @@ light_spot:
   methods: [fresnel]
   tolerance: 20 %
 accuracy: {tolerance: 20 %}
-effects: {main_lens_diffraction: fresnel, microlens_diffraction: fresnel}
+effects: {main_lens_diffraction: fresnel, microlens_diffraction: fresnel, spectrum: weighted, source_extent: disc}
 """
 SPECTRUM = "spectrum: {wavelengths: [450 nm, 550 nm, 650 nm], weights: [1, 2, 1]}"
 MEAN_ALONE = (SPECTRUM, "wavelength: 550 nm")
+ONE_LINE = (" spectrum: weighted,", "")
 PITCH, ROW = 60e-6, 60e-6 * math.sqrt(3.0) / 2.0
 # Types take turns along each row and shift by one from row to row; the first is on the axis.
 LENSES = [
@@ -156,7 +156,7 @@ def test_a_spectrum_through_a_hexagonal_array_of_two_types(tmp_path: Path) -> No
 
 
 def test_the_mean_wavelength_alone_where_the_study_says_so(tmp_path: Path) -> None:
-    forced = ("microlens_diffraction: fresnel", "microlens_diffraction: fresnel, spectrum: off")
+    forced = ("spectrum: weighted", "spectrum: off")
     data = study(tmp_path, forced).run().data["images"]
     mean = chain_image(PATH, DISC, wavelength=550e-9, legs=FRESNEL, accuracy=LOOSE, rng=rng()).pixels
     assert relative(data["chosen_image"].values, mean) < 1e-9
@@ -183,7 +183,7 @@ def test_microlenses_apart_have_a_spectrum_too(tmp_path: Path) -> None:
 def test_what_has_no_light_is_not_computed(tmp_path: Path) -> None:
     one = spot(tmp_path, ("weights: [1, 2, 1]", "weights: [0, 2, 0]"))
     assert one.lines == ((550e-9, 1.0),)
-    slots = {slot.name: slot.model_names for slot in light_spot_situation(one).slots}
+    slots = {slot.name: slot.models for slot in LightSpotPiece(one, {}).slots}
     assert slots["spectrum"] == ("off",)
 
 
@@ -192,19 +192,9 @@ def test_rays_are_the_same_at_every_wavelength(tmp_path: Path) -> None:
     assert np.array_equal(spot_image(many, "geometric").pixels, spot_image(one, "geometric").pixels)
 
 
-def test_a_spectrum_costs_as_many_pictures_as_it_has_wavelengths(tmp_path: Path) -> None:
-    situation = light_spot_situation(spot(tmp_path))
-    forced = {"main_lens_diffraction": "fresnel", "microlens_diffraction": "fresnel", "sampling": "10 %"}
-    wanted = Accuracy.of_all(1.0)
-    weighted, mean = (situation.select(wanted, {**forced, "spectrum": one}) for one in ("weighted", "off"))
-    assert weighted.seconds == pytest.approx(3.0 * mean.seconds, rel=1e-9)
-    assert weighted.chosen["spectrum"].change_of("pixel_intensity") == 0.0
-    assert mean.chosen["spectrum"].change_of("pixel_intensity") > 0.0
-
-
 def test_a_coherent_disc_is_one_wave(tmp_path: Path) -> None:
     coherent = ("distance: 150 mm}", "distance: 150 mm, coherent: true}")
-    loaded = study(tmp_path, MEAN_ALONE, coherent)
+    loaded = study(tmp_path, MEAN_ALONE, ONE_LINE, coherent)
     result = loaded.run()
     data = result.data["images"]
     source = replace(DISC, coherent=True)
@@ -217,20 +207,10 @@ def test_a_coherent_disc_is_one_wave(tmp_path: Path) -> None:
     assert "one wave, of one phase over the disc" in page
 
 
-def test_nothing_is_left_out_of_a_coherent_disc_for_no_bound_is_known(tmp_path: Path) -> None:
+def test_a_coherent_disc_has_no_rays(tmp_path: Path) -> None:
     part = spot(tmp_path, MEAN_ALONE, ("distance: 150 mm}", "distance: 150 mm, coherent: true}"))
-    situation = light_spot_situation(part)
-    for slot in situation.slots:
-        if slot.name == "sampling":
-            continue
-        for model in slot.models[:-1]:
-            assert math.isinf(model.change_of("pixel_intensity"))
-            assert "radiate as one wave" in model.bounds["pixel_intensity"].reason
-        assert slot.models[-1].change_of("pixel_intensity") == 0.0
-    slots = {slot.name: slot.model_names for slot in situation.slots}
+    slots = {slot.name: slot.models for slot in LightSpotPiece(part, {}).slots}
     assert slots["main_lens_diffraction"] == slots["microlens_diffraction"] == ("fresnel", "kirchhoff")
-    chosen = situation.select(Accuracy.of_all(0.1), {})
-    assert chosen.name_of("main_lens_diffraction") == chosen.name_of("microlens_diffraction") == "kirchhoff"
 
 
 def test_a_point_lands_behind_every_microlens_where_thin_lenses_put_it(tmp_path: Path) -> None:
@@ -251,7 +231,9 @@ def test_a_point_lands_behind_every_microlens_where_thin_lenses_put_it(tmp_path:
 
 
 def test_a_point_is_simulated_as_a_point(tmp_path: Path) -> None:
-    loaded = study(tmp_path, MEAN_ALONE, ("diameter: 0.1 mm", "diameter: 0 mm"))
+    loaded = study(
+        tmp_path, MEAN_ALONE, ONE_LINE, (", source_extent: disc", ""), ("diameter: 0.1 mm", "diameter: 0 mm")
+    )
     result = loaded.run()
     data = result.data["images"]
     expected = chain_image(
@@ -261,21 +243,10 @@ def test_a_point_is_simulated_as_a_point(tmp_path: Path) -> None:
     assert data.attrs["source"] == "point"
     part = loaded.file.light_spot
     assert part is not None
-    slots = {slot.name: slot for slot in light_spot_situation(part).slots}
-    assert slots["source_extent"].model_names == ("off",)
+    slots = {slot.name: slot.models for slot in LightSpotPiece(part, {}).slots}
+    assert slots["source_extent"] == ("off",)
     page = (result.write(tmp_path / "out", pdf=False) / "report.html").read_text(encoding="utf-8")
     assert "The spot is a point." in page
-
-
-def test_small_discs_are_bounded_as_the_point_that_they_become(tmp_path: Path) -> None:
-    """Bounds of a point are the limit of those of discs."""
-    point, disc = (
-        light_spot_situation(spot(tmp_path, ("diameter: 0.1 mm", f"diameter: {size}"))) for size in ("0 mm", "0.1 um")
-    )
-    for ours, theirs in zip(point.slots, disc.slots, strict=True):
-        if ours.name != "source_extent":
-            for a, b in zip(ours.models, theirs.models, strict=True):
-                assert a.change_of("pixel_intensity") == pytest.approx(b.change_of("pixel_intensity"), rel=0.01)
 
 
 def test_three_types_on_a_hexagonal_array_stand_on_arrays_of_their_own(tmp_path: Path) -> None:
@@ -300,16 +271,3 @@ def test_two_types_on_a_square_array_are_a_checkerboard(tmp_path: Path) -> None:
     assert (lenses.aperture, lenses.aperture_width, lenses.layout) == ("square", 54e-6, "square")
     first = np.array([[1, 0, 1], [0, 1, 0], [1, 0, 1]], dtype=bool)
     assert np.array_equal(lenses.focal_lengths.reshape(3, 3) == 0.40e-3, first)
-
-
-def test_a_wider_coherent_disc_takes_longer(tmp_path: Path) -> None:
-    """Its wave, and Kirchhoff's more than Fresnel's, stands on more nodes of the pupil."""
-    seconds = {}
-    for size in ("0.1 mm", "3 mm"):
-        wide = ("diameter: 0.1 mm, distance: 150 mm", f"diameter: {size}, distance: 150 mm, coherent: true")
-        part = spot(tmp_path, MEAN_ALONE, wide)
-        for method in ("fresnel", "kirchhoff"):
-            models = SpotModels(method=method, tolerance=0.1)
-            seconds[method, size] = picture_seconds(part, models) - picture_seconds(part, replace(models, point=True))
-    assert seconds["kirchhoff", "3 mm"] > 3.0 * seconds["kirchhoff", "0.1 mm"] > 0.0
-    assert seconds["kirchhoff", "3 mm"] > 5.0 * seconds["fresnel", "3 mm"] > 0.0

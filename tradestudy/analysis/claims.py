@@ -155,6 +155,12 @@ def is_met(expect: ExpectPart, value: float, dimension: Dimension) -> bool | Non
     return value < parse(expect.below, dimension)
 
 
+def could_be_overturned(expect: ExpectPart, value: float, dimension: Dimension, tolerance: float) -> bool:
+    """Whether a value that is off by a share of itself could meet an expectation that it misses, or miss it."""
+    answers = {is_met(expect, value * (1.0 + share), dimension) for share in (-tolerance, 0.0, tolerance)}
+    return len(answers) > 1
+
+
 def expectation(expect: ExpectPart) -> str:
     """An expectation in words."""
     if expect.about is not None:

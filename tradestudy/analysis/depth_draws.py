@@ -32,6 +32,7 @@ CLASSES: Final[Mapping[str, tuple[ErrorClass, ...]]] = {
     "both": (*NOISE, *CALIBRATION),
 }
 _FIRST_DRAWS: Final = 2**8  # of each scramble
+_CERTAIN: Final = 2.4  # standard errors of eight scrambles that hold 95 %
 _TRIAL_DRAWS: Final = 2**9
 _DIRECTIONS: Final = 6  # in which a posterior is looked at for what it does to depth
 _MANY_DRAWS: Final = 2**13  # of each scramble, from which on scrambles are drawn on several threads
@@ -232,6 +233,21 @@ def _ranked_quantiles(inverse: FloatArray, probabilities: FloatArray) -> FloatAr
     for row in np.flatnonzero(~whole & (missing < inverse.shape[1])):
         found[:, row] = quantiles_of(inverse[[row]][:, ~np.isnan(inverse[row])], probabilities)[:, 0]
     return found
+
+
+def draws_to_expect(camera: DepthCamera) -> float:
+    """How many times the first draws the tolerance takes, told from the scatter of these alone: it falls as 1/draws.
+
+    At least 1, at most what the camera's propagation allows.
+    """
+    propagation = camera.propagation
+    judged = _judged(camera)
+    found = _of_draws(camera, judged, 0.0, "both", _FIRST_DRAWS)
+    width = found.half_width
+    with np.errstate(invalid="ignore"):
+        scatter = np.where(width < judged, found.half_width_error / width, 0.0)
+    most = propagation.max_draws / (_FIRST_DRAWS * SCRAMBLES)
+    return float(np.clip(_CERTAIN * np.nanmax(scatter, initial=0.0) / propagation.tolerance, 1.0, max(1.0, most)))
 
 
 @lru_cache(maxsize=1024)

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from tradestudy.analysis.depth import DepthEvaluation, evaluate_depth
 from tradestudy.analysis.usable import Interval, all_met, evaluate_limits, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.optics.arrays import BoolArray, FloatArray
+
+# From table to table it varies from twice to twenty times.
+_EFFORT_OF_DRAWS: Final = 6.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,6 +33,11 @@ class DepthTable:
     intervals: tuple[Interval, ...]
     virtual_depth: FloatArray
     usable: BoolArray
+
+
+def relative_effort(camera: DepthCamera) -> float:
+    """Work of a camera's depth over that of one that is not drawn, on average over cameras: for shares of progress."""
+    return _EFFORT_OF_DRAWS if camera.propagation.model == "exact" and camera.calibration.groups else 1.0
 
 
 def depth_table(point: DepthPoint) -> DepthTable:

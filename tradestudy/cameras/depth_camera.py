@@ -204,10 +204,6 @@ class DepthCamera(Camera):
     def picture_geometry(self, distance: ArrayLike) -> PictureGeometry:
         """Where and how large it pictures objects at distances [m]: what blur, noise and window depend on."""
 
-    def without_calibration_errors(self) -> Self:
-        """The same camera, perfectly calibrated."""
-        return replace(self, calibration=PERFECT)
-
     def as_pictured(self) -> Self:
         """The camera without what its picture does not know of: its calibration, and how its errors are found."""
         return replace(self, calibration=PERFECT, propagation=LINEAR, disparity_error_px=1.0)

@@ -1,90 +1,188 @@
-"""Timing computations afresh, within a time that is agreed on before."""
+"""Error and seconds of every candidate that could answer for a piece of a study, within a given time."""
 
 from __future__ import annotations
 
-import statistics
 import sys
 import time
-import tracemalloc
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
-from typing import Any, Final, Generic, TypeVar
+from typing import Any, Final
 
-from tradestudy.cost.defaults import FEWEST_REPEATS
-from tradestudy.cost.entries import Entry
-from tradestudy.study.schema.light_spot import MethodName
-from tradestudy.units import significant
+import numpy as np
 
-Value = TypeVar("Value")
+from tradestudy.errors import TradestudyError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.units import DURATION, pretty
 
-MOST_PLACES: Final = 9  # of a study's distances that are measured at
-REFERENCE_SEED: Final = 0x5EED  # of references that are drawn; what is measured takes its seeds from 0 up
-_LONG_ENOUGH: Final = 0.2  # seconds that the repeats of a quick computation fill
-_MOST_REPEATS: Final = 200
-_LONG: Final = 5.0  # seconds from which the traced run is the only one
-# How much longer than predicted pictures take.
-_TELLING: Final = 0.2  # predicted seconds from which a picture tells the pace
-_UNKNOWN: Final = 2.0  # as on a machine that is in use
-_LEAST: Final = 0.5  # no picture is believed to be quicker than that
+_REPEATS: Final = 3
+_SHORT: Final = 2.0  # seconds up to which a computation is timed more than once
+_SHARE_OF_REFERENCES: Final = 0.5  # of the time left, so that candidates can be held against the reference
+_TENTH: Final = 0.1 * (1.0 + 1e-12)  # rounding included
 # What no computation of physics owns: the sources and libraries of this process, its processor, its cached functions.
 _KEPT: Final = ("tradestudy.provenance", "tradestudy.machine", "tradestudy.units", __name__)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Timed(Generic[Value]):
-    """Values of a computation, one for each run, and what the runs took."""
-
-    values: tuple[Value, ...]
-    seconds: float
-    least_seconds: float
-    peak_memory: float
-    repeats: int
-
-
-@dataclass(kw_only=True)
-class Allowance:
-    """The wall time that a measurement may take.
-
-    What is predicted to exceed what is left is not begun; what has begun is finished, so that the time is kept to
-    within the error of one prediction. A reference is begun only where it leaves time for what is held against it.
+class Candidate:
+    """One set of models and settings that can answer.
 
     Parameters
     ----------
-    seconds
-        Altogether [s].
-    repeats
-        Wished for; one of computations of 5 s and more, and fewer where the time does not allow them.
+    models
+        The set in words.
+    compute
+        Gives what it answers.
+    chosen
+        Whether a run computes it so.
+    growth
+        About how many times as long it takes as the slowest one measured before it.
     """
 
+    models: str
+    compute: Callable[[], FloatArray]
+    chosen: bool = False
+    growth: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """What candidates are held against: values with their error, about ``growth`` times as slow as the coarser one."""
+
+    words: str
+    compute: Callable[[], tuple[FloatArray, float]]
+    growth: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """A camera or a light path of a study.
+
+    Parameters
+    ----------
+    name, title
+        In the results, and in words.
+    difference
+        Relative error of values (first) against the reference's (second).
+    candidates
+        From quick to slow, the one that is chosen among them.
+    references
+        From coarse to fine.
+    left_out
+        What is not among the candidates, and why.
+    """
+
+    name: str
+    title: str
+    difference: Callable[[FloatArray, FloatArray], float]
+    candidates: tuple[Candidate, ...] = ()
+    references: tuple[Reference, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Entry:
+    """A candidate as measured: its relative error, at least that of the reference, and its wall time [s]."""
+
+    models: str
+    error: float
     seconds: float
-    repeats: int = FEWEST_REPEATS
-    begin: float = field(default_factory=lambda: time.perf_counter())
+    chosen: bool
 
-    @property
-    def left(self) -> float:
-        """Seconds that are left."""
-        return self.seconds - (time.perf_counter() - self.begin)
 
-    def allows(self, predicted: float) -> bool:
-        """Whether a computation that takes so long may begin."""
-        return predicted <= self.left
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A piece as measured; without a reference there are no entries, and ``left_out`` says why."""
 
-    def lacking(self, predicted: float) -> str:
-        """Why a computation that takes so long is not begun."""
-        if predicted == 0.0:
-            return "no time left for this quantity"
-        left = significant(max(self.left, 0.0), 2)
-        return f"no time left: it takes about {significant(predicted, 2)} s, {left} s are left for this quantity"
+    piece: Piece
+    entries: tuple[Entry, ...] = ()
+    reference: str = ""
+    reference_error: float = np.nan
+    left_out: tuple[str, ...]
 
-    def keeping(self, seconds: float) -> Allowance:
-        """An allowance of its own for what is left, less what is to be kept for something else."""
-        return Allowance(seconds=max(self.left - seconds, 0.0), repeats=self.repeats)
 
-    def share(self, share: float) -> Allowance:
-        """An allowance of its own for a part of what is left."""
-        return Allowance(seconds=max(self.left, 0.0) * share, repeats=self.repeats)
+def measure(piece: Piece, seconds: float) -> Measured:
+    """Measure the choice, then the finest reference that half of the time left allows, then all other candidates.
+
+    What is predicted to exceed what is left is not begun; what has begun is finished.
+
+    Parameters
+    ----------
+    piece
+        Whose candidates are measured.
+    seconds
+        Wall time for all of them [s].
+    """
+    begin = time.perf_counter()
+    found: list[tuple[Candidate, FloatArray, float]] = []
+    left_out = list(piece.left_out)
+
+    def left() -> float:
+        return seconds - (time.perf_counter() - begin)
+
+    def take(candidate: Candidate) -> None:
+        predicted = candidate.growth * max((took for _, _, took in found), default=0.0)
+        if predicted >= left():
+            left_out.append(f"{candidate.models}: takes about {_words(predicted)}, {_words(max(left(), 0.0))} left")
+            return
+        try:
+            found.append((candidate, *_timed(candidate.compute, left)))
+        except TradestudyError as error:
+            left_out.append(f"{candidate.models}: {error}")
+
+    for candidate in piece.candidates:
+        if candidate.chosen:
+            take(candidate)
+    held: tuple[Reference, FloatArray, float] | None = None
+    took = max((one for _, _, one in found), default=0.0)
+    for reference in piece.references:
+        predicted = reference.growth * took / (_SHARE_OF_REFERENCES if held else 1.0)
+        if predicted >= left():
+            if held is None:
+                left_out.append(
+                    f"no time left for a reference, about {_words(predicted)}; a larger --budget measures it"
+                )
+            break
+        started = time.perf_counter()
+        try:
+            held = (reference, *reference.compute())
+        except TradestudyError as error:
+            left_out.append(f"as reference, {reference.words}: {error}")
+            break
+        took = time.perf_counter() - started
+    if held is None:
+        return Measured(piece=piece, left_out=tuple(left_out))
+    for candidate in piece.candidates:
+        if not candidate.chosen:
+            take(candidate)
+    reference, values, floor = held
+    entries = [
+        Entry(models=one.models, error=max(piece.difference(own, values), floor), seconds=took, chosen=one.chosen)
+        for one, own, took in found
+    ]
+    return Measured(
+        piece=piece,
+        entries=tuple(sorted(entries, key=lambda entry: entry.seconds)),
+        reference=reference.words,
+        reference_error=floor,
+        left_out=tuple(left_out),
+    )
+
+
+def _words(seconds: float) -> str:
+    return pretty(seconds, DURATION, digits=2)
+
+
+def _timed(compute: Callable[[], FloatArray], left: Callable[[], float]) -> tuple[FloatArray, float]:
+    """What a computation gives, and the least of three times that it takes afresh; of a long one the only time."""
+    taken: list[float] = []
+    while len(taken) < _REPEATS and (not taken or taken[0] <= min(_SHORT, left())):
+        forget()
+        begin = time.perf_counter()
+        values = compute()
+        taken.append(time.perf_counter() - begin)
+    return values, min(taken)
 
 
 def forget() -> None:
@@ -105,94 +203,16 @@ def _cached_functions(module: ModuleType) -> tuple[Any, ...]:
     )
 
 
-def measure(compute: Callable[[int], Value], allowance: Allowance) -> Timed[Value]:
-    """Run a computation once for its memory, and then again and again for its time.
-
-    Parameters
-    ----------
-    compute
-        Takes the number of the run, from which random ones take their seed.
-    allowance
-        Repeats, and the time that bounds them. Where it does not allow one more run, and of computations of 5 s and
-        more, the traced run is the only one, and its time counts although tracing lengthens it.
-    """
-    forget()
-    tracemalloc.start()
-    try:
-        begin = time.perf_counter()
-        values = [compute(0)]
-        first = time.perf_counter() - begin
-        peak = tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
-    taken: list[float] = []
-    while len(taken) < _MOST_REPEATS and first < _LONG and allowance.allows(first):
-        if len(taken) >= allowance.repeats and sum(taken) >= _LONG_ENOUGH:
-            break
-        forget()
-        begin = time.perf_counter()
-        value = compute(len(taken) + 1)
-        taken.append(time.perf_counter() - begin)
-        if len(values) <= allowance.repeats:
-            values.append(value)
-    taken = taken or [first]
-    return Timed(
-        values=tuple(values),
-        seconds=statistics.median(taken),
-        least_seconds=min(taken),
-        peak_memory=float(peak),
-        repeats=len(taken),
-    )
+def on_frontier(entries: tuple[Entry, ...]) -> BoolArray:
+    """Which entries no other beats: as small an error in as little time, and less of one."""
+    error, took = (np.array([getattr(entry, of) for entry in entries]) for of in ("error", "seconds"))
+    no_worse = (error[:, None] <= error) & (took[:, None] <= took)
+    better = (error[:, None] < error) | (took[:, None] < took)
+    return np.asarray(~np.any(no_worse & better, axis=0) & np.isfinite(error), dtype=bool)
 
 
-def entry_of(
-    timed: Timed[Value],
-    *,
-    model: str,
-    setting: str,
-    evaluations: float,
-    error: float,
-    typical_error: float,
-    chosen: bool,
-) -> Entry:
-    """What was timed, as an entry, with the errors that its values are found to have."""
-    return Entry(
-        model=model,
-        setting=setting,
-        evaluations=evaluations,
-        error=error,
-        typical_error=typical_error,
-        seconds=timed.seconds,
-        least_seconds=timed.least_seconds,
-        peak_memory=timed.peak_memory,
-        repeats=timed.repeats,
-        chosen=chosen,
-    )
-
-
-@dataclass(kw_only=True)
-class Pace:
-    """Seconds over predicted seconds, law by law: the most of all pictures so far, for finer ones exceed it the more.
-
-    ``first`` is that of the first picture by Kirchhoff's law, which is the coarsest.
-    """
-
-    seen: dict[MethodName, float] = field(default_factory=dict)
-    first: float | None = None
-
-    def of(self, method: MethodName) -> float:
-        """That of a law; by default that of Kirchhoff's law, and where this is unknown, too, twice as predicted."""
-        return self.seen.get(method, self.seen.get("kirchhoff", _UNKNOWN))
-
-    def learn(self, method: MethodName, *, predicted: float, took: float) -> None:
-        """Count one more picture; quick ones tell nothing."""
-        if predicted < _TELLING:
-            return
-        ratio = max(took / predicted, _LEAST)
-        self.seen[method] = max(ratio, self.seen.get(method, 0.0))
-        if method == "kirchhoff" and self.first is None:
-            self.first = ratio
-
-    def for_others(self) -> Pace:
-        """What is known of it before the first of other pictures is measured: the pace of a coarse one."""
-        return Pace() if self.first is None else Pace(seen={"kirchhoff": self.first})
+def next_digit(entries: tuple[Entry, ...]) -> Entry | None:
+    """The quickest entry that errs by a tenth of the chosen one's error or less; None where none does."""
+    own = next((entry.error for entry in entries if entry.chosen), np.nan)
+    within = [entry for entry in entries if entry.error <= _TENTH * own]
+    return min(within, key=lambda entry: (entry.seconds, entry.error), default=None)

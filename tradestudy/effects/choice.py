@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 from tradestudy.accuracy import Quantity
@@ -66,6 +67,12 @@ class Slot:
     saves_time: bool = True
     reason: str = ""
 
+    def under(self, forced: Models) -> Slot:
+        """The same effect with the one model that a study names, if it names one."""
+        if (named := forced.get(self.name)) is None:
+            return self
+        return replace(self, models=(named,), reason="the study names the model")
+
     def __post_init__(self) -> None:
         if not self.models or len(set(self.models)) < len(self.models):
             raise OutOfRangeError(
@@ -83,9 +90,18 @@ class Piece(ABC):
     slots: tuple[Slot, ...]
     """In the order in which simpler models are tried: those that save the most time first."""
 
+    @property
+    def complete(self) -> Models:
+        """The most complete models that the study allows, which all others are held against."""
+        return {slot.name: slot.models[-1] for slot in self.slots}
+
     @abstractmethod
     def changes(self, models: Models) -> Changes:
-        """How far a set of models moves each quantity, those that are not asked for too, by what is known so far."""
+        """How far a set of models moves each asked quantity, by what is known so far."""
+
+    def unasked(self, models: Models) -> Changes:  # noqa: ARG002  # most pieces have nothing else to show
+        """The same of quantities that are shown and decide nothing."""
+        return {}
 
     def try_out(self, models: Models) -> bool:  # noqa: ARG002  # some pieces have nothing to try
         """Run a more expensive model at a few places, so that `changes` of a set is known better; False if it is."""
@@ -113,37 +129,57 @@ class Decision:
     changes: Changes
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
     """One model for every effect of a piece.
 
     Parameters
     ----------
+    piece
+        What it is for.
     models
         What acts.
-    changes
-        What all that is left out changes together, forced models included.
-    decisions
-        Every model of every effect.
+    forced
+        Models that the study insists on.
     """
 
+    piece: Piece
     models: Models
-    changes: Changes
-    decisions: tuple[Decision, ...]
+    forced: Models
+
+    @cached_property
+    def changes(self) -> Changes:
+        """What all that is left out changes together, in quantities that are asked for and in others that are shown."""
+        return {**self.piece.changes(self.models), **self.piece.unasked(self.models)}
+
+    @cached_property
+    def decisions(self) -> tuple[Decision, ...]:
+        """Every model of every effect; found when it is looked at, for it decides nothing."""
+        complete = self.piece.complete
+        return tuple(
+            Decision(
+                slot=slot.name,
+                model=model,
+                chosen=self.models[slot.name] == model,
+                forced=slot.name in self.forced,
+                changes=self.piece.changes({**complete, slot.name: model}),
+            )
+            for slot in self.piece.slots
+            for model in slot.models
+        )
 
 
 def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -> Choice:
     """Replace models by simpler ones, effect by effect, as long as all asked quantities stay within their tolerance.
 
-    Every replacement is judged together with those before it, so that omissions do not have to be added up. Forced
-    models count as given: what they change is reported and held against nothing.
+    Every replacement is judged together with those before it, so that omissions do not have to be added up.
 
     Parameters
     ----------
     piece
-        What is chosen for.
+        What is chosen for; its slots offer no other model where one is forced.
     tolerances
-        Relative change that all omissions together may make, for every quantity.
+        Relative change that all omissions together may make, for every asked quantity.
     forced
         Models that the study insists on.
 
@@ -152,50 +188,34 @@ def choose(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models) -
     UnaffordableError
         If not even the most complete models answer within the tolerance.
     """
-    given = {slot.name: forced.get(slot.name, slot.models[-1]) for slot in piece.slots}
-    beside = {q: change.relative for q, change in piece.changes(given).items()} if forced else {}
-
-    def fits(models: Models) -> bool:
-        while True:
-            found = piece.changes(models)
-            over = {q: found[q] for q in piece.asked if found[q].relative > tolerances[q] + beside.get(q, 0.0)}
-            if not over:
-                return True
-            if any(one.least > tolerances[q] + beside.get(q, 0.0) for q, one in over.items()):
-                return False
-            if not piece.try_out(models):
-                return False
-
-    if not forced and not fits(given):
-        raise _out_of_reach(piece, piece.changes(given), tolerances)
-    chosen = dict(given)
-    for slot in piece.slots:
-        if slot.name in forced or not slot.saves_time:
-            continue
+    complete = piece.complete
+    if not _fits(piece, complete, tolerances):
+        raise _out_of_reach(piece, piece.changes(complete), tolerances)
+    chosen = dict(complete)
+    for slot in (one for one in piece.slots if one.saves_time):
         for model in slot.models[:-1]:
-            if fits({**chosen, slot.name: model}):
+            if _fits(piece, {**chosen, slot.name: model}, tolerances):
                 chosen[slot.name] = model
                 break
-    decisions = tuple(
-        Decision(
-            slot=slot.name,
-            model=model,
-            chosen=chosen[slot.name] == model,
-            forced=slot.name in forced,
-            changes=piece.changes({**given, slot.name: model}),
-        )
-        for slot in piece.slots
-        for model in slot.models
-    )
-    return Choice(models=chosen, changes=piece.changes(chosen), decisions=decisions)
+    return Choice(piece=piece, models=chosen, forced=forced)
+
+
+def _fits(piece: Piece, models: Models, tolerances: Mapping[Quantity, float]) -> bool:
+    """Whether a set answers within the tolerance, tried out where that can decide."""
+    while True:
+        found = piece.changes(models)
+        over = [(found[q], tolerances[q]) for q in piece.asked if found[q].relative > tolerances[q]]
+        if not over:
+            return True
+        if any(change.least > tolerance for change, tolerance in over) or not piece.try_out(models):
+            return False
 
 
 def _out_of_reach(piece: Piece, changes: Changes, tolerances: Mapping[Quantity, float]) -> UnaffordableError:
     worst = max(piece.asked, key=lambda q: changes[q].relative / tolerances[q])
-    reached = changes[worst].relative
     return UnaffordableError(
         f"{piece.title}: not even the most complete models give the {worst.replace('_', ' ')} to the tolerance",
-        value=pretty(reached, FRACTION, digits=2),
+        value=pretty(changes[worst].relative, FRACTION, digits=2),
         limit=pretty(tolerances[worst], FRACTION),
         remedy="loosen the tolerance, or name the models under 'effects'",
     )

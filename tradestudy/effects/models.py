@@ -62,6 +62,5 @@ def models_of(slot: SlotName, use: Use | None = None) -> tuple[str, ...]:
     return tuple(name for name, own in _MODELS[slot].items() if not set(uses).isdisjoint(own))
 
 
-def slots_of(use: Use) -> tuple[SlotName, ...]:
-    """The effects that have models for a use."""
-    return tuple(slot for slot in _MODELS if models_of(slot, use))
+EFFECTS: Final[tuple[SlotName, ...]] = tuple(_MODELS)
+"""Every effect but the sampling of a picture, whose models are its tolerances."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Final
 
 from tradestudy.errors import TradestudyError
 from tradestudy.execution.checkpoints import Checkpoints
 from tradestudy.execution.executor import Executor, LostPointError, Point, Raised, Serial, Value
 from tradestudy.execution.fingerprint import environment, fingerprint
+
+_GOLDEN: Final = (5.0**0.5 - 1.0) / 2.0
 
 # Called with the name of a step and the share of it that is done, 0 … 1.
 Progress = Callable[[str, float], None]
@@ -27,6 +30,14 @@ def timed(seconds: Seconds, name: str) -> Iterator[None]:
     begin = time.perf_counter()
     yield
     seconds[name] = seconds.get(name, 0.0) + time.perf_counter() - begin
+
+
+def mixed(count: int) -> list[int]:
+    """An order of so many points in which every part of them comes up early, so that shares of points are of time.
+
+    By the golden ratio: neighbours often take alike, and those that are computed first lie evenly among all.
+    """
+    return sorted(range(count), key=lambda k: k * _GOLDEN % 1.0)
 
 
 class DeadlyPointError(TradestudyError):
@@ -60,6 +71,7 @@ class Steps:
         function: Callable[[Point], Value],
         points: Sequence[Point],
         labels: Sequence[str],
+        efforts: Sequence[float] = (),
     ) -> list[Value]:
         """Values of a function at points, in their order.
 
@@ -73,6 +85,8 @@ class Steps:
             Its arguments; what they say, and the code, is the key under which a value is kept.
         labels
             What a person calls each point.
+        efforts
+            Relative work of each point, which shares of progress are of; none: all are alike.
 
         Raises
         ------
@@ -91,7 +105,12 @@ class Steps:
         missing = [i for i in range(len(points)) if i not in values]
         executor = self.executor if len(missing) > 1 else Serial()  # one point alone is nothing to spread
         failed: dict[int, Exception] = {}
-        self.progress(step, taken / max(len(points), 1))
+        work = efforts or [1.0] * len(points)
+
+        def tell() -> None:
+            self.progress(step, math.fsum(work[i] for i in values) / max(math.fsum(work), 1.0))
+
+        tell()
         try:
             with closing(executor.map_unordered(function, [points[i] for i in missing])) as found:
                 for number, outcome in found:
@@ -102,7 +121,7 @@ class Steps:
                         values[place] = outcome
                         if self.checkpoints is not None:
                             self.checkpoints.add(keys[place], outcome)
-                        self.progress(step, len(values) / len(points))
+                        tell()
                     if failed and all(i in values for i in missing if i < min(failed)):
                         raise failed[min(failed)]
         except LostPointError as lost:

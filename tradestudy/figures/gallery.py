@@ -20,7 +20,7 @@ from tradestudy.figures import (
     variance_shares,
 )
 from tradestudy.figures.calibration_gallery import calibration_drawings
-from tradestudy.figures.cost import cost_drawing, measured_quantities
+from tradestudy.figures.cost import cost_drawing
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
 from tradestudy.figures.style import CameraTrace, traces
@@ -58,7 +58,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     yield from light_spot.light_drawings(tree)
     if "hard_cases" in tree.children:
         yield hard_cases_drawing(tree)
-    if "cost" in tree.children and measured_quantities(tree["cost"].to_dataset()):
+    if "cost" in tree.children and tree["cost"].sizes["entry"]:
         yield cost_drawing(tree)
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit
 from tradestudy.imaging.models import PictureModels, PictureSettings
+from tradestudy.imaging.optical_transfer import kirchhoff_points
 from tradestudy.imaging.picture import (
     LARGEST_ERROR_PX,
     DerivedDisparityError,
@@ -20,6 +23,9 @@ from tradestudy.imaging.picture import (
     violated_conditions,
 )
 from tradestudy.optics.arrays import FloatArray
+
+if TYPE_CHECKING:
+    from tradestudy.imaging.kirchhoff import LatticePoint
 
 # What asks for depth at the same distances asks several times in a row, for parts, limits and failures.
 _REMEMBERED = 64
@@ -88,3 +94,15 @@ def _bound_px(camera: DepthCamera, settings: PictureSettings, models: PictureMod
     found = disparity_bound_px(camera.picture_geometry(np.frombuffer(distance)), settings, models)
     found.setflags(write=False)
     return found
+
+
+def kirchhoff_lattice(cameras: Iterable[DepthCamera], distance: FloatArray) -> tuple[LatticePoint, ...]:
+    """Arguments of every `kirchhoff_correction` that derived errors take at distances [m], each once."""
+    return tuple(
+        dict.fromkeys(
+            point
+            for camera in cameras
+            if isinstance(law := camera.disparity_error_px, PictureDisparityError)
+            for point in kirchhoff_points(camera.picture_geometry(distance), law.settings, law.models)
+        )
+    )

@@ -116,7 +116,7 @@ def _stage_transfer(
     nu, blur = frequency * relay, blur if defocus == "disc" else np.zeros((1, 1))
     exact = np.zeros(stage.relay.size)
     blurred = np.any(blur != 0.0)
-    by_rays = _is_by_rays(blur, wavelength, N)
+    by_rays = is_by_rays(blur, wavelength, N)
     match model:
         case "off":
             return (disc_transfer(nu, blur) if blurred else np.ones_like(nu)), exact
@@ -176,11 +176,11 @@ def _light_of(settings: PictureSettings, models: PictureModels) -> Sequence[tupl
 
 def _waves(stage: LensStage, wavelength: float, defocus: DefocusModel) -> FloatArray:
     """Defocus [waves] that waves are taken for; 0 where there is none, and where it is left to rays."""
-    by_waves = ~_is_by_rays(stage.blur_diameter, wavelength, stage.f_number)
+    by_waves = ~is_by_rays(stage.blur_diameter, wavelength, stage.f_number)
     counts = (stage.blur_diameter != 0.0) & by_waves & (defocus == "disc")
     return np.where(counts, stage.defocus(wavelength), 0.0)
 
 
-def _is_by_rays(blur: FloatArray, wavelength: float, f_number: FloatArray) -> BoolArray:
+def is_by_rays(blur: FloatArray, wavelength: float, f_number: FloatArray) -> BoolArray:
     """Far out of focus rays err by less than 0.2 √(λN/c); waves would take ever more nodes for what is not matched."""
     return np.asarray(blur > _MOST_BLUR_OF_WAVES * wavelength * f_number)

@@ -1,65 +1,130 @@
-"""The models of every piece of a study: weighed, chosen, or refused; nothing is simulated for it."""
+"""The models of every piece of a study: chosen, or refused."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
-from tradestudy.accuracy import Accuracy
-from tradestudy.effects.base import SlotName
-from tradestudy.effects.selection import Selection
+from tradestudy.accuracy import Quantity
+from tradestudy.effects.choice import Changes, Choice, Piece, choose
+from tradestudy.effects.models import OFF, Models
 from tradestudy.errors import StudyError, UnaffordableError
-from tradestudy.plan.situations.every import every_situation
-from tradestudy.plan.situations.situation import Situation
 from tradestudy.study.definition import StudyDefinition
 
 
-def choose(definition: StudyDefinition) -> tuple[tuple[Situation, ...], Mapping[str, Selection]]:
-    """Weigh the models of every piece of a study, and choose the cheapest that are accurate enough, by its name.
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """One piece of a study and its models.
+
+    Parameters
+    ----------
+    name, title
+        Name in the results and words in reports.
+    asked
+        The tolerances that decide, by quantity.
+    reasons
+        Why an effect has one model alone, by effect.
+    choice
+        The models, and every decision.
+    by_forcing
+        What the models that the study names change beside the most complete ones; empty where it names none.
+    """
+
+    name: str
+    title: str
+    asked: Mapping[Quantity, float]
+    reasons: Models
+    choice: Choice
+    by_forcing: Changes
+
+    @property
+    def models(self) -> Models:
+        """What acts, by effect."""
+        return self.choice.models
+
+
+def pieces(definition: StudyDefinition, forced: Models) -> Iterator[Piece]:
+    """Every piece of a study that models are chosen for, in the order in which a run comes to them."""
+    # Imported where they are asked for: a study file is checked with them, and few ask for light.
+    file, case = definition.file, definition.case
+    if case.cameras:
+        from tradestudy.plan.pieces.depth import depth_pieces
+
+        yield from depth_pieces(definition, forced)
+    if (sharp := file.depth_of_field) is not None:
+        from tradestudy.plan.pieces.depth_of_field import DepthOfFieldPiece
+
+        focuses = [camera.focus for camera in case.all_cameras.values()]
+        yield DepthOfFieldPiece(focuses, [part.criterion(case.wavelength) for part in sharp.criteria.values()], forced)
+    if file.light_spot is not None:
+        from tradestudy.plan.pieces.light_spot import LightSpotPiece
+
+        yield LightSpotPiece(file.light_spot, forced)
+    if file.point_spread is not None:
+        from tradestudy.plan.pieces.point_spread import PointSpreadPiece
+
+        yield PointSpreadPiece(file.point_spread, forced)
+
+
+def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
+    """Choose the cheapest models that keep every asked quantity of a study within its tolerance, piece by piece.
+
+    The choice depends on the study alone: neither on the machine nor on what else it does.
 
     Raises
     ------
     UnaffordableError
-        Where nothing is accurate enough; with the nearest accuracy that can be had.
+        Where not even the most complete models do; one error for all pieces.
     StudyError
-        Where the study forces a model that no piece of it has.
+        Where the study names a model that no piece of it has.
     """
-    forced = definition.file.effects.forced()
-    situations = tuple(every_situation(definition, forced))
-    _check_forced(definition, situations, forced)
-    timeless = Accuracy(relative=definition.file.accuracy.wanted().relative)
-    return situations, _selections(situations, timeless, forced)
-
-
-def _selections(
-    situations: tuple[Situation, ...], accuracy: Accuracy, forced: dict[SlotName, str]
-) -> Mapping[str, Selection]:
-    """Of every piece, or one refusal of all that cannot be had, so that an offer of one is not refused by the next."""
-    found: dict[str, Selection] = {}
-    refused: list[UnaffordableError] = []
-    for one in situations:
+    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
+    found, refused = [], []
+    all_pieces = tuple(pieces(definition, forced))
+    _check_forced(definition, all_pieces, forced)
+    free = {one.name: one for one in pieces(definition, {})} if forced else {}
+    for piece in all_pieces:
         try:
-            found[one.name] = one.select(accuracy, forced)
+            choice = choose(piece, tolerances, forced)
         except UnaffordableError as error:
             refused.append(error)
+            continue
+        found.append(
+            Chosen(
+                name=piece.name,
+                title=piece.title,
+                asked={q: tolerances[q] for q in piece.asked},
+                reasons={slot.name: slot.reason for slot in piece.slots if slot.reason},
+                choice=choice,
+                by_forcing=_by_forcing(free.get(piece.name), piece),
+            )
+        )
     if len(refused) > 1:
         raise UnaffordableError("\n".join(map(str, refused)))
     if refused:
         raise refused[0]
-    return found
+    return tuple(found)
 
 
-def _check_forced(
-    definition: StudyDefinition, situations: tuple[Situation, ...], forced: Mapping[SlotName, str]
-) -> None:
-    """Refuse a forced model that nothing in the study has: it would be ignored."""
+def _by_forcing(free: Piece | None, piece: Piece) -> Changes:
+    """What the models that are named change where they differ from the most complete ones."""
+    if free is None or free.complete == piece.complete:
+        return {}
+    while free.try_out(piece.complete):
+        pass
+    return free.changes(piece.complete)
+
+
+def _check_forced(definition: StudyDefinition, found: tuple[Piece, ...], forced: Models) -> None:
+    """Refuse a named model that nothing in the study has: it would be ignored."""
     problems = []
-    for slot, name in forced.items():
-        offered = [model for one in situations for own in one.slots if own.name == slot for model in own.model_names]
+    for effect, name in forced.items():
+        offered = [model for one in found for slot in one.slots if slot.name == effect for model in slot.models]
         if name not in offered:
             known = ", ".join(dict.fromkeys(offered)) or "nothing"
-            what = f"'{name}' acts nowhere in this study, which offers {known} in this slot"
-            if offered == ["off"] * len(offered) and offered:
+            what = f"'{name}' acts nowhere in this study, which offers {known} for this effect"
+            if set(offered) == {OFF}:
                 what += "; what happens in a picture reaches depth only where disparity_error is derived"
-            problems.append(definition.document.locate(("effects", slot)).problem(("effects", slot), what))
+            problems.append(definition.document.locate(("effects", effect)).problem(("effects", effect), what))
     if problems:
         raise StudyError(problems)

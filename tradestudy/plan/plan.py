@@ -1,23 +1,18 @@
-"""What a study will simulate, what it leaves out and why, and how long it will take; computes nothing else."""
+"""What a study will simulate, what it leaves out and why, and how long it will take."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tradestudy.accuracy import Accuracy
-from tradestudy.effects.base import SlotName
-from tradestudy.effects.selection import Selection
+from tradestudy.effects.models import Models
 from tradestudy.errors import UnaffordableError
-from tradestudy.machine import machine_speed
-from tradestudy.plan.affordable import tightest_offer
-from tradestudy.plan.choice import choose
-from tradestudy.plan.plan_text import plan_text
-from tradestudy.plan.predicted_time import PredictedStep, predicted_seconds
-from tradestudy.plan.situations.situation import Situation
+from tradestudy.plan.choice import Chosen, choose_models
+from tradestudy.plan.plan_text import plan_lines
+from tradestudy.plan.predicted_time import PredictedStep, Stopwatch, predicted_steps
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.wording import counted
+from tradestudy.units import DURATION, pretty
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,36 +24,33 @@ class Plan:
     definition
         The study, with the chosen models acting in it.
     accuracy
-        What was asked for.
-    situations
-        Every piece of the study that effects are chosen for.
-    selections
-        What was chosen, by the name of the piece.
+        What it asks for.
+    pieces
+        Every piece of it with its models.
     steps
         What every step of the run will take on this machine.
     """
 
     definition: StudyDefinition
     accuracy: Accuracy
-    situations: tuple[Situation, ...]
-    selections: Mapping[str, Selection]
+    pieces: tuple[Chosen, ...]
     steps: tuple[PredictedStep, ...]
 
     @property
-    def seconds(self) -> tuple[float, float]:
-        """Least and most that the whole run will take [s]; they differ where samplers stop by themselves."""
-        return math.fsum(step.low for step in self.steps), math.fsum(step.high for step in self.steps)
+    def seconds(self) -> float:
+        """What the whole run will take [s]."""
+        return math.fsum(step.seconds for step in self.steps)
+
+    def models(self, piece: str) -> Models:
+        """The models that act in a piece, by effect."""
+        return next(one.models for one in self.pieces if one.name == piece)
+
+    def text(self, *, verbose: bool = False) -> str:
+        """The plan as a person reads it: a line for each piece and one for the run; every decision if verbose."""
+        return "\n".join(plan_lines(self.pieces, self.steps, verbose=verbose))
 
     def __str__(self) -> str:
-        file = self.definition.file
-        pieces = [(one, self.selections[one.name]) for one in self.situations]
-        return "\n".join(plan_text(f"{file.study}: {file.title}", self.accuracy, pieces, self.steps, self.seconds))
-
-
-def _models(selections: Mapping[str, Selection]) -> Mapping[str, Mapping[SlotName, str]]:
-    return {
-        name: {slot: model.name for slot, model in selection.chosen.items()} for name, selection in selections.items()
-    }
+        return self.text()
 
 
 def plan_of(definition: StudyDefinition) -> Plan:
@@ -67,76 +59,20 @@ def plan_of(definition: StudyDefinition) -> Plan:
     Raises
     ------
     UnaffordableError
-        Where nothing is accurate enough, or the run would take longer than the study's budget; with the nearest
-        accuracy that can be had.
+        Where not even the most complete models keep the tolerance, or the run would exceed the study's time limit.
     StudyError
-        Where the study forces a model that no piece of it has.
+        Where the study names a model that no piece of it has.
     """
-    accuracy = definition.file.accuracy.wanted()
-    speed = machine_speed()
-    situations, selections = choose(definition)
-    acting = definition.with_models(_models(selections))
-    plan = Plan(
-        definition=acting,
-        accuracy=accuracy,
-        situations=situations,
-        selections=selections,
-        steps=_steps(acting, selections, speed),
-    )
-    if plan.seconds[0] > accuracy.budget:
-        raise _too_long(definition, situations, speed, plan)
+    watch = Stopwatch()
+    accuracy = definition.file.accuracy.asked()
+    pieces = choose_models(definition)
+    acting = definition.with_models({one.name: one.models for one in pieces})
+    plan = Plan(definition=acting, accuracy=accuracy, pieces=pieces, steps=predicted_steps(acting, watch))
+    if plan.seconds > accuracy.time_limit:
+        raise UnaffordableError(
+            "the run is predicted to exceed its time limit",
+            value=pretty(plan.seconds, DURATION, digits=2),
+            limit=pretty(accuracy.time_limit, DURATION),
+            remedy="raise accuracy.time_limit, loosen the tolerance, or ask for less",
+        )
     return plan
-
-
-def _steps(acting: StudyDefinition, selections: Mapping[str, Selection], speed: float) -> tuple[PredictedStep, ...]:
-    return *predicted_seconds(acting, speed), *_pictures(acting, selections, speed)
-
-
-def _pictures(
-    definition: StudyDefinition, selections: Mapping[str, Selection], speed: float
-) -> tuple[PredictedStep, ...]:
-    """What deriving disparity errors from pictures adds to the depth of cameras."""
-    derived = [
-        name
-        for name, camera in definition.case.cameras.items()
-        if not isinstance(camera.disparity_error_px, float | int)
-    ]
-    seconds = math.fsum(selections[name].seconds for name in derived) / speed
-    work = f"{counted(len(derived), 'camera')} whose disparity error is derived"
-    return (PredictedStep(name="pictures", low=seconds, high=seconds, work=work),) if derived else ()
-
-
-def _too_long(
-    definition: StudyDefinition, situations: tuple[Situation, ...], speed: float, plan: Plan
-) -> UnaffordableError:
-    """The error that names the shortfall and the tightest tolerance whose run fits the budget."""
-    budget = plan.accuracy.budget
-
-    def seconds(asked: StudyDefinition, selections: Mapping[str, Selection]) -> float:
-        return math.fsum(step.low for step in _steps(asked.with_models(_models(selections)), selections, speed))
-
-    offer = tightest_offer(definition, situations, seconds)
-    if offer is None:
-        remedy = "raise the budget or ask for less"
-    elif offer.seconds > budget:
-        remedy = (
-            f"with no looser --tolerance it takes less than with '{offer.tolerance}', "
-            f"{_against(offer.seconds, budget)} s; raise the budget or ask for less"
-        )
-    else:
-        remedy = (
-            f"{offer.tolerance} can be had in {_against(offer.seconds, budget)} s; ask for that with "
-            f"--tolerance '{offer.tolerance}', or raise the budget"
-        )
-    return UnaffordableError(
-        "the accuracy wanted takes longer than the budget",
-        value=f"{_against(plan.seconds[0], budget)} s",
-        limit=f"{budget:g} s",
-        remedy=remedy,
-    )
-
-
-def _against(seconds: float, budget: float) -> str:
-    """Three digits, or as many as keep it on its side of the budget."""
-    rounded = (float(f"{seconds:.{digits}g}") for digits in range(3, 18))
-    return f"{next(one for one in rounded if (one > budget) == (seconds > budget)):.15g}"

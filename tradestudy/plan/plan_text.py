@@ -1,142 +1,125 @@
-"""A plan as a person reads it in a terminal: every decision with its numbers, and what each step will take."""
+"""A plan as a person reads it in a terminal: one line for each piece, or every decision with its numbers."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
-from tradestudy.accuracy import Accuracy, Quantity
-from tradestudy.effects.base import NOTHING_LEFT_OUT, Bound
-from tradestudy.effects.selection import Decision, Selection
+from tradestudy.accuracy import IN_WORDS
+from tradestudy.effects.choice import Change, Evidence
+from tradestudy.effects.models import OFF
+from tradestudy.effects.words import MODEL, left_out
+from tradestudy.plan.choice import Chosen
 from tradestudy.plan.predicted_time import PredictedStep
-from tradestudy.plan.situations.situation import Situation
-from tradestudy.results.effects import OF_NOISE_ALONE, TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
-from tradestudy.units import DURATION, FRACTION, pretty, significant
+from tradestudy.units import DURATION, FRACTION, pretty
 from tradestudy.wording import distance
 
-Pieces = Sequence[tuple[Situation, Selection]]
-_QUANTITIES: Final[Mapping[Quantity, str]] = {
-    "depth_uncertainty": "depth uncertainty",
-    "depth_of_field": "the ends of depth of field",
-    "pixel_intensity": "pixel intensity (relative L2 over the pixels)",
-    "psf_width": "the width of a point's image",
-}
-_TAKEN, _LEFT = "●", "○"
+_DIFFRACTION: Final = ("main_lens_diffraction", "microlens_diffraction")
 
 
-def plan_text(
-    heading: str, accuracy: Accuracy, pieces: Pieces, steps: Sequence[PredictedStep], seconds: tuple[float, float]
-) -> Iterator[str]:
-    """The lines of a whole plan: what acts in every piece of a study, every step, and the seconds of all together."""
-    yield heading
-    for situation, chosen in pieces:
-        wanted = ", ".join(
-            f"{pretty(accuracy.relative[q], FRACTION)} of {_QUANTITIES[q]} wanted, "
-            f"omissions change at most {_share(chosen.bounds[q])}"
-            for q in situation.quantities
-        )
-        yield ""
-        yield f"{situation.title} ({situation.name}): {wanted}; takes {_duration(chosen.seconds)}"
-        if any(chosen.bounds[q] > accuracy.relative[q] * (1.0 + 1e-9) for q in situation.quantities):
-            yield "  more than is wanted: models are forced, and the others were chosen as if these changed nothing"
-        yield from _harmless(chosen.decisions)
-        weighed = [decision for decision in chosen.decisions if not _is_harmless(decision)]
-        width = max((len(_head(decision)) for decision in weighed), default=0)
-        for decision in weighed:
-            shown = not decision.chosen and decision.slot != "sampling"
-            number = f" ({said})" if shown and (said := _number(decision)) else ""
-            mark, head = _TAKEN if decision.chosen else _LEFT, f"{_head(decision):<{width}}"
-            yield f"  {mark} {head}  {_duration(decision.seconds):>8}  {decision.why}{number}"
-            if decision.chosen:
-                yield f"    {'':<{width}}  {'':>8}  {_because(decision)}"
-    yield from _explained(pieces)
-    yield ""
-    width = max(len(step.name) for step in steps)
-    for step in steps:
-        yield f"  {step.name:<{width}}  {_seconds(step.low, step.high):>16}  {step.work}"
-    yield f"  {'in all':<{width}}  {_seconds(*seconds):>16}  predicted for this machine"
+def plan_lines(pieces: Sequence[Chosen], steps: Sequence[PredictedStep], *, verbose: bool) -> Iterator[str]:
+    """A line for every piece, with all decisions if verbose, and one for the run, with all steps if verbose."""
+    width = max((len(one.name) for one in pieces), default=len("run"))
+    seconds = {name: own for step in steps for name, own in step.pieces.items()}
+    for one in pieces:
+        takes = f"; {pretty(seconds[one.name], DURATION, digits=2)}" if one.name in seconds else ""
+        yield f"{one.name:<{width}}  {summary(one)}{takes}"
+        if verbose:
+            yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
+    work = ", ".join(step.name for step in steps)
+    yield f"{'run':<{width}}  {work}: about {_seconds(steps)}"
+    if verbose:
+        names = max(len(step.name) for step in steps)
+        for step in steps:
+            yield f"{'':<{width}}    {step.name:<{names}}  {_seconds([step]):>7}  {step.work}"
 
 
-def _explained(pieces: Pieces) -> Iterator[str]:
-    """What the columns are, the rules that refused what did not fit, and the formula of every number above."""
-    decisions = [decision for _, chosen in pieces for decision in chosen.decisions]
-    rules = {_head(one): bound.reason for one in decisions if not one.chosen and (bound := _told(one)) is not None}
-    numbers = {bound.criterion.words: bound.criterion for one in decisions if (bound := _told(one)) is not None}
-    if not numbers:
-        return
-    yield ""
-    yield f"  Times above: {TIMES_WITH_A_MODEL}."
-    if any("depth_uncertainty" in one.quantities for one, _ in pieces):
-        yield f"  {OF_NOISE_ALONE}"
-    if any(not math.isnan(criterion.at) for criterion in numbers.values()):
-        yield f"  {WHERE_NUMBERS_ARE_TAKEN}"
-    for heading, told in (
-        ("The rules of models that do not act:", rules),
-        ("The numbers:", {words: criterion.definition for words, criterion in numbers.items()}),
-    ):
-        if told:
-            yield ""
-            yield f"  {heading}"
-            yield from (f"    {words}: {text}" for words, text in told.items())
+def summary(one: Chosen) -> str:
+    """What is simulated, and the largest thing left out with its number against the tolerance."""
+    return "; ".join(filter(None, (_simulated(one), _left_out(one), _forced(one))))
 
 
-def _is_harmless(decision: Decision) -> bool:
-    """Whether a model acts and changes nothing at all."""
+def _simulated(one: Chosen) -> str:
+    """The models that act, in words: diffraction and calibration, whatever the piece has of them."""
+    models = one.models
+    parts = [MODEL[slot, models[slot]] for slot in _DIFFRACTION if models.get(slot, OFF) != OFF]
+    pictured = "main_lens_diffraction" not in one.reasons
+    if not parts:
+        parts = ["no diffraction"] if pictured else []
+    if "calibration" in models:
+        parts.append(MODEL.get(("calibration", models["calibration"]), "no calibration errors"))
+    if "sampling" in models:
+        parts.append(f"sampled to {models['sampling']}")
+    words = ", ".join(parts) or "geometry"
+    return words if pictured or "calibration" not in models else f"geometry, {words}"
+
+
+def _left_out(one: Chosen) -> str:
+    """The omission that changes most, and the change by all of them together against its tolerance."""
+    omitted = [
+        (change.relative / one.asked[quantity], quantity, change, decision)
+        for decision in one.choice.decisions
+        if decision.chosen and not decision.forced
+        for quantity, change in decision.changes.items()
+        if quantity in one.asked and change.relative > 0.0
+    ]
+    if not omitted:
+        return "nothing left out"
+    _, quantity, change, decision = max(omitted, key=lambda found: found[0])
+    how = "trial; " if change.evidence == "trial" else ""
     return (
-        decision.chosen
-        and not decision.forced
-        and all(bound.relative_change == 0.0 for bound in decision.model.bounds.values())
+        f"leaving out {left_out(decision.slot, decision.model)} changes the {IN_WORDS[quantity]} by {_amount(change)} "
+        f"({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
     )
 
 
-def _harmless(decisions: tuple[Decision, ...]) -> Iterator[str]:
-    """Effects whose model changes nothing, together where they have one reason."""
-    by_reason: dict[tuple[str, str], list[Decision]] = {}
-    for decision in filter(_is_harmless, decisions):
-        bound = next(iter(decision.model.bounds.values()))
-        by_reason.setdefault((decision.model.name, bound.reason), []).append(decision)
-    for (model, reason), members in by_reason.items():
-        yield f"  {_TAKEN} {', '.join(one.slot.replace('_', ' ') for one in members)}: {model}"
-        yield f"      {reason if reason == NOTHING_LEFT_OUT else f'changes nothing: {reason}'}"
-        if numbers := [text for one in members if (text := _number(one))]:
-            yield f"      {'; '.join(numbers)}"
-
-
-def _told(decision: Decision) -> Bound | None:
-    """The bound that weighs most, if its number says something."""
-    bound = max(decision.model.bounds.values(), key=lambda one: one.relative_change)
-    silent = math.isnan(bound.criterion.value) or bound.reason == NOTHING_LEFT_OUT
-    return None if silent else bound
-
-
-def _number(decision: Decision) -> str:
-    bound = _told(decision)
-    if bound is None:
+def _forced(one: Chosen) -> str:
+    if not one.by_forcing:
         return ""
-    found = f"{bound.criterion.words} {significant(bound.criterion.value)}"
-    return found if math.isnan(bound.criterion.at) else f"{found} at {distance(bound.criterion.at)}"
+    quantity, change = max(
+        ((q, c) for q, c in one.by_forcing.items() if q in one.asked), key=lambda found: found[1].relative
+    )
+    return f"the models that the study names change the {IN_WORDS[quantity]} by {share(change)}"
 
 
-def _head(decision: Decision) -> str:
-    return f"{decision.slot.replace('_', ' ')}: {decision.model.name}"
+def _decisions(one: Chosen) -> Iterator[str]:
+    """Every model of every effect with what it changes, and the reasons of effects that have but one."""
+    for quantity, tolerance in one.asked.items():
+        total = one.choice.changes[quantity]
+        yield f"all together: {IN_WORDS[quantity]}, {share(total)}; {pretty(tolerance, FRACTION)} allowed"
+    for quantity, total in one.choice.changes.items():
+        if quantity not in one.asked:
+            yield f"not asked for: {IN_WORDS[quantity]}, {share(total)}"
+    told: set[str] = set()
+    for decision in one.choice.decisions:
+        mark, name = "●" if decision.chosen else "○", f"{decision.slot.replace('_', ' ')}: {decision.model}"
+        if reason := one.reasons.get(decision.slot):
+            again = "" if reason in told else f"  {reason}"
+            told.add(reason)
+            yield f"{mark} {name}{again}"
+            continue
+        asked = ((quantity, change) for quantity, change in decision.changes.items() if quantity in one.asked)
+        numbers = ", ".join(f"{IN_WORDS[quantity]} {share(change)}" for quantity, change in asked)
+        yield f"{mark} {name}  {numbers}"
 
 
-def _because(decision: Decision) -> str:
-    """The reason of the bound that weighs most, with its number."""
-    bound = max(decision.model.bounds.values(), key=lambda one: one.relative_change)
-    number = _number(decision)
-    return f"{bound.reason} ({number})" if number else bound.reason
+def share(change: Change) -> str:
+    """A change with how it is known: "0.22 %", "at most 1.3 %", "about 0.02 %, trial"."""
+    if math.isinf(change.relative) or change.relative == 0.0:
+        return _amount(change)
+    at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
+    return f"{_amount(change)}{at}{', trial' if change.evidence == 'trial' else ''}"
 
 
-def _duration(seconds: float) -> str:
-    return "—" if math.isinf(seconds) else pretty(seconds, DURATION, digits=2)
+def _amount(change: Change) -> str:
+    if math.isinf(change.relative):
+        return "an unknown amount"
+    if change.relative == 0.0:
+        return "0 %"
+    known: dict[Evidence, str] = {"computed": "", "bound": "at most ", "trial": "about "}
+    return f"{known[change.evidence]}{pretty(change.relative, FRACTION, digits=2)}"
 
 
-def _seconds(low: float, high: float) -> str:
-    ends = dict.fromkeys(pretty(value, DURATION, digits=2) for value in (low, high))
-    return " to ".join(ends)
-
-
-def _share(value: float) -> str:
-    return "without bound" if math.isinf(value) else pretty(value, FRACTION, digits=2)
+def _seconds(steps: Sequence[PredictedStep]) -> str:
+    return pretty(math.fsum(step.seconds for step in steps), DURATION, digits=2)

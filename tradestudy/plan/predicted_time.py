@@ -1,343 +1,378 @@
-"""How long a study will take, step by step, before any of it is computed: counts of work times seconds per unit."""
+"""How long a study will take, step by step: pilots of its work, timed here and now, times the counts that remain."""
 
 from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
-from typing import Final
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
 
-from tradestudy.cameras.declaration import DepthCameraDeclaration
-from tradestudy.effects.models import Models
-from tradestudy.errors import OutOfRangeError
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.imaging.derived_error import kirchhoff_lattice
+from tradestudy.plan import pilots
+from tradestudy.plan.pieces import depth_of_field
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
-from tradestudy.study.schema.questions import ImageDifferenceClaim, LitPixelsClaim
-from tradestudy.study.schema.wave_optics import FresnelValidityPart, PointSpreadPart
+from tradestudy.study.document import Entry, Value
+from tradestudy.study.schema.light_spot import LightSpotPart
+from tradestudy.study.schema.questions import (
+    ClaimPart,
+    DepthOfFieldClaim,
+    DepthOfFieldRatioClaim,
+    FresnelFNumberClaim,
+    ImageDifferenceClaim,
+    LitPixelsClaim,
+    PsfErrorClaim,
+)
 from tradestudy.study.sweep import sweep_axes
 from tradestudy.wording import counted
 
-# Runs differ by as much in the seconds of one unit; a range that a sampler states holds them.
-_UNITS_VARY: Final = 1.5
-# Seconds per unit of work on the reference machine (speed 1): processor seconds, so that what else ran on it while it
-# was measured does not count. `python tests/benchmarks/step_costs.py` measures them through runs of the shipped
-# studies and holds every prediction against its run.
-SECONDS: Final[Mapping[str, float]] = {
-    "libraries": 2.6,
-    "study read again": 0.020,  # a reading, a design of a sweep, a trial of an inverse question
-    "camera": 0.015,
-    "camera at a distance": 4e-5,
-    "pair of cameras": 0.13,
-    "pair of cameras, ranked": 0.7,
-    "trial of an inverse question": 0.040,
-    "claim about depth": 0.02,
-    "camera's depth of field": 0.007,
-    "inference step of an ensemble": 2.2e-3,
-    "distribution": 0.02,  # drawn: what moves it most is found first
-    "draw": 2.5e-6,  # of all errors of a camera
-    "draw at a distance": 2.0e-7,
-    "Fresnel against Kirchhoff on axis": 0.095,
-    "root of a limit": 0.06,
-    "Fresnel against Kirchhoff off axis": 6.0,
-    "aperture of 256² targets": 0.035,
-    "source point through both lenses": 1.4,
-    "point spread": 0.28,
-    "hard case": 0.012,
-    "report": 2.0,
-    "figure": 0.42,
-}
+if TYPE_CHECKING:  # few studies ask for light
+    from tradestudy.analysis.spot_images import SpotModels
 
-_WAYS: Final = 2  # with calibration errors, of three; noise alone is not drawn
-_FIRST_DRAWS: Final = 8 * 256  # of an adaptive propagation, over all scrambles
-_FIRST_STEPS: Final = 1000  # of an ensemble, before the first look
-_ENSEMBLES: Final = 4
-_TORNADO_DRAWS: Final = 2**14
-_MORE_SOURCES: Final = 2  # of a camera: the noise of a measurement, and what is inferred during the run
-_ROOT_TRIALS: Final = 24  # of a root finder
-_MOST_WEIGHED: Final = 64  # designs of a sweep that models are chosen for
+# Other questions about a camera look at it as its table over all distances does, so many times: a verdict finds
+# crossings and changes of the winner in three ways; ranks draw two ways; a claim asks for one way, mostly known before.
+_TABLES_OF_A_VERDICT: Final = 1.5
+_TABLES_OF_RANKS: Final = 2.0
+_TABLES_OF_A_CLAIM: Final = 0.4
+_TABLES_OF_A_SOURCE: Final = 0.35  # whose share of the uncertainty is found
+_FIRST_DISTANCES: Final = 3
+_TRIALS_OF_A_ROOT: Final = 12
+_TABLES_OF_A_TRIAL: Final = 0.05
+_PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are known
+# Neither drawing nor typesetting can be tried without the libraries that are half of it. Both are mixed work of the
+# interpreter, as reading a study is: these are how many small studies are read in the time of each.
+_READINGS_OF_A_REPORT: Final = 80
+_READINGS_OF_A_FIGURE: Final = 25
+_READINGS_OF_A_HARD_CASE: Final = 1.5  # most are quick; some read a study, a few integrate
 
 
 @dataclass(frozen=True, kw_only=True)
 class PredictedStep:
-    """One step of a run.
+    """One step of a run, one worker computing.
 
     Parameters
     ----------
     name
         As the run's progress calls it.
-    low, high
-        Seconds; equal for fixed work. Samplers that stop when they have converged take anything between.
+    seconds
+        Wall time, in the load that the machine has now.
     work
         What is counted, in words.
+    pieces
+        Seconds of the pieces of the study that it is for, by name.
     """
 
     name: str
-    low: float
-    high: float
+    seconds: float
     work: str
+    pieces: Mapping[str, float] = field(default_factory=dict)
 
 
-def predicted_seconds(definition: StudyDefinition, speed: float) -> tuple[PredictedStep, ...]:
-    """Predict every step of a run, the writing of its report included, one worker computing.
+class Stopwatch:
+    """How much longer than by the processor it takes by the wall, where other programs want the processor too."""
 
-    Parameters
-    ----------
-    definition
-        The study.
-    speed
-        Of this machine over that of the reference machine (`tradestudy.machine.machine_speed`).
+    def __init__(self) -> None:
+        self._began = time.perf_counter(), time.process_time()
 
-    Raises
-    ------
-    OutOfRangeError
-        If the speed is not positive.
+    @property
+    def waiting(self) -> float:
+        """Wall over processor seconds since the watch was made; at least 1, which is also what threads make of it."""
+        wall, processor = time.perf_counter() - self._began[0], time.process_time() - self._began[1]
+        return max(1.0, wall / processor) if processor > 0.0 else 1.0
+
+
+def predicted_steps(definition: StudyDefinition, watch: Stopwatch) -> tuple[PredictedStep, ...]:
+    """Predict every step of a run, in its order, the writing of its report included; models act already.
+
+    The watch has run long enough to tell how busy the processor is, such as since planning began.
     """
-    if not 0.0 < speed < math.inf:
-        raise OutOfRangeError("speed of the machine", value=f"{speed:g}", limit="> 0, finite")
+    steps = tuple(_Prediction(definition=definition).steps())
+    waiting = watch.waiting
     return tuple(
-        PredictedStep(name=step.name, low=step.low / speed, high=step.high / speed, work=step.work)
-        for step in _steps(definition)
-    )
-
-
-def _steps(definition: StudyDefinition) -> Iterator[PredictedStep]:
-    """In the order of a run, on the reference machine."""
-    file = definition.file
-    readings, designs = len(file.readings), _designs(definition)
-    yield _fixed(
-        "start",
-        f"libraries, the study and {counted(readings, 'reading')} of it",
-        {"libraries": 1, "study read again": readings + (min(designs, _MOST_WEIGHED) if file.sweep else 0)},
-    )
-    if definition.case.cameras:
-        yield from _calibrations(definition)
-        yield from _depth(definition)
-    if file.depth_of_field is not None:
-        cameras = len(definition.case.all_cameras)
-        yield _fixed("depth of field", counted(cameras, "camera"), {"camera's depth of field": cameras})
-    if file.fresnel_validity is not None:
-        yield from _fresnel_validity(file.fresnel_validity)
-    if file.light_spot is not None:
-        yield from _light_spot(file.light_spot, definition.models)
-    if file.point_spread is not None:
-        points = _points(file.point_spread)
-        yield _fixed("point spread", f"{points} point-spread functions", {"point spread": points})
-    if file.hard_cases is not None:
-        yield _hard_cases(file.hard_cases.families)
-    if file.claims or file.requirements:
-        yield _claims(definition)
-    yield _report(definition)
-
-
-def _fixed(name: str, work: str, counts: Mapping[str, float]) -> PredictedStep:
-    seconds = _seconds(counts)
-    return PredictedStep(name=name, low=seconds, high=seconds, work=work)
-
-
-def _seconds(counts: Mapping[str, float]) -> float:
-    return math.fsum(SECONDS[unit] * count for unit, count in counts.items())
-
-
-def _depth(definition: StudyDefinition) -> Iterator[PredictedStep]:
-    """Depth on the axis and beside it, and what is decided from it; exact cameras draw until they have converged."""
-    file, case = definition.file, definition.case
-    cameras, distances = len(case.cameras), case.distance.size
-    exact = sum(camera.propagation.model == "exact" for camera in case.cameras.values())
-    designs = _designs(definition)
-    yield _sampled(
-        "depth",
-        f"{counted(designs, 'design')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
-        {
-            "study read again": designs if file.sweep else 0,
-            "camera": designs * cameras,
-            "camera at a distance": designs * cameras * distances,
-        },
-        *_exact(definition, designs * exact, distances),
-    )
-    if places := len(file.propagation.field_places):
-        yield _sampled(
-            "depth off the axis",
-            f"{counted(places, 'place')} of {counted(cameras, 'camera')} at {counted(distances, 'distance')}",
-            {"camera": places * cameras, "camera at a distance": places * cameras * distances},
-            *_exact(definition, places * exact, distances),
+        replace(
+            step,
+            seconds=waiting * step.seconds,
+            pieces={name: waiting * seconds for name, seconds in step.pieces.items()},
         )
-    readings = 1 + len(file.readings)
-    pairs = readings if file.decision is not None else 0
-    trials = _ROOT_TRIALS * len(file.solve)
-    yield _fixed(
-        "decision",
-        f"a pair of cameras under {counted(pairs, 'reading')}, {counted(len(file.solve), 'inverse question')}",
-        {"pair of cameras": pairs, "trial of an inverse question": trials, "camera": cameras if file.sweep else 0},
-    )
-    if file.decision is not None:
-        compared = len(file.decision.compare or (file.decision.between,))
-        yield _fixed("ranks", counted(compared, "pair"), {"pair of cameras, ranked": compared})
-    if file.sensitivity is not None:
-        asked = len(file.sensitivity.at)
-        groups = sum(_MORE_SOURCES + len(camera.calibration.groups) for camera in case.cameras.values())
-        sources = groups * (1 + len(file.propagation.field_places))
-        yield _sampled(
-            "sensitivity",
-            f"{counted(cameras, 'camera')} at {counted(asked, 'distance')}",
-            {},
-            _draws(sources, _FIRST_DRAWS, asked),
-            _draws(sources, _TORNADO_DRAWS, asked),
-        )
-
-
-def _designs(definition: StudyDefinition) -> int:
-    return math.prod(len(axis.values) for axis in sweep_axes(definition))
-
-
-def _exact(definition: StudyDefinition, cameras: float, distances: int) -> tuple[Mapping[str, float], ...]:
-    """Fewest and most work of drawing so many exact cameras; how many draws are enough is found at a few distances."""
-    propagation, scene = definition.file.propagation, definition.case.cameras.values()
-    judged = max((len(camera.propagation.judged) for camera in scene), default=0)
-    distributions = _WAYS * cameras
-    return (
-        _draws(distributions, _FIRST_DRAWS, distances + judged),
-        _draws(distributions, 2.0 * max(propagation.max_draws, _FIRST_DRAWS), distances + judged),
+        for step in steps
     )
 
 
-def _draws(distributions: float, draws: float, distances: int) -> Mapping[str, float]:
-    """So many draws of each distribution, read at distances."""
-    return {
-        "distribution": distributions,
-        "draw": distributions * draws,
-        "draw at a distance": distributions * draws * distances,
-    }
+@dataclass(frozen=True, kw_only=True)
+class _Prediction:
+    """The pilots of one study, each made once."""
 
+    definition: StudyDefinition
+    tables: dict[object, tuple[float, float]] = field(default_factory=dict)
+    pictures: dict[SpotModels, float] = field(default_factory=dict)
 
-def _calibrations(definition: StudyDefinition) -> Iterator[PredictedStep]:
-    """Posteriors, whose samplers stop when they have converged."""
-    parts = [part for part in definition.file.cameras.values() if isinstance(part, DepthCameraDeclaration)]
-    inferred = [part.calibration.target or part.calibration.corners for part in parts]
-    steps = [one.max_steps for one in inferred if one is not None]
-    if steps:
-        yield _sampled(
-            "calibration",
-            f"{counted(len(steps), 'posterior')}, {_FIRST_STEPS} to {max(steps)} steps of {_ENSEMBLES} ensembles each",
-            {},
-            {"inference step of an ensemble": _ENSEMBLES * len(steps) * _FIRST_STEPS},
-            {"inference step of an ensemble": _ENSEMBLES * sum(steps)},
+    def steps(self) -> Iterator[PredictedStep]:
+        file = self.definition.file
+        if self.definition.case.cameras:
+            yield from self._depth()
+        if file.depth_of_field is not None:
+            cameras = len(self.definition.case.all_cameras)
+            seconds = cameras * self.reading
+            yield PredictedStep(
+                name="depth of field",
+                seconds=seconds,
+                work=counted(cameras, "camera"),
+                pieces={depth_of_field.NAME: seconds},
+            )
+        if file.fresnel_validity is not None:
+            yield from self._fresnel_validity()
+        if file.light_spot is not None:
+            yield from self._light_spot(file.light_spot)
+        if file.point_spread is not None:
+            part = file.point_spread
+            varied = (part.f_numbers, part.wavelengths, part.field_angles, part.defocus)
+            count = 2 * len(part.elements) * sum(map(len, varied))
+            yield PredictedStep(
+                name="point spread",
+                seconds=count * pilots.spread_seconds(part),
+                work=counted(count, "point-spread function"),
+            )
+        if file.hard_cases is not None:
+            yield self._hard_cases(file.hard_cases.families)
+        if file.claims or file.requirements:
+            yield self._claims()
+        yield self._report()
+
+    @cached_property
+    def reading(self) -> float:
+        """Seconds of reading a small study."""
+        return pilots.reading_seconds()
+
+    @cached_property
+    def design(self) -> float:
+        """Seconds of reading this study with one value changed."""
+        changed: dict[str, Value | Entry] = {axis.path: axis.values[-1] for axis in sweep_axes(self.definition)}
+        for question in self.definition.file.solve.values():
+            changed |= dict.fromkeys(question.paths, question.low)
+        return pilots.seconds_of(lambda: self.definition.with_values(changed).case)
+
+    def picture(self, part: LightSpotPart, models: SpotModels) -> float:
+        """Seconds of a picture of the spot; that of a reading is like that of the study."""
+        from tradestudy.plan.light_pilot import predicted_picture_seconds
+
+        if models not in self.pictures:
+            self.pictures[models] = predicted_picture_seconds(part, models)
+        return self.pictures[models]
+
+    def table(self, camera: DepthCamera) -> tuple[float, float]:
+        """Seconds of a camera over the study's distances, and of drawing it; alike for those of one kind and models."""
+        case, law = self.definition.case, camera.disparity_error_px
+        kind = (type(camera), camera.propagation.model, bool(camera.calibration.groups), getattr(law, "models", None))
+        if not self.tables:  # the first camera finds what every other one uses
+            pilots.table_seconds(camera, case.criteria, case.distance[:_FIRST_DISTANCES])
+        if kind not in self.tables:
+            self.tables[kind] = (
+                pilots.table_seconds(camera, case.criteria, case.distance),
+                pilots.drawing_seconds(camera, case.distance.size),
+            )
+        return self.tables[kind]
+
+    @cached_property
+    def cameras(self) -> dict[str, tuple[float, float]]:
+        """Seconds of every camera's table; one whose calibration is inferred in the run has its priors until then."""
+        found = {}
+        priors = {
+            asked.name: getattr(asked, "groups", ()) for asked in self.definition.calibrations_to_infer().values()
+        }
+        for name, camera in self.definition.case.cameras.items():
+            calibration = camera.calibration
+            if priors.get(name):
+                calibration = replace(calibration, groups=priors[name], inferred=True)
+            found[name] = self.table(replace(camera, calibration=calibration))
+        return found
+
+    @cached_property
+    def designs(self) -> dict[str, int]:
+        """How many cameras of each name a sweep has: what an axis does not change is computed once."""
+        found = dict.fromkeys(self.cameras, 1)
+        for axis in sweep_axes(self.definition):
+            other = next(value for value, label in zip(axis.values, axis.labels, strict=True) if label != axis.declared)
+            changed = self.definition.with_values({axis.path: other}).case.cameras
+            for name, camera in self.definition.case.cameras.items():
+                found[name] *= len(axis.values) if changed[name] != camera else 1
+        return found
+
+    @property
+    def all_tables(self) -> float:
+        """Without draws, which are known once depth is."""
+        return math.fsum(table for table, _ in self.cameras.values())
+
+    def _depth(self) -> Iterator[PredictedStep]:
+        definition, file, case = self.definition, self.definition.file, self.definition.case
+        asked = definition.calibrations_to_infer().values()
+        if asked:
+            yield PredictedStep(
+                name="calibration",
+                seconds=math.fsum(map(pilots.inference_seconds, asked)),
+                work=counted(len(asked), "posterior"),
+            )
+        yield from self._pictures()
+        designs = math.prod(len(axis.values) for axis in sweep_axes(definition))
+        points = math.fsum(self.designs[name] * sum(seconds) for name, seconds in self.cameras.items())
+        cameras, distances = counted(len(case.cameras), "camera"), counted(case.distance.size, "distance")
+        yield PredictedStep(
+            name="depth",
+            seconds=points + (designs * self.design if file.sweep else 0.0),
+            work=f"{counted(designs, 'design')} of {cameras} at {distances}",
+            pieces={name: self.designs[name] * sum(seconds) for name, seconds in self.cameras.items()},
+        )
+        if places := len(file.propagation.field_places):
+            yield PredictedStep(
+                name="depth off the axis",
+                seconds=places * math.fsum(map(sum, self.cameras.values())),
+                work=f"{counted(places, 'place')} of {cameras} at {distances}",
+            )
+        yield from self._decision()
+        if file.sensitivity is not None:
+            fields = 1 + len(file.propagation.field_places)
+            sources = sum(2 + len(camera.calibration.groups) for camera in case.cameras.values()) * fields
+            each = _TABLES_OF_A_SOURCE * self.all_tables / len(case.cameras)
+            yield PredictedStep(name="sensitivity", seconds=sources * each, work=counted(sources, "error source"))
+
+    def _pictures(self) -> Iterator[PredictedStep]:
+        points = kirchhoff_lattice(self.definition.case.cameras.values(), self.definition.case.distance)
+        if points:
+            seconds = pilots.correction_seconds(points)
+            yield PredictedStep(name="pictures", seconds=seconds, work=f"{len(points)} defoci by Kirchhoff")
+
+    def _decision(self) -> Iterator[PredictedStep]:
+        file = self.definition.file
+        verdicts = 1 + len(file.readings) if file.decision is not None else 0
+        trials = _TRIALS_OF_A_ROOT * len(file.solve)
+        pair = self._pair_of(file.decision.between) if file.decision is not None else 0.0
+        yield PredictedStep(
+            name="decision",
+            seconds=verdicts * _TABLES_OF_A_VERDICT * pair
+            + (trials * (self.design + _TABLES_OF_A_TRIAL * self.all_tables) if trials else 0.0)
+            + (self.all_tables if file.sweep else 0.0),
+            work=f"{counted(verdicts, 'verdict')} on a pair, {counted(len(file.solve), 'inverse question')}",
+        )
+        if file.decision is not None:
+            pairs = file.decision.compare or (file.decision.between,)
+            seconds = _TABLES_OF_RANKS * math.fsum(map(self._pair_of, pairs))
+            yield PredictedStep(name="ranks", seconds=seconds, work=counted(len(pairs), "pair"))
+
+    def _pair_of(self, names: tuple[str, ...]) -> float:
+        return math.fsum(self.cameras[name][0] for name in names)
+
+    def _fresnel_validity(self) -> Iterator[PredictedStep]:
+        part = self.definition.file.fresnel_validity
+        assert part is not None
+        f_numbers, wavelengths, elements = len(part.f_numbers.values()), len(part.wavelengths), part.elements.values()
+        pairs = len(part.elements) * wavelengths * (f_numbers + 2)
+        yield PredictedStep(
+            name="Fresnel against Kirchhoff, on axis",
+            seconds=pairs * self.pair_on_axis,
+            work=f"{counted(pairs, 'pair')} of point-spread functions",
+        )
+        limits = len(part.elements) * len(part.lens_phases) * wavelengths * (1 + 2 * len(part.windows))
+        yield PredictedStep(
+            name="f-numbers at the limit",
+            seconds=_PAIRS_OF_A_ROOT * limits * self.pair_on_axis / 2.0,
+            work=counted(limits, "root"),
+        )
+        if part.off_axis is not None:
+            angle = part.off_axis.field_angle
+            one = math.fsum(pilots.pair_seconds(part, element, field_angle=angle) for element in elements)
+            yield PredictedStep(
+                name="Fresnel against Kirchhoff, off axis",
+                seconds=(f_numbers + 1) * one,
+                work=f"{len(part.elements) * (f_numbers + 1)} pairs of point-spread functions",
+            )
+
+    @cached_property
+    def pair_on_axis(self) -> float:
+        part = self.definition.file.fresnel_validity
+        assert part is not None
+        return pilots.pair_seconds(part, next(iter(part.elements.values())))
+
+    def _light_spot(self, part: LightSpotPart) -> Iterator[PredictedStep]:
+        """Pictures by the methods that are compared, and by the chosen models where that is another."""
+        from tradestudy.analysis.spot_images import compared_models
+        from tradestudy.plan.pieces.light_spot import NAME, spot_models
+
+        asked = [compared_models(part, method) for method in part.methods]
+        names = self.definition.models.get(NAME)
+        if names and (chosen := spot_models(names)) not in asked:
+            asked.append(chosen)
+        seconds = math.fsum(self.picture(part, models) for models in asked)
+        yield PredictedStep(
+            name="image of the spot",
+            seconds=seconds,
+            work=f"{counted(len(asked), 'picture')}: {', '.join(models.method for models in asked)}",
+            pieces={NAME: seconds},
+        )
+        if part.benchmarks:
+            point = self.picture(part, replace(compared_models(part, "kirchhoff"), point=True))
+            yield PredictedStep(name="benchmarks of light", seconds=point, work="18 apertures, one source point")
+
+    def _hard_cases(self, names: tuple[str, ...]) -> PredictedStep:
+        from tradestudy.verification.hard_case_families import all_families
+
+        cases = sum(len(family.cases) for family in all_families() if family.name in names)
+        seconds = cases * _READINGS_OF_A_HARD_CASE * self.reading
+        return PredictedStep(name="hard cases", seconds=seconds, work=counted(cases, "case"))
+
+    def _claims(self) -> PredictedStep:
+        """Every claim under each of its readings, and pictures of the spot that a reading asks for anew."""
+        file = self.definition.file
+        readings = {"": self.definition, **self.definition.readings}
+        asked = [
+            (claim, list(readings) if claim.under == "all" else [claim.reading or "", *claim.under])
+            for claim in file.claims.values()
+        ]
+        seconds = len(file.requirements) * self.all_tables
+        seconds += math.fsum(len(names) * self._seconds_of_claim(claim) for claim, names in asked)
+        if (declared := file.light_spot) is not None:
+            from tradestudy.analysis.spot_images import compared_models, without_comparison
+
+            known = {(without_comparison(declared), declared.tolerance, method) for method in declared.methods}
+            for claim, names in asked:
+                if isinstance(claim, ImageDifferenceClaim | LitPixelsClaim):
+                    for name, method in itertools.product(names, (claim.method, claim.reference)):
+                        spot = readings[name].file.light_spot
+                        assert spot is not None  # it is valid
+                        if (key := (without_comparison(spot), spot.tolerance, method)) not in known:
+                            known.add(key)
+                            seconds += self.picture(spot, compared_models(spot, method))
+        answers = sum(len(names) for _, names in asked)
+        return PredictedStep(
+            name="claims",
+            seconds=seconds,
+            work=f"{counted(answers, 'claim')} under readings, {counted(len(file.requirements), 'requirement')}",
         )
 
+    def _seconds_of_claim(self, claim: ClaimPart) -> float:
+        match claim:
+            case PsfErrorClaim() | FresnelFNumberClaim():
+                return self.pair_on_axis
+            case DepthOfFieldClaim() | DepthOfFieldRatioClaim():
+                return self.reading
+            case _ if self.cameras and not hasattr(claim, "criterion") and not hasattr(claim, "method"):
+                return _TABLES_OF_A_CLAIM * self.all_tables / len(self.cameras)
+            case _:
+                return 0.0  # a closed form, or pictures, which are counted once
 
-def _sampled(
-    name: str, work: str, fixed: Mapping[str, float], least: Mapping[str, float], most: Mapping[str, float]
-) -> PredictedStep:
-    """Fixed work, and a range of what stops when it has converged; no range where nothing is drawn."""
-    known = _seconds(fixed)
-    low, high = known + _seconds(least), known + _seconds(most)
-    if low == high:
-        return PredictedStep(name=name, low=known, high=known, work=work)
-    return PredictedStep(name=name, low=low / _UNITS_VARY, high=high * _UNITS_VARY, work=work)
-
-
-def _fresnel_validity(part: FresnelValidityPart) -> Iterator[PredictedStep]:
-    elements, f_numbers = len(part.elements), len(part.f_numbers.values())
-    on_axis = elements * len(part.wavelengths) * (f_numbers + 2)
-    yield _fixed(
-        "Fresnel against Kirchhoff, on axis",
-        f"{counted(on_axis, 'pair')} of point-spread functions",
-        {"Fresnel against Kirchhoff on axis": on_axis},
-    )
-    limits = elements * len(part.lens_phases) * len(part.wavelengths) * (1 + 2 * len(part.windows))
-    yield _fixed("f-numbers at the limit", counted(limits, "root"), {"root of a limit": limits})
-    if part.off_axis is not None:
-        off_axis = elements * (f_numbers + 1)
-        yield _fixed(
-            "Fresnel against Kirchhoff, off axis",
-            f"{counted(off_axis, 'pair')} of point-spread functions",
-            {"Fresnel against Kirchhoff off axis": off_axis},
+    def _report(self) -> PredictedStep:
+        file = self.definition.file
+        figures = (
+            4 * bool(self.definition.case.cameras)
+            + 2 * bool(file.sweep)
+            + bool(file.decision)
+            + 2 * (file.sensitivity is not None)
+            + 3 * (file.depth_of_field is not None)
+            + 4 * (file.fresnel_validity is not None)
+            + 2 * (file.light_spot is not None)
+            + (file.point_spread is not None)
+            + (file.hard_cases is not None)
         )
-
-
-def _light_spot(part: LightSpotPart, models: Mapping[str, Models]) -> Iterator[PredictedStep]:
-    """Pictures by the methods that are compared, and by the chosen models where that is another."""
-    from tradestudy.analysis.spot_images import compared_models
-    from tradestudy.plan.situations.light_spot import NAME, named_spot_models, picture_seconds
-
-    asked = [compared_models(part, method) for method in part.methods]
-    names = models.get(NAME)
-    if names and (chosen := named_spot_models(part, names)) not in asked:
-        asked.append(chosen)
-    seconds = math.fsum(picture_seconds(part, models) for models in asked)
-    yield PredictedStep(
-        name="image of the spot",
-        low=seconds,
-        high=seconds,
-        work=f"{counted(len(asked), 'picture')}: "
-        + ", ".join(f"{models.method} to {models.tolerance:g}" for models in asked),
-    )
-    if part.benchmarks:
-        yield _fixed(
-            "benchmarks of light",
-            "18 apertures, one source point",
-            {"aperture of 256² targets": 18, "source point through both lenses": 1},
-        )
-
-
-def _points(part: PointSpreadPart) -> int:
-    varied = (part.f_numbers, part.wavelengths, part.field_angles, part.defocus)
-    return 2 * len(part.elements) * sum(map(len, varied))
-
-
-def _hard_cases(names: tuple[str, ...]) -> PredictedStep:
-    from tradestudy.verification.hard_case_families import all_families
-
-    cases = sum(len(family.cases) for family in all_families() if family.name in names)
-    return _fixed("hard cases", f"{cases} cases", {"hard case": cases})
-
-
-def _claims(definition: StudyDefinition) -> PredictedStep:
-    """Claims about depth under each reading, and images of the spot that a reading asks for anew."""
-    file, readings = definition.file, {"": definition, **definition.readings}
-    asked = [
-        (claim, list(readings) if claim.under == "all" else [claim.reading or "", *claim.under])
-        for claim in file.claims.values()
-    ]
-    answers = sum(len(names) for _, names in asked)
-    seconds = _seconds({"claim about depth": answers + len(file.requirements)})
-    if file.light_spot is not None:
-        pictures = (
-            (readings[name].file.light_spot, method)
-            for claim, names in asked
-            if isinstance(claim, ImageDifferenceClaim | LitPixelsClaim)
-            for name, method in itertools.product(names, (claim.method, claim.reference))
-        )
-        seconds += _pictures_beside(file.light_spot, pictures)
-    return PredictedStep(name="claims", low=seconds, high=seconds, work=f"{answers} claims under their readings")
-
-
-def _pictures_beside(declared: LightSpotPart, asked: Iterable[tuple[LightSpotPart | None, MethodName]]) -> float:
-    """Seconds of the pictures of spots that are none of those that the study compares, each counted once."""
-    from tradestudy.analysis.spot_images import compared_models, without_comparison
-    from tradestudy.plan.situations.light_spot import picture_seconds
-
-    known = {(without_comparison(declared), declared.tolerance, method) for method in declared.methods}
-    seconds = 0.0
-    for spot, method in asked:
-        if spot is not None and (key := (without_comparison(spot), spot.tolerance, method)) not in known:
-            known.add(key)
-            seconds += picture_seconds(spot, compared_models(spot, method))
-    return seconds
-
-
-def _report(definition: StudyDefinition) -> PredictedStep:
-    """Figures are most of a report."""
-    file = definition.file
-    figures = (
-        4 * bool(definition.case.cameras)
-        + 2 * bool(file.sweep)
-        + bool(file.decision)
-        + 2 * (file.sensitivity is not None)
-        + 3 * (file.depth_of_field is not None)
-        + 4 * (file.fresnel_validity is not None)
-        + 2 * (file.light_spot is not None)
-        + (file.point_spread is not None)
-        + (file.hard_cases is not None)
-    )
-    return _fixed("report", f"about {figures} figures, HTML and PDF", {"report": 1, "figure": figures})
+        readings = _READINGS_OF_A_REPORT + figures * _READINGS_OF_A_FIGURE
+        return PredictedStep(name="report", seconds=readings * self.reading, work=f"about {figures} figures, HTML, PDF")

@@ -18,7 +18,6 @@ def write(
     run: Mapping[str, Any],
     directory: Path,
     *,
-    cost_not_shown: str = "",
     pdf: bool = True,
     drawer: Drawer | None = None,
 ) -> None:
@@ -32,12 +31,10 @@ def write(
     tree
         The content of ``results.nc``.
     run
-        The content of ``run.json``; only the section on provenance, and how costs are measured, depend on it.
+        The content of ``run.json``; only the section on provenance depends on it.
     directory
         Where the files go; it is made if it does not exist. Figures and tables of an earlier report that this one does
         not have are removed.
-    cost_not_shown
-        Why a cost that lies in the folder is none of this run, in words; empty where none does.
     pdf
         Whether to write ``report.pdf``.
     drawer
@@ -55,7 +52,7 @@ def write(
     from tradestudy.results.storage import replace_file
 
     drawings = figures.build(tree)
-    document = contents.compose_report(tree, run, drawings, cost_not_shown=cost_not_shown)
+    document = contents.compose_report(tree, run, drawings)
     made = {f"tables/{name}": table for name, table in csv_tables.tables(tree).items()}
     pictures = drawn_here(drawings) if drawer is None else drawer.pictures(drawings)
     made |= {f"figures/{name}.svg": svg for name, svg in pictures.items()}

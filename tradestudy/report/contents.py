@@ -11,9 +11,9 @@ from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Contents, PageBreak, Report
 from tradestudy.report.sections.answer import describe_answer
 from tradestudy.report.sections.calibration import describe_calibration
-from tradestudy.report.sections.cost import Measuring, describe_cost
+from tradestudy.report.sections.cost import describe_cost
 from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
-from tradestudy.report.sections.effects import describe_effects
+from tradestudy.report.sections.effects import describe_effects, list_decisions
 from tradestudy.report.sections.fresnel_validity import describe_fresnel_answer, describe_fresnel_validity
 from tradestudy.report.sections.hard_cases import describe_hard_cases
 from tradestudy.report.sections.light_spot import describe_light_spot, describe_light_spot_answer
@@ -30,13 +30,7 @@ from tradestudy.report.sections.registers import (
 from tradestudy.report.sections.results import describe_results
 
 
-def compose_report(
-    tree: xr.DataTree,
-    run: Mapping[str, Any],
-    drawings: Mapping[str, Drawing],
-    *,
-    cost_not_shown: str = "",
-) -> Report:
+def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Report:
     """Write the report of a results tree.
 
     Parameters
@@ -47,8 +41,6 @@ def compose_report(
         The content of ``run.json``; what took how long, and where it was computed.
     drawings
         The figures that the tree allows.
-    cost_not_shown
-        As for `tradestudy.report.write`.
     """
     first_page = (
         *describe_sharp_answer(tree, drawings),
@@ -61,7 +53,7 @@ def compose_report(
         *describe_cameras(tree),
         *describe_assumptions(tree),
         *describe_method(tree),
-        *describe_effects(tree, run),
+        *describe_effects(tree),
         *describe_results(tree, drawings),
         *describe_calibration(tree, run, drawings),
         *describe_depth_of_field(tree, drawings),
@@ -69,10 +61,11 @@ def compose_report(
         *describe_fresnel_validity(tree, drawings),
         *describe_light_spot(tree, run, drawings),
         *describe_hard_cases(tree, drawings),
-        *describe_cost(tree, drawings, Measuring.of(run, not_shown=cost_not_shown)),
+        *describe_cost(tree, drawings),
         *describe_claims(tree),
         *describe_requirements(tree),
         *describe_contradictions(tree),
+        *list_decisions(tree),
         *describe_provenance(run),
     )
     return Report(

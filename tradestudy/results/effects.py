@@ -1,4 +1,4 @@
-"""/effects: every model that was weighed, what it may change at most, what it costs, and what became of it."""
+"""/effects: every model of every effect, what it changes, and which one acts."""
 
 from __future__ import annotations
 
@@ -7,74 +7,58 @@ from typing import Final
 
 from tradestudy.results.variable import Variable
 
-TIMES_WITH_A_MODEL: Final = (
-    "predicted on the reference machine for all models that act in the piece, with this one in its slot; where it "
-    "cannot stand beside the others, with the cheapest change of one more"
-)
-OF_NOISE_ALONE: Final = (
-    "Bounds on the depth uncertainty hold for what noise alone makes of it, too, which is shown by itself, however "
-    "large the errors of calibration are: where these are the larger part, the whole moves by less."
-)
-WHERE_NUMBERS_ARE_TAKEN: Final = (
-    "A distance behind a number is where it is the worst, under every reading, at every design of the "
-    "sweep (at 64 of them where there are more) and at five values of what an inverse question varies: of usable "
-    "distances, or of all for a camera that is usable nowhere, and a tenth beyond them where the disparity error is "
-    "derived from the picture; usable or not, also of those that decision.at, solve and requirements ask for. Where "
-    "none stands, the number is the same at all or belongs to none."
-)
+_DECISION, _CHANGE = ("decision",), ("decision", "quantity")
+_PIECE, _TOGETHER = ("piece",), ("piece", "quantity")
+_HOW = "computed, bound (a rule that it cannot exceed) or trial (a dearer model at a few places, with a margin)"
+_KNOWN_AS = "as its evidence says: computed with a margin for the places between, a bound, or a trial with a margin"
+
+
+def _words(dims: tuple[str, ...], long_name: str) -> Variable:
+    return Variable(dims=dims, units="", long_name=long_name)
+
+
 EFFECTS: Final[Mapping[str, Variable]] = {
-    "situation": Variable(dims=("decision",), units="", long_name="camera, lens or light path the model belongs to"),
-    "slot": Variable(dims=("decision",), units="", long_name="effect"),
-    "model": Variable(dims=("decision",), units="", long_name="way to treat the effect; off leaves it out"),
-    "chosen": Variable(dims=("decision",), units="1", long_name="whether it acts", error="exact"),
-    "forced": Variable(dims=("decision",), units="1", long_name="whether the study insists on it", error="exact"),
-    "bound": Variable(
-        dims=("decision", "quantity"),
+    "situation": _words(_DECISION, "camera, lens or light path the model belongs to, by its name in piece"),
+    "slot": _words(_DECISION, "effect"),
+    "model": _words(_DECISION, "way to treat the effect; off leaves it out"),
+    "chosen": Variable(dims=_DECISION, units="1", long_name="whether it acts", error="exact"),
+    "forced": Variable(dims=_DECISION, units="1", long_name="whether the study names the model", error="exact"),
+    "reason": _words(_DECISION, "why the effect has one model alone; empty where there is a choice"),
+    "change": Variable(
+        dims=_CHANGE,
         units="1",
-        long_name="upper bound on the relative change of a quantity if the model stands in for the most complete one; "
-        "NaN where the quantity is not asked for; infinite where none can be stated",
-        error="it is a bound",
+        long_name="relative change of a quantity by this model alone, beside the most complete models of the others; "
+        "NaN for quantities that the piece does not have, infinite where none is known",
+        error=_KNOWN_AS,
     ),
-    "criterion": Variable(dims=("decision",), units="", long_name="number that the bound follows from"),
-    "definition": Variable(dims=("decision",), units="", long_name="formula of that number"),
-    "number": Variable(
-        dims=("decision",),
-        units="1",
-        long_name="its value at the worst place of the study; NaN where the effect has none, infinite where nothing "
-        "of the kind is there to divide by",
-        error="closed form; of light paths from sampled rays, a mean over some hundreds to thousands of them",
-    ),
-    "number_at": Variable(
-        dims=("decision",),
+    "evidence": _words(_CHANGE, f"how that is known: {_HOW}"),
+    "change_at": Variable(
+        dims=_CHANGE,
         units="m",
-        long_name="distance at which the number is the worst; NaN where it belongs to none",
-        error="one of the distances that are looked at",
+        long_name="distance at which the change is the largest; NaN where it belongs to none",
+        error="one of the distances that were looked at",
     ),
-    "reason": Variable(dims=("decision",), units="", long_name="why the bound holds"),
-    "why": Variable(dims=("decision",), units="", long_name="why the model was taken or not"),
-    "predicted_seconds": Variable(
-        dims=("decision",),
-        units="s",
-        long_name=f"cost {TIMES_WITH_A_MODEL}; infinite where nothing can be combined with it",
-        error="a factor of 2",
-    ),
-    "joint_bound": Variable(
-        dims=("piece", "quantity"),
+    "joint_change": Variable(
+        dims=_TOGETHER,
         units="1",
-        long_name="sum of the bounds of the models that act; NaN where the quantity is not asked for",
-        error="it is a bound",
+        long_name="relative change of a quantity by all that the acting models leave out together; "
+        "NaN for quantities that the piece does not have, infinite where it is not known",
+        error=_KNOWN_AS,
     ),
-    "wanted": Variable(
-        dims=("piece", "quantity"),
+    "joint_evidence": _words(_TOGETHER, f"how that is known: {_HOW}"),
+    "forced_change": Variable(
+        dims=_TOGETHER,
         units="1",
-        long_name="relative error that the study allows; NaN where the quantity is not asked for",
+        long_name="relative change of a quantity by the models that the study names; NaN where it names none, "
+        "infinite where it is not known",
+        error=_KNOWN_AS,
+    ),
+    "tolerance": Variable(
+        dims=_TOGETHER,
+        units="1",
+        long_name="relative change that the study allows; NaN where it does not ask for the quantity",
         error="declared",
     ),
-    "piece_title": Variable(dims=("piece",), units="", long_name="the camera, lens or light path in words"),
-    "piece_seconds": Variable(
-        dims=("piece",),
-        units="s",
-        long_name="predicted cost of the models that act, on the reference machine",
-        error="a factor of 2",
-    ),
+    "piece_title": _words(_PIECE, "the camera, lens or light path in words"),
+    "summary": _words(_PIECE, "what is simulated, and the largest thing left out, in one line"),
 }

@@ -31,6 +31,13 @@ DECISION: Final[Mapping[str, Variable]] = {
         "infinite where only the first has no far end, NaN where both have none",
         error=SEE_ERROR,
     ),
+    "within_tolerance": Variable(
+        dims=("reading", "place", "way"),
+        units="1",
+        long_name="whether the uncertainties of the headline pair differ by no more than the tolerance, so that what "
+        "was left out could overturn which is lower",
+        error="exact",
+    ),
     "flips": Variable(
         dims=("reading", "place", "way"),
         units="1",
@@ -109,6 +116,12 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     ),
     "verdict": Variable(dims=("claim",), units="", long_name="met, not met, or cannot be decided from the paper"),
     "reason": Variable(dims=("claim",), units="", long_name="the verdict's reason"),
+    "within_tolerance": Variable(
+        dims=("claim", "reading"),
+        units="1",
+        long_name="whether a change of the value by as much as the tolerance could overturn the answer",
+        error="exact",
+    ),
 }
 
 REQUIREMENTS: Final[Mapping[str, Variable]] = {
@@ -126,6 +139,12 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         units="1",
         long_name="bound less worst value, over the estimated error of that value; NaN where it has none",
         error="as good as that estimate",
+    ),
+    "within_tolerance": Variable(
+        dims=("requirement",),
+        units="1",
+        long_name="whether a change of the worst value by as much as the tolerance could overturn the answer",
+        error="exact",
     ),
     "reason": Variable(dims=("requirement",), units="", long_name="the worst value and where it lies"),
 }

@@ -65,7 +65,7 @@ def compute(
         from tradestudy.run.groups.calibration import calibration_group
 
         groups["/calibration"] = calibration_group(inferred)
-    if plan.situations:
+    if plan.pieces:
         groups["/effects"] = effects_group(plan)
     if definition.case.cameras:
         compute_kirchhoff_pictures(definition, progress)
@@ -76,8 +76,7 @@ def compute(
             groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
         if (causes := disparity_causes_group(definition)) is not None:
             groups["/disparity_causes"] = causes
-        progress("decision", 0.0)
-        groups["/decision"] = decision_group(definition, readings, groups["/depth"])
+        groups["/decision"] = decision_group(definition, readings, groups["/depth"], progress)
         progress("decision", 1.0)
         if file.decision is not None:
             groups["/decision"] = groups["/decision"].merge(ranks_group(definition, progress))
@@ -87,30 +86,30 @@ def compute(
 
         groups["/sensitivity"] = sensitivity_group(definition, np.array(file.sensitivity.at), steps)
     if file.depth_of_field is not None:
-        from tradestudy.plan.situations.every import DEPTH_OF_FIELD
+        from tradestudy.plan.pieces import depth_of_field
         from tradestudy.run.groups.depth_of_field import criteria_group, depth_of_field_group
 
-        selection = plan.selections[DEPTH_OF_FIELD]
+        sharp = plan.models(depth_of_field.NAME)
         progress("depth of field", 0.0)
-        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, selection)
+        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, sharp)
         if file.relief is not None:
-            groups["/criteria"] = criteria_group(definition, file.relief, file.depth_of_field, selection)
+            groups["/criteria"] = criteria_group(definition, file.relief, file.depth_of_field, sharp)
         progress("depth of field", 1.0)
     if file.fresnel_validity is not None:
         from tradestudy.run.groups.fresnel_validity import fresnel_validity_group
 
         groups["/fresnel_validity"] = fresnel_validity_group(file.fresnel_validity, progress, seconds)
     if file.light_spot is not None:
-        from tradestudy.plan.situations import light_spot
+        from tradestudy.plan.pieces import light_spot
         from tradestudy.run.groups.images import images_group
 
-        groups["/images"] = images_group(file.light_spot, progress, seconds, plan.selections[light_spot.NAME])
+        groups["/images"] = images_group(file.light_spot, progress, seconds, plan.models(light_spot.NAME))
     if file.point_spread is not None:
-        from tradestudy.plan.situations import point_spread
+        from tradestudy.plan.pieces import point_spread
         from tradestudy.run.groups.point_spread import point_spread_group
 
-        selection = plan.selections[point_spread.NAME]
-        groups["/point_spread"] = point_spread_group(file.point_spread, progress, seconds, selection)
+        laws = plan.models(point_spread.NAME)
+        groups["/point_spread"] = point_spread_group(file.point_spread, progress, seconds, laws)
     if file.hard_cases is not None:
         from tradestudy.run.groups.hard_cases import hard_cases_group
 

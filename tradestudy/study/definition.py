@@ -75,7 +75,7 @@ class StudyDefinition:
     models
         The model that acts in each slot of effects, by camera, lens or light path; what is not in it acts as declared.
     tolerance
-        The one relative error wanted of every quantity, in place of what is declared; None where that counts.
+        The one tolerance for every quantity, in place of what is declared; None where that counts.
     posteriors
         What has been inferred of calibrations, by the keys of `posterior_keys`.
     before
@@ -118,13 +118,14 @@ class StudyDefinition:
         if self.tolerance is None:
             return self.document
         own = [name for name in QUANTITIES if self.document.entry(f"accuracy.{name}") is not None]
-        taken_back = {f"accuracy.{name}": None for name in own}
+        # Noise by itself is asked for only where it is named, so that its name has to stay.
+        taken_back = {f"accuracy.{name}": self.tolerance if name == "depth_noise" else None for name in own}
         asked = with_values(self.document, {"accuracy.tolerance": self.tolerance, **taken_back})
         spot, accuracy = self.declared.light_spot, validate_changes(asked, self.document, self.declared).accuracy
-        wanted = accuracy.wanted().relative["pixel_intensity"]
-        if spot is None or not spot.methods or wanted <= spot.tolerance:
+        tolerance = accuracy.asked().tolerances["pixel_intensity"]
+        if spot is None or not spot.methods or tolerance <= spot.tolerance:
             return asked
-        loosened = ScalarEntry.of(f"{100 * min(wanted, LOOSEST_PICTURE):g} %")
+        loosened = ScalarEntry.of(f"{100 * min(tolerance, LOOSEST_PICTURE):g} %")
         return with_values(asked, {"light_spot.tolerance": loosened})
 
     @cached_property
@@ -180,7 +181,7 @@ class StudyDefinition:
         asked = {float(one) for one in some} | set(() if file.decision is None else file.decision.at)
         asked |= {end for one in file.requirements.values() for end in one.depth_uncertainty.over}
         return replace(
-            file.propagation.propagation(file.accuracy.wanted().relative["depth_uncertainty"]),
+            file.propagation.propagation(file.accuracy.asked().tolerances["depth_uncertainty"]),
             judged=tuple(sorted(asked)),
         )
 
@@ -354,18 +355,20 @@ class StudyDefinition:
         return Path(file if Path(file).is_file() else root).parent
 
     def with_tolerance(self, relative: str) -> StudyDefinition:
-        """The same study with one relative error wanted of every quantity, such as ``"1 %"``, whatever it declares.
+        """The same study with one tolerance for every quantity, such as ``"1 %"``, whatever it declares.
 
         Raises
         ------
         StudyError
-            Where that is no relative error; reported at ``--tolerance``.
+            Where that is no tolerance; reported at ``--tolerance``.
         """
         asked = replace(self, tolerance=relative, before=self)
         try:
             asked.file  # noqa: B018 - made here so that a tolerance that is none is refused where it is given
         except StudyError as error:
-            raise StudyError([replace(one, file="--tolerance") for one in error.problems]) from None
+            # A quantity that is named as well has the same mistake.
+            own = [one for one in error.problems if one.path == "accuracy.tolerance"] or error.problems
+            raise StudyError([replace(one, file="--tolerance") for one in own]) from None
         return asked
 
     def with_models(self, models: Mapping[str, Models]) -> StudyDefinition:

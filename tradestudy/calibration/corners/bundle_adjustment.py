@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import least_squares
-from scipy.sparse import csr_array
 
 from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners
 from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
@@ -21,6 +20,9 @@ from tradestudy.calibration.posterior.laplace import covariance_from_information
 from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 RESIDUAL_LIMIT_PX = 2.0  # a corner detector is ten times better; more means wrong correspondences
 _ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not turn between views
@@ -212,6 +214,8 @@ def _minimise(
     evaluate: Callable[[FloatArray, FloatArray], ViewBlocks], shared: FloatArray, poses: FloatArray
 ) -> tuple[FloatArray, FloatArray, ViewBlocks]:
     """Least squares over shared parameters and poses with a sparse Jacobian."""
+    from scipy.optimize import least_squares  # it takes long to import, and only corners need it
+
     count, views = len(shared), len(poses)
 
     def split(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -242,6 +246,8 @@ def _minimise(
 
 def _sparse_jacobian(blocks: ViewBlocks) -> csr_array:
     """Derivatives of all residuals: dense in the shared columns, block diagonal in the poses."""
+    from scipy.sparse import csr_array
+
     views, rows, count = blocks.by_shared.shape
     shared_columns = np.broadcast_to(np.arange(count), (views, rows, count))
     pose_columns = count + 6 * np.arange(views)[:, None, None] + np.arange(6)

@@ -6,7 +6,6 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq, minimize
 
 from tradestudy.calibration.corners.bundle_adjustment import PairFit
 from tradestudy.calibration.corners.corner_file import StereoCorners
@@ -202,6 +201,7 @@ def _restricted(compressed: CompressedViews, noise_px: float, motion_scale: floa
 
 def _best_scales(compressed: CompressedViews, noise_px: float, motion_scale: float) -> tuple[float, float]:
     """Noise and motion scale of highest restricted likelihood."""
+    from scipy.optimize import minimize  # it takes long to import, and only corners need it
 
     def cost(logs: FloatArray) -> float:
         return -_restricted(compressed, float(np.exp(logs[0])), float(np.exp(logs[1])))
@@ -329,6 +329,8 @@ def _joint_laplace(fit: PairResidualFit, compressed: CompressedViews, corners: S
 
 def _motion_deviation(fit: PairResidualFit, compressed: CompressedViews) -> float:
     """How far above the best motion scale the restricted likelihood has fallen by a half in its logarithm [m]."""
+    from scipy.optimize import brentq
+
     best = _restricted(compressed, fit.noise_px, fit.motion_scale)
 
     def excess(step: float) -> float:

@@ -195,7 +195,7 @@ def separate_image(
         mine = owner == index
         window = _window(mine)
         alone = chain_image(
-            microlens_alone(path, int(index), owner),
+            microlenses_alone(path, [int(index)], owner),
             source,
             wavelength=wavelength,
             legs=legs,
@@ -238,9 +238,9 @@ def _window(mine: BoolArray) -> tuple[slice, slice]:
     return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
 
 
-def microlens_alone(path: LightPath, index: int, owner: IndexArray) -> LightPath:
-    """One microlens and the pixels that it owns, of those that `nearest_microlens` gives it."""
-    grid, window = path.pixels, _window(owner == index)
+def microlenses_alone(path: LightPath, indices: Sequence[int], owner: IndexArray) -> LightPath:
+    """Some microlenses, and the smallest rectangle with the pixels that `nearest_microlens` gives them."""
+    grid, window = path.pixels, _window(np.isin(owner, indices))
     middle = [
         (edges[part.start] + edges[part.stop]) / 2
         for edges, part in zip((grid.edges_x, grid.edges_y), reversed(window), strict=True)
@@ -248,7 +248,7 @@ def microlens_alone(path: LightPath, index: int, owner: IndexArray) -> LightPath
     shape = (window[0].stop - window[0].start, window[1].stop - window[1].start)
     return replace(
         path,
-        microlenses=path.microlenses.only(index),
+        microlenses=path.microlenses.only(*indices),
         pixels=PixelGrid(
             pitch=grid.pitch, shape=shape, centre=(float(middle[0]), float(middle[1])), integrated=grid.integrated
         ),

@@ -30,6 +30,7 @@ from tradestudy.optics.propagation.direct import ComplexArray
 _SAFETY_OF_EDGES = 3.0  # the coarser Kirchhoff of a boundary wave may err to the same side as the wave
 _SAFETY = 2.0  # the two computations share some of their error: measured by tests/benchmarks/chain_audit.py
 _CHECK_POINTS = 16
+_COUNT_OF_THREADS = 1000  # samples a side from which on threads save more than they take to start
 _GROSS = 0.2  # discrepancy from direct quadrature that no tolerance excuses …
 _GROSS_RATIO = 300.0  # … or that is out of all proportion to the error stated
 
@@ -169,6 +170,7 @@ def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: C
         response=response(plan.transfer),
         per_pixel=plan.per_pixel,
         tolerance=accuracy.tolerance / 20,
+        threads=1 if plan.transfer.count < _COUNT_OF_THREADS else 0,
     )
     handed_over = 0.0
     if spheres and spheres.power > 0.0:

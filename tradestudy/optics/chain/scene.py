@@ -162,9 +162,10 @@ class Microlenses:
         area = self.aperture_width**2 * (math.pi / 4 if self.aperture == "circular" else 1.0)
         return area / (self.pitch**2 * (1.0 if self.layout == "square" else math.sqrt(3) / 2))
 
-    def only(self, index: int) -> Microlenses:
-        """Return the array with one of its microlenses."""
-        return replace(self, centres=self.centres[[index]], focal_lengths=self.focal_lengths[[index]])
+    def only(self, *indices: int) -> Microlenses:
+        """Return the array with some of its microlenses."""
+        kept = list(indices)
+        return replace(self, centres=self.centres[kept], focal_lengths=self.focal_lengths[kept])
 
     def lens(self, index: int) -> CircularLens:
         """Return one microlens in its own coordinates; its radius reaches the farthest aperture point."""

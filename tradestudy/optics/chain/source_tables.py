@@ -188,6 +188,33 @@ def source_tables(
     )
 
 
+def blank_tables(
+    path: LightPath,
+    source: DiscSource,
+    distances: tuple[float, float],
+    *,
+    wavelength: float,
+    method: WaveMethod,
+    accuracy: ChainAccuracy,
+    half_width: float,
+) -> SourceTables:
+    """One table of the size that `source_tables` would compute, of a field of ones: reading it takes as long."""
+    half = min(half_width, farthest_read(path, source, distances[1]))
+    middle = PointSource(x=sum(distances) / 2, distance=source.distance)
+    wave = PupilWave(path=path, source=middle, wavelength=wavelength, method=method)
+    spacing = field_spacing(wave, accuracy)
+    count = math.ceil(2 * half / spacing) + 1
+    table = FieldTable(start=(-half, -half), spacing=spacing, coefficients=np.ones((2, count, count)))
+    return SourceTables(
+        path=path,
+        distance=source.distance,
+        wavelength=wavelength,
+        method=method,
+        radii=np.array([middle.x]),
+        tables=[table],
+    )
+
+
 def _lagrange(points: FloatArray, at: FloatArray) -> FloatArray:
     """Weights that interpolate a polynomial through the points, shape (…, points)."""
     difference = points[:, None] - points + np.eye(points.size)

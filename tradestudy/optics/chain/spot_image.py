@@ -40,7 +40,7 @@ from tradestudy.optics.chain.spot_points import (
 _SAFETY_OF_ANGLES = 1.5  # one or two rings stand for all
 _SAFETY_OF_RADII = 2.0  # one azimuth stands for all
 AZIMUTHS = 8  # that every ring has
-_CHECKED_POINTS = 2
+CHECKED_POINTS = 2
 # So few points may err by less than others do (of the light spot at 0.1 %, by 0.006 to 0.012 %), and what all lack
 # alike weighs more in the smoother picture of the spot.
 _SAFETY_OF_TWO = 2.0
@@ -207,6 +207,13 @@ def wave_spot_image(
     )
 
 
+def followed_points(path: LightPath, source: DiscSource, nodes: SourceNodes) -> float:
+    """Points of a disc that are followed: nodes without those that symmetries give, and points between them, about."""
+    group = symmetries(path, source)
+    distinct = sum(1 for ring in range(len(nodes.rings)) for _ in orbits(nodes, ring, group))
+    return distinct + 2 * max(map(len, nodes.rings)) / len(group) + 2 * len(nodes.rings) + 1
+
+
 def source_density(accuracy: ChainAccuracy) -> float:
     """Share of the cutoff to resolve: the light near it is weak, and the pixel averages it away."""
     return accuracy.source_sampling * tolerated_density(accuracy)
@@ -273,12 +280,12 @@ def _points_check(spot: Spot, nodes: SourceNodes, light: float, rng: np.random.G
     picks = rng.choice(nodes.all, size=min(_MOST_DRAWN, len(nodes.all)), replace=False)
     finer = spot.accuracy.unstarved()
     for number, pick in enumerate(picks):
-        if len(squares) == _CHECKED_POINTS:
+        if len(squares) == CHECKED_POINTS:
             break
         at = (float(pick[0]), float(pick[1]))
         fast = point_light(spot, at, tables_at(spot, [at])[at]).on_pixels(spot)
         left = len(picks) - number
-        if fast.sum() < _HARDLY_ANY * light and left > _CHECKED_POINTS - len(squares):
+        if fast.sum() < _HARDLY_ANY * light and left > CHECKED_POINTS - len(squares):
             continue
         wave = spot.wave(*at)
         law = reference_law(spot.legs.to_detector)

@@ -34,7 +34,7 @@ from tradestudy.optics.chain.microlens_nodes import CellNodes, cell_nodes, lit_s
 from tradestudy.optics.chain.microlens_plane import MicrolensPlane, shadowed
 from tradestudy.optics.chain.pixels import MARGIN, far_light, light_on_pixels
 from tradestudy.optics.chain.scene import Legs, LightPath
-from tradestudy.optics.chain.source_tables import Place, SourceTables, source_tables
+from tradestudy.optics.chain.source_tables import Place, SourceTables, blank_tables, source_tables
 from tradestudy.optics.chain.sources import DiscSource, SourceNodes
 from tradestudy.optics.propagation.direct import ComplexArray, unit_phasor
 from tradestudy.optics.propagation.lens import PointSource
@@ -77,8 +77,13 @@ def prepare_spot(
     wavelength: float,
     legs: Legs,
     accuracy: ChainAccuracy,
+    *,
+    blank: bool = False,
 ) -> Spot:
-    """Choose every grid from the geometry of centre and rim of the disc, and compute the tables."""
+    """Choose every grid from the geometry of centre and rim of the disc, and compute the tables.
+
+    `blank` tables have no light in place of it, for a pilot that times the points.
+    """
     distance = np.linalg.norm(nodes.all, axis=1)
     reaches = disc_ends(path, source, nodes)
     paraxial = legs.to_detector == "fresnel"
@@ -93,7 +98,7 @@ def prepare_spot(
     lit_within = max(lit_radius(path, point, wavelength, accuracy) for point in ends)
     tables = None
     if legs.to_array != "geometric":
-        tables = source_tables(
+        tables = (blank_tables if blank else source_tables)(
             path,
             source,
             (float(distance.min()), float(distance.max())),

@@ -187,7 +187,7 @@ def _stability(tree: xr.DataTree) -> Iterator[Block]:
                 answer_title(titles, one.winner, "neither"),
                 _flipped(one, titles),
                 answer_title(titles, one.more_certain, "neither" if np.isnan(one.ratio) else "both alike"),
-                _factor(one.ratio),
+                _factor(one.ratio) + (", within the tolerance" if one.within_tolerance else ""),
             )
             for one in found
         ),

@@ -4,256 +4,149 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
-from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.words import in_words
-from tradestudy.results.effects import OF_NOISE_ALONE, TIMES_WITH_A_MODEL, WHERE_NUMBERS_ARE_TAKEN
-from tradestudy.results.views.groups import camera_titles, group, has, records
-from tradestudy.units import DURATION, FRACTION, pretty, significant
+from tradestudy.accuracy import IN_WORDS, QUANTITIES
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, say
+from tradestudy.results.views.groups import group, records
+from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import distance
 
-_QUANTITIES = {
-    "depth_uncertainty": "depth uncertainty, at every distance",
-    "depth_of_field": "ends of the depth of field",
-    "pixel_intensity": "pixel intensities, as relative L2 over the pixels of the picture, √(Σ ΔI²/Σ I²)",
-    "psf_width": "width of a point's image, the radius that holds half its light",
-}
-_OF = Column(title="Of", weight=5)
-_NUMBER = Column(title="Number", weight=4)
-_TAKES = Column(title="Takes", align="right")
-_VERDICT = Column(title="Verdict, and the rule that it follows", weight=13)
-_NOTHING = "nothing is left out"
-_LITTLE = 0.5  # of the variance: below that, what changes noise changes the whole by less than half as much
+_HOW: Final = {"computed": "computed", "bound": "at most, by a rule", "trial": "trial at a few places"}
+_FULL: Final = "nothing"
+_COLUMNS: Final = (
+    Column(title="Of", weight=4),
+    Column(title="Effect", weight=4),
+    Column(title="Model", weight=3),
+    Column(title="Leaves out", align="right", weight=3),
+    Column(title="Of", weight=4),
+    Column(title="How it is known", weight=4),
+)
 
 
-def describe_effects(tree: xr.DataTree, run: Mapping[str, Any]) -> Iterator[Block]:
-    """Write the section on effects: what was asked for, what acts, and what was weighed and not taken."""
-    rows = records(tree, "effects", "decision")
+def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
+    """Write what was asked for, what acts, and how much all that is left out changes."""
+    rows = _rows(tree)
     if not rows:
         return
-    data = group(tree, "effects")
-    changes = data["bound"].max("quantity").values
-    rows = [row | {"change": float(change)} for row, change in zip(rows, changes, strict=True)]
     yield Heading(text="What was simulated, and what was not", anchor="effects")
     yield Paragraph(
         say(
-            "Every effect has models, from leaving it out to the most complete one, and each states beforehand how far "
-            "it can move a result. The cheapest set was taken whose bounds add up to no more than the accuracy wanted, "
-            "at the worst of the distances, readings and designs of the sweep that were looked at. {wanted}",
-            wanted=" ".join((*_wanted(data), *_foreseen(run))),
+            "Each effect has models from off to the most complete one. The cheapest set was taken that keeps the "
+            "answers within the tolerance, judged together at the worst distance, reading and design. {together}",
+            together=" ".join(_together(tree)),
         )
     )
-    yield Table(
-        name="effects-that-act",
-        caption="The model of each effect that acts, and what it leaves out.",
-        columns=(_OF, replace(_NUMBER, weight=7), _VERDICT),
-        rows=tuple(_cells([row | {"predicted_seconds": math.nan} for row in rows if row["chosen"]], data)),
-        notes=tuple(_of_depth(tree, rows)),
-    )
-    others = [row for row in rows if not row["chosen"]]
-    if others:
+    matter = [row for row in rows if row["chosen"] and (row["change"] > 0.0 or _is_simulated(row))]
+    if matter:
         yield Table(
-            name="effects-weighed",
-            caption="Models that were weighed and not taken.",
-            columns=(_OF, _NUMBER, _TAKES, _VERDICT),
-            rows=tuple(_cells(others, data)),
-            notes=(f"Takes: {TIMES_WITH_A_MODEL}; —: it can be combined with nothing. {_taken(data)}",),
+            name="effects-that-matter",
+            caption="The model of each effect that matters, and what it leaves out by itself.",
+            columns=_COLUMNS,
+            rows=tuple(map(_cells, matter)),
+            notes=tuple(_nothing(rows)),
         )
-    yield from _formulas(rows)
+    else:
+        yield from (Paragraph(say(text)) for text in _nothing(rows))
 
 
-def _of_depth(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
-    """What the bounds on depth hold for, and where their numbers are taken; nothing where none is of a distance."""
+def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
+    """Every model of every effect that had a choice: an appendix."""
+    rows = [row for row in _rows(tree) if not row["reason"]]
+    if rows:
+        yield Heading(text="Every model that was compared", anchor="every-model")
+        yield Table(
+            name="effects-all",
+            caption="Every model of every effect, and what it alone would change; a dot marks those that act.",
+            columns=_COLUMNS,
+            rows=tuple(_cells(row, marked=True) for row in rows),
+        )
+
+
+def _rows(tree: xr.DataTree) -> list[dict[str, Any]]:
+    """Decisions with the asked quantity that each changes most against its tolerance."""
+    rows = records(tree, "effects", "decision")
+    if not rows:
+        return []
     data = group(tree, "effects")
-    if np.isfinite(data["wanted"].sel(quantity="depth_uncertainty")).any():
-        yield " ".join((OF_NOISE_ALONE, *_noise_shares(tree, rows), WHERE_NUMBERS_ARE_TAKEN))
-    elif np.isfinite(data["number_at"]).any():
-        yield WHERE_NUMBERS_ARE_TAKEN
-
-
-def _noise_shares(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[str]:
-    """How little noise makes of the depth uncertainty of cameras whose picture was weighed."""
-    if not has(tree, "depth"):
-        return
-    pictured = {str(row["situation"]) for row in rows if row["slot"] == "sensor_noise" and row["change"] > 0.0}
-    depth = group(tree, "depth")
-    for name, title in camera_titles(tree).items():
-        if name not in pictured:
-            continue
-        own = depth.sel(camera=name)
-        largest = float(own["variance_share"].sel(part="noise").where(own["usable"] > 0).max())
-        if largest < _LITTLE:
-            most = _share(largest)
-            yield f"Of the variance of inverse depth of {title}, noise makes at most {most} where it is usable."
-
-
-def _wanted(data: xr.Dataset) -> Iterator[str]:
-    """What was wanted of each quantity, and what was kept."""
-    for number, quantity in enumerate(data["quantity"].values):
-        wanted = data["wanted"].values[:, number]
-        if np.isnan(wanted).all():
-            continue
-        joint, least = float(np.nanmax(data["joint_bound"].values[:, number])), float(np.nanmax(wanted))
-        yield (
-            f"Wanted of the {_QUANTITIES[str(quantity)]}: {_share(least)}; "
-            f"all omissions together change it by at most {_share(joint)}."
+    pieces = [str(name) for name in data["piece"].values]
+    found = []
+    for number, row in enumerate(rows):
+        place = pieces.index(str(row["situation"]))
+        asked = data["tolerance"].values[place]
+        change = data["change"].values[number]
+        with np.errstate(invalid="ignore"):
+            weight = np.where(np.isnan(asked) | np.isnan(change), -1.0, change / asked)
+        worst = int(np.argmax(weight))
+        found.append(
+            row
+            | {
+                "title": str(data["piece_title"].values[place]),
+                "change": float(change[worst]),
+                "quantity": str(data["quantity"].values[worst]),
+                "evidence": str(data["evidence"].values[number, worst]),
+                "at": float(data["change_at"].values[number, worst]),
+            }
         )
-        if joint > least * (1.0 + 1e-9):
-            yield (
-                "That is more than is wanted: the study forces models, and what it leaves free was chosen as if they "
-                "changed nothing."
-            )
-
-
-def _foreseen(run: Mapping[str, Any]) -> Iterator[str]:
-    """How long the run was foreseen to take."""
-    if (foreseen := run.get("predicted_seconds")) is None:
-        return
-    ends = dict.fromkeys(pretty(float(seconds), DURATION, digits=2) for seconds in foreseen)
-    yield (
-        f"The run was foreseen to take {' to '.join(ends)}, report included; what computing took stands under "
-        "provenance."
-    )
-
-
-def _taken(data: xr.Dataset) -> str:
-    """What the models that act take, to compare with."""
-    pieces: dict[str, list[str]] = {}
-    for title, seconds in zip(data["piece_title"].values, data["piece_seconds"].values, strict=True):
-        pieces.setdefault(_duration(float(seconds)), []).append(str(title))
-    taken = ", ".join(f"{time} ({'; '.join(names)})" for time, names in pieces.items())
-    return f"The models that act take {taken}."
-
-
-def _formulas(rows: list[dict[str, Any]]) -> Iterator[Table]:
-    """What the numbers are, each once."""
-    shown = {str(row["criterion"]): str(row["definition"]) for row in rows if _number(row)}
-    if shown:
-        yield Table(
-            name="effects-numbers",
-            caption="What the numbers of both tables are.",
-            columns=(Column(title="Number", weight=4), Column(title="Formula", weight=12)),
-            rows=tuple(shown.items()),
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Row:
-    """Pieces of the study that treat an effect alike, down to the last digit that is shown."""
-
-    effects: tuple[str, ...]
-    model: str
-    pieces: str
-    numbers: tuple[tuple[str, str], ...]
-    takes: str
-    why: str
-    rule: str
-
-    @property
-    def told(self) -> tuple[str, ...]:
-        """What is said of its effects."""
-        return self.model, self.takes, self.why, self.rule
-
-    @property
-    def heading(self) -> str:
-        """Effects and model, and the name of the number if they have one."""
-        named = ", ".join(self.effects)
-        number = f" — {self.numbers[0][0]}" if len(self.numbers) == 1 else ""
-        return f"{named[:1].upper()}{named[1:]}: {self.model}{number}"
-
-    def cells(self, *, ruled: bool) -> tuple[Text, ...]:
-        """In the order of the columns; a rule that the row above says is not said again."""
-        alone = len(self.numbers) == 1
-        number = "; ".join(value if alone else f"{name} {value}" for name, value in self.numbers)
-        told = f"{self.why}. {self.rule[:1].upper()}{self.rule[1:]}" if self.rule and ruled else self.why
-        taken = (self.takes,) if self.takes else ()
-        return self.pieces, number or "—", *taken, told.replace(" %", "\N{NO-BREAK SPACE}%")
-
-
-def _cells(rows: list[dict[str, Any]], data: xr.Dataset) -> Iterator[tuple[Text, ...]]:
-    """Under a heading for every model, a row for all pieces that are alike in everything."""
-    above = None
-    for row in _merged(rows, data):
-        if above is None or above.heading != row.heading:
-            yield (row.heading,)
-            above = None
-        yield row.cells(ruled=above is None or above.rule != row.rule)
-        above = row
-
-
-def _merged(rows: list[dict[str, Any]], data: xr.Dataset) -> list[_Row]:
-    """One row for all pieces that are alike, down to the last digit that is shown; models in their order."""
-    titles = dict(zip(data["piece"].values, data["piece_title"].values, strict=True))
-    pieces: dict[_Row, list[str]] = {}
-    for name in titles:
-        for row in _of_a_piece([row for row in rows if row["situation"] == name]):
-            pieces.setdefault(row, []).append(str(name))
-    found = [replace(row, pieces=_of(names, titles)) for row, names in pieces.items()]
-    models, order = [(row.effects, row.model) for row in found], [row.heading for row in found]
-    return sorted(found, key=lambda row: (models.index((row.effects, row.model)), order.index(row.heading)))
-
-
-def _of_a_piece(rows: list[dict[str, Any]]) -> list[_Row]:
-    """Models of one piece; all effects that one reason keeps from mattering are one row."""
-    found: list[_Row] = []
-    for row in map(_row, rows):
-        harmless = row.why in ("changes nothing", _NOTHING)
-        twin = next((k for k, other in enumerate(found) if harmless and other.told == row.told), None)
-        if twin is None:
-            found.append(row)
-        else:
-            other = found[twin]
-            found[twin] = replace(other, effects=(*other.effects, *row.effects), numbers=(*other.numbers, *row.numbers))
     return found
 
 
-def _row(row: dict[str, Any]) -> _Row:
-    number = _number(row)
-    return _Row(
-        effects=(in_words(str(row["slot"])),),
-        model=str(row["model"]),
-        pieces="",
-        numbers=(number,) if number else (),
-        takes=_duration(float(row["predicted_seconds"])),
-        why=_why(row),
-        rule="" if row["reason"] == _NOTHING else str(row["reason"]),
-    )
+def _is_simulated(row: Mapping[str, Any]) -> bool:
+    return str(row["model"]) != "off" and not row["reason"]
 
 
-def _why(row: dict[str, Any]) -> str:
-    """The verdict in the words of the plan, which tells no number of what acts and changes nothing."""
-    if row["chosen"] and not row["forced"] and row["change"] == 0.0:
-        return _NOTHING if row["reason"] == _NOTHING else "changes nothing"
-    return str(row["why"])
+def _cells(row: Mapping[str, Any], *, marked: bool = False) -> tuple[str, ...]:
+    mark = "● " if marked and row["chosen"] else ""
+    model = f"{mark}{row['model']}" + (", named by the study" if row["forced"] else "")
+    quantity = IN_WORDS[row["quantity"]]
+    if row["change"] == 0.0:
+        return str(row["title"]), _words(str(row["slot"])), model, _FULL, "—", "—"
+    at = "" if math.isnan(row["at"]) else f", at {distance(row['at'])}"
+    known = "not known" if math.isinf(row["change"]) else f"{_HOW[str(row['evidence'])]}{at}"
+    return str(row["title"]), _words(str(row["slot"])), model, _share(row["change"]), quantity, known
 
 
-def _of(members: list[str], titles: dict[str, str]) -> str:
-    """Name some pieces of the study in few words."""
-    others = [str(title) for name, title in titles.items() if name not in members]
-    if len(others) < min(len(members), 2):
-        return f"all but {others[0]}" if others else "all"
-    return "; ".join(str(titles[name]) for name in members)  # titles may hold commas
+def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
+    """The effects that have no choice, one sentence for each reason."""
+    by_reason: dict[str, dict[str, list[str]]] = {}
+    for row in rows:
+        if row["reason"] and not row["forced"]:
+            of = by_reason.setdefault(str(row["reason"]), {})
+            of.setdefault(str(row["title"]), []).append(_words(str(row["slot"])))
+    for reason, of in by_reason.items():
+        effects = ", ".join(dict.fromkeys(effect for names in of.values() for effect in names))
+        yield f"{'; '.join(of)}: {effects} change nothing, because {reason}."
 
 
-def _number(row: dict[str, Any]) -> tuple[str, str] | None:
-    """The number of a model: its name, and its value with where it is the worst."""
-    value, at = float(row["number"]), float(row["number_at"])
-    if math.isnan(value) or row["reason"] == _NOTHING:
-        return None
-    return str(row["criterion"]), significant(value) + ("" if math.isnan(at) else f" at {distance(at)}")
+def _together(tree: xr.DataTree) -> Iterator[str]:
+    """What all omissions change together, for each quantity that was asked for, and what forced models change."""
+    data = group(tree, "effects")
+    for number in range(len(QUANTITIES)):
+        asked, joint = data["tolerance"].values[:, number], data["joint_change"].values[:, number]
+        if np.isnan(asked).all():
+            shown = joint[~np.isnan(joint)]
+            if shown.size and shown.max() > 0.0:
+                changed = IN_WORDS[QUANTITIES[number]]
+                yield f"The {changed} was not asked for and changes by up to {_share(float(shown.max()))}."
+            continue
+        yield (
+            f"All that is left out changes the {IN_WORDS[QUANTITIES[number]]} by at most "
+            f"{_share(float(np.nanmax(np.where(np.isnan(asked), np.nan, joint))))}; "
+            f"{_share(float(np.nanmax(asked)))} is allowed."
+        )
+        forced = data["forced_change"].values[:, number]
+        if not np.isnan(forced).all():
+            yield f"The models that the study names change it by {_share(float(np.nanmax(forced)))}."
 
 
-def _duration(seconds: float) -> str:
-    """Seconds in words; nothing where they are not asked for."""
-    if math.isnan(seconds):
-        return ""
-    return "—" if math.isinf(seconds) else pretty(seconds, DURATION, digits=2).replace(" ", "\N{NO-BREAK SPACE}")
+def _words(slot: str) -> str:
+    return slot.replace("_", " ")
 
 
 def _share(value: float) -> str:
-    return "no bound" if math.isinf(value) else pretty(value, FRACTION, digits=2).replace(" ", "\N{NO-BREAK SPACE}")
+    if math.isinf(value):
+        return "an unknown amount"
+    return pretty(value, FRACTION, digits=2).replace(" ", "\N{NO-BREAK SPACE}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -185,12 +185,14 @@ def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Blo
     def cell(claim: Any, reading: Any) -> Text:
         one = data.sel(claim=claim, reading=reading)
         met, text = int(one["met"]), str(one["value_text"].item())
-        return f"{text} {'✓' if met == 1 else '✗'}" if met >= 0 else text
+        near = " ≈" if "within_tolerance" in one and float(one["within_tolerance"]) else ""
+        return f"{text} {'✓' if met == 1 else '✗'}{near}" if met >= 0 else text
 
     tried = [name for name in data["reading"].values if any(cell(row["claim"], name) for row in rows)]
     yield Table(
         name="claim-values",
-        caption="The value found for each claim under each reading that it was tried under: ✓ met, ✗ not met.",
+        caption="The value found for each claim under each reading that it was tried under: ✓ met, ✗ not met, "
+        "≈ so near that a change by the tolerance of the study could overturn the answer.",
         columns=(
             Column(title="Reading", weight=2),
             *(Column(title=str(row["claim"]), align="right", weight=1) for row in rows),
@@ -198,6 +200,9 @@ def _claim_values(tree: xr.DataTree, rows: list[dict[str, Any]]) -> Iterator[Blo
         rows=tuple((str(name), *(cell(row["claim"], name) for row in rows)) for name in tried),
         notes=tuple(say("**{claim}**: {quantity}.", claim=str(r["claim"]), quantity=str(r["quantity"])) for r in rows),
     )
+
+
+_NEAR: Final = ", within the tolerance: what was left out could overturn it"
 
 
 def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
@@ -222,7 +227,11 @@ def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
         rows=tuple(
             (
                 str(r["says"]),
-                say("**{met}**", met="yes" if bool(r["met"]) else "no"),
+                say(
+                    "**{met}**{near}",
+                    met="yes" if bool(r["met"]) else "no",
+                    near=_NEAR if r["within_tolerance"] else "",
+                ),
                 titles.get(str(r["camera"]), str(r["camera"])),
                 significant(float(r["margin_percent"]), 2),
                 significant(float(r["margin_sigma"]), 2) if math.isfinite(float(r["margin_sigma"])) else "—",

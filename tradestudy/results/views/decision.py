@@ -119,6 +119,8 @@ class Flips:
         The camera of lower uncertainty, and the better usable one, in the study's own reading; as `tied` reads them.
     ratio
         Uncertainty of the pair's first camera over that of the second, in the study's own reading.
+    within_tolerance
+        Whether they differ by no more than the tolerance.
     alternatives
         How many other readings there are.
     flipped
@@ -129,6 +131,7 @@ class Flips:
     more_certain: str
     winner: str
     ratio: float
+    within_tolerance: bool
     alternatives: int
     flipped: tuple[tuple[str, str], ...]
 
@@ -147,6 +150,7 @@ def flips(tree: xr.DataTree) -> Iterator[Flips]:
             more_certain=str(there["more_certain"].values[0]),
             winner=str(there["winner"].values[0]),
             ratio=float(there["uncertainty_ratio"].values[0]),
+            within_tolerance=bool(there["within_tolerance"].values[0]),
             alternatives=len(names) - 1,
             flipped=tuple(
                 (name, str(winner))

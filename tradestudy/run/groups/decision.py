@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,26 +14,40 @@ from tradestudy.analysis.claims import (
     answer_requirement,
     claim_quantity,
     claim_value,
+    could_be_overturned,
     expectation,
     is_met,
     verdict_over_readings,
 )
 from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair, stated_error
 from tradestudy.analysis.depth import WAYS
+from tradestudy.analysis.depth_points import relative_effort
 from tradestudy.analysis.inverse_questions import solve
-from tradestudy.execution.steps import Progress
+from tradestudy.execution.steps import Progress, mixed
 from tradestudy.results import dataset
 from tradestudy.run.groups.depth import depth_as_declared
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.expectations import claim_dimension
+from tradestudy.study.schema.questions import ClaimPart
 from tradestudy.units import pretty
 
 
 def decision_group(
-    definition: StudyDefinition, readings: Mapping[str, StudyDefinition], depth: xr.Dataset
+    definition: StudyDefinition,
+    readings: Mapping[str, StudyDefinition],
+    depth: xr.Dataset,
+    progress: Progress = lambda _step, _share: None,
 ) -> xr.Dataset:
     """/decision from /depth and from the study under each reading."""
     file, case = definition.file, definition.case
+    efforts = {name: _effort(reading.case) for name, reading in readings.items()} if file.decision is not None else {}
+    work = [*efforts.values(), *[_effort(case)] * len(file.solve)]
+    done = itertools.accumulate(work, initial=0.0)
+
+    def tell() -> None:
+        progress("decision", next(done) / max(math.fsum(work), 1.0))
+
+    tell()
     values: dict[str, Any] = {}
     coordinates: dict[str, Any] = {"distance": case.distance, "way": list(WAYS)}
     attributes: dict[str, Any] = {}
@@ -56,13 +71,19 @@ def decision_group(
     if file.decision is not None:
         pair = (file.decision.between[0], file.decision.between[1])
         places = np.array(file.decision.at)
-        verdicts = {name: decide_pair(reading.case, pair, places) for name, reading in readings.items()}
-        values |= _pair_arrays(verdicts)
+        verdicts = {}
+        for name, reading in readings.items():
+            verdicts[name] = decide_pair(reading.case, pair, places)
+            tell()
+        values |= _pair_arrays(verdicts, file.accuracy.asked().tolerances["depth_uncertainty"])
         values["reading_says"] = ["the study as declared", *(reading.says for reading in file.readings.values())]
         coordinates |= {"reading": list(readings), "place": places}
         attributes |= {"first": pair[0], "second": pair[1]}
     if file.solve:
-        solved = [solve(definition, question) for question in file.solve.values()]
+        solved = []
+        for question in file.solve.values():
+            solved.append(solve(definition, question))
+            tell()
         values |= {
             "solved_value": [answer.value for answer in solved],
             "solved_error": [answer.error for answer in solved],
@@ -74,7 +95,7 @@ def decision_group(
     return dataset("decision", values, coordinates, attributes=attributes)
 
 
-def _pair_arrays(verdicts: Mapping[str, PairVerdict]) -> dict[str, Any]:
+def _pair_arrays(verdicts: Mapping[str, PairVerdict], tolerance: float) -> dict[str, Any]:
     first = next(iter(verdicts.values()))
     readings = list(verdicts.values())
     changes = _padded(
@@ -85,6 +106,7 @@ def _pair_arrays(verdicts: Mapping[str, PairVerdict]) -> dict[str, Any]:
         "winner": np.array([v.winner for v in verdicts.values()]),
         "more_certain": np.array([v.more_certain for v in verdicts.values()]),
         "uncertainty_ratio": np.stack([v.ratio for v in verdicts.values()]),
+        "within_tolerance": np.stack([np.abs(np.asarray(v.ratio) - 1.0) <= tolerance for v in verdicts.values()]),
         "flips": np.array([v.winner for v in verdicts.values()]) != np.array(first.winner),
         "certainty_flips": np.array([v.more_certain for v in verdicts.values()]) != np.array(first.more_certain),
         **{f"change_{name}": values for name, values in changes.items()},
@@ -118,22 +140,29 @@ def claims_group(
     names = list(readings)
     value = np.full((len(claims), len(names)), np.nan)
     met = np.full(value.shape, -1, dtype=np.int8)
-    text = np.full(value.shape, "", dtype=object)
-    verdicts = []
-    for row, (key, claim) in enumerate(claims.items()):
-        progress("claims", row / len(claims))
-        dimension = claim_dimension(claim)
-        answers: dict[str, bool | None] = {}
-        own = claim.reading or names[0]
-        others = [name for name in names if name != own] if claim.under == "all" else claim.under
-        for name in (own, *others):
-            column = names.index(name)
-            # A reading may change what is asked too, such as the blur that counts as sharp; never what is expected.
-            value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)
-            text[row, column] = pretty(value[row, column], dimension)
-            answers[name] = is_met(claim.expect, value[row, column], dimension)
-            met[row, column] = -1 if answers[name] is None else int(bool(answers[name]))
-        verdicts.append(verdict_over_readings(answers))
+    text, near = np.full(value.shape, "", dtype=object), np.zeros(value.shape)
+    tolerance = definition.file.accuracy.tolerance
+    efforts = {name: _effort(reading.case) for name, reading in readings.items()}
+    asked = [(row, key, name) for row, (key, claim) in enumerate(claims.items()) for name in _readings_of(claim, names)]
+    # Requirements, which are answered as claims are, come after them in the same step.
+    work = math.fsum(efforts[name] for *_, name in asked) + efforts[names[0]] * len(definition.file.requirements)
+    done = 0.0
+    answers: dict[str, dict[str, bool | None]] = {key: {} for key in claims}
+    for place in mixed(len(asked)):
+        row, key, name = asked[place]
+        progress("claims", done / work)
+        column, claim, dimension = names.index(name), claims[key], claim_dimension(claims[key])
+        # A reading may change what is asked too, such as the blur that counts as sharp; never what is expected.
+        value[row, column] = claim_value(readings[name].file.claims[key], readings[name].case)
+        text[row, column] = pretty(value[row, column], dimension)
+        answers[key][name] = is_met(claim.expect, value[row, column], dimension)
+        met[row, column] = -1 if answers[key][name] is None else int(bool(answers[key][name]))
+        near[row, column] = could_be_overturned(claim.expect, value[row, column], dimension, tolerance)
+        done += efforts[name]
+    verdicts = [
+        verdict_over_readings({name: answers[key][name] for name in _readings_of(claim, names)})
+        for key, claim in claims.items()
+    ]
     return dataset(
         "claims",
         {
@@ -147,15 +176,28 @@ def claims_group(
             "tolerance_reason": [claim.tolerance_reason for claim in claims.values()],
             "verdict": [verdict for verdict, _ in verdicts],
             "reason": [reason for _, reason in verdicts],
+            "within_tolerance": near,
         },
         {"claim": list(claims), "reading": names},
     )
+
+
+def _effort(case: Case) -> float:
+    """Relative work of what is asked of a study: that of its cameras, and alike where it has none."""
+    return math.fsum(map(relative_effort, case.cameras.values())) or 1.0
+
+
+def _readings_of(claim: ClaimPart, names: list[str]) -> tuple[str, ...]:
+    """The readings under which a claim is answered, its own first."""
+    own = claim.reading or names[0]
+    return own, *([name for name in names if name != own] if claim.under == "all" else claim.under)
 
 
 def requirements_group(definition: StudyDefinition) -> xr.Dataset:
     """/requirements: met or not, and by what margin."""
     requirements = definition.file.requirements
     answers = [answer_requirement(requirement, definition.case) for requirement in requirements.values()]
+    tolerance = 100.0 * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
     return dataset(
         "requirements",
         {
@@ -164,6 +206,7 @@ def requirements_group(definition: StudyDefinition) -> xr.Dataset:
             "camera": [answer.camera for answer in answers],
             "margin_percent": [answer.margin_percent for answer in answers],
             "margin_sigma": [answer.margin_sigma for answer in answers],
+            "within_tolerance": [float(abs(answer.margin_percent) <= tolerance) for answer in answers],
             "reason": [answer.reason for answer in answers],
         },
         {"requirement": list(requirements)},

@@ -11,7 +11,14 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from tradestudy.analysis.depth import WAYS, DepthEvaluation
-from tradestudy.analysis.depth_points import DepthPoint, DepthTable, FieldPoint, depth_over_field, depth_table
+from tradestudy.analysis.depth_points import (
+    DepthPoint,
+    DepthTable,
+    FieldPoint,
+    depth_over_field,
+    depth_table,
+    relative_effort,
+)
 from tradestudy.analysis.usable import LIMIT_NAMES
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.execution import Steps
@@ -34,7 +41,8 @@ def depth_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
     for one, name in zip(asked, names, strict=True):
         labels.setdefault(one, name)
     points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
-    tables = dict(zip(labels, steps.map("depth", depth_table, points, list(labels.values())), strict=True))
+    efforts = [relative_effort(camera) for camera, _ in labels]
+    tables = dict(zip(labels, steps.map("depth", depth_table, points, list(labels.values()), efforts), strict=True))
     arrays, part_names = _depth_arrays([tables[one] for one in asked])
     shape = (*(len(axis.labels) for axis in axes), len(definition.case.cameras))
     stacked = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
@@ -58,7 +66,9 @@ def depth_field_group(definition: StudyDefinition, fields: tuple[float, ...], st
     """/depth_field: errors off the axis, over (camera, field, distance), as declared."""
     cameras, distance = definition.case.cameras, definition.case.distance
     points = [FieldPoint(camera=camera, fields=fields, distance=distance) for camera in cameras.values()]
-    table = steps.map("depth off the axis", depth_over_field, points, list(cameras))
+    table = steps.map(
+        "depth off the axis", depth_over_field, points, list(cameras), list(map(relative_effort, cameras.values()))
+    )
     flat = [evaluation for camera in table for evaluation in camera]
     arrays, part_names = _error_arrays(flat)
     shape = (len(cameras), len(fields))

@@ -12,8 +12,7 @@ import xarray as xr
 from tradestudy.analysis.trade_criteria import CRITERIA, Attribute, Relief, declared_others
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.focus import BlurCriterion, SharpRange
-from tradestudy.effects.base import OFF
-from tradestudy.effects.selection import Selection
+from tradestudy.effects.models import OFF, Models
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
@@ -24,22 +23,22 @@ _SCENE_POINTS: Final = 401
 _MISSING: Final = Attribute(text="not said", basis="")
 
 
-def acting_criteria(asked: DepthOfFieldPart, wavelength: float, selection: Selection) -> dict[str, BlurCriterion]:
-    """Criteria of sharpness by name; without diffraction where the selection leaves it out."""
+def acting_criteria(asked: DepthOfFieldPart, wavelength: float, models: Models) -> dict[str, BlurCriterion]:
+    """Criteria of sharpness by name; without the diffraction spot where the models leave it out."""
     sharp = {name: part.criterion(wavelength) for name, part in asked.criteria.items()}
-    if selection.name_of("main_lens_diffraction") == OFF:
+    if models["main_lens_diffraction"] == OFF:
         return {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
     return sharp
 
 
-def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, selection: Selection) -> xr.Dataset:
+def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, models: Models) -> xr.Dataset:
     """/depth_of_field over (camera, criterion, distance).
 
-    A selection that leaves diffraction out takes it out of every criterion; ``diffraction`` says what counted.
+    Models that leave diffraction out take it out of every criterion; ``diffraction`` says what counted.
     """
     case, wavelength = definition.case, definition.case.wavelength
     cameras = case.all_cameras
-    sharp = acting_criteria(asked, wavelength, selection)
+    sharp = acting_criteria(asked, wavelength, models)
     ranges = [[one.focus.sharp_range(criterion) for criterion in sharp.values()] for one in cameras.values()]
     values = {
         "blur_px": [criterion.blur_px for criterion in sharp.values()],
@@ -119,14 +118,14 @@ def _resolutions(
 
 
 def criteria_group(
-    definition: StudyDefinition, asked: ReliefPart, focus: DepthOfFieldPart, selection: Selection
+    definition: StudyDefinition, asked: ReliefPart, focus: DepthOfFieldPart, models: Models
 ) -> xr.Dataset:
-    """/criteria over (camera, criterion), each value with what it rests on; what is sharp as the selection has it."""
+    """/criteria over (camera, criterion), each value with what it rests on; what is sharp as the models have it."""
     parts, cameras = definition.file.cameras, definition.case.all_cameras
     relief = Relief(
         near=focus.range[0],
         far=focus.range[1],
-        sharp=next(iter(acting_criteria(focus, definition.case.wavelength, selection).values())),
+        sharp=next(iter(acting_criteria(focus, definition.case.wavelength, models).values())),
         step_height=asked.step_height,
         surface_tilt=asked.surface_tilt,
     )

@@ -10,9 +10,8 @@ import xarray as xr
 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.execution.steps import Progress
-from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.derived_error import PictureDisparityError, kirchhoff_lattice
 from tradestudy.imaging.kirchhoff import kirchhoff_correction
-from tradestudy.imaging.optical_transfer import kirchhoff_points
 from tradestudy.imaging.passed_texture import picture_electrons
 from tradestudy.imaging.picture import CHANGES, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
@@ -90,12 +89,7 @@ def compute_kirchhoff_pictures(definition: StudyDefinition, progress: Progress) 
 
     It is kept where transfers look for it. Nothing is done, or told, where no camera's models need it.
     """
-    points = dict.fromkeys(
-        point
-        for camera in definition.case.cameras.values()
-        if isinstance(law := camera.disparity_error_px, PictureDisparityError)
-        for point in kirchhoff_points(camera.picture_geometry(definition.case.distance), law.settings, law.models)
-    )
+    points = kirchhoff_lattice(definition.case.cameras.values(), definition.case.distance)
     for number, point in enumerate(points):
         progress(STEP, number / len(points))
         kirchhoff_correction(*point)

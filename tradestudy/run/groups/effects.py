@@ -7,46 +7,49 @@ import math
 import xarray as xr
 
 from tradestudy.accuracy import QUANTITIES
+from tradestudy.effects.choice import Change, Changes
 from tradestudy.plan.plan import Plan
+from tradestudy.plan.plan_text import summary
 from tradestudy.results import dataset
+
+_NONE = Change(relative=math.nan, evidence="computed")
 
 
 def effects_group(plan: Plan) -> xr.Dataset:
     """/effects over decisions, and over the pieces of the study that they belong to."""
-    decisions = [(one, decision) for one in plan.situations for decision in plan.selections[one.name].decisions]
-    worst = [max(decision.model.bounds.values(), key=lambda b: b.relative_change) for _, decision in decisions]
+    decisions = [(one, decision) for one in plan.pieces for decision in one.choice.decisions]
+    changes = [_row(decision.changes) for _, decision in decisions]
+    together = [_row(one.choice.changes) for one in plan.pieces]
     return dataset(
         "effects",
         {
             "situation": [one.name for one, _ in decisions],
             "slot": [decision.slot for _, decision in decisions],
-            "model": [decision.model.name for _, decision in decisions],
+            "model": [decision.model for _, decision in decisions],
             "chosen": [float(decision.chosen) for _, decision in decisions],
             "forced": [float(decision.forced) for _, decision in decisions],
-            "bound": [
-                [decision.model.change_of(q) if q in one.quantities else math.nan for q in QUANTITIES]
-                for one, decision in decisions
-            ],
-            "criterion": [bound.criterion.words for bound in worst],
-            "definition": [bound.criterion.definition for bound in worst],
-            "number": [bound.criterion.value for bound in worst],
-            "number_at": [bound.criterion.at for bound in worst],
-            "reason": [bound.reason for bound in worst],
-            "why": [decision.why for _, decision in decisions],
-            "predicted_seconds": [decision.seconds for _, decision in decisions],
-            "joint_bound": [
-                [plan.selections[one.name].bounds.get(q, math.nan) for q in QUANTITIES] for one in plan.situations
-            ],
-            "wanted": [
-                [plan.accuracy.relative[q] if q in one.quantities else math.nan for q in QUANTITIES]
-                for one in plan.situations
-            ],
-            "piece_title": [one.title for one in plan.situations],
-            "piece_seconds": [plan.selections[one.name].seconds for one in plan.situations],
+            "reason": [one.reasons.get(decision.slot, "") for one, decision in decisions],
+            "change": [[one.relative for one in row] for row in changes],
+            "evidence": [[_evidence(one) for one in row] for row in changes],
+            "change_at": [[one.at for one in row] for row in changes],
+            "joint_change": [[one.relative for one in row] for row in together],
+            "joint_evidence": [[_evidence(one) for one in row] for row in together],
+            "forced_change": [[one.relative for one in _row(piece.by_forcing)] for piece in plan.pieces],
+            "tolerance": [[one.asked.get(q, math.nan) for q in QUANTITIES] for one in plan.pieces],
+            "piece_title": [one.title for one in plan.pieces],
+            "summary": [summary(one) for one in plan.pieces],
         },
         {
-            "decision": [f"{one.name}: {decision.slot}: {decision.model.name}" for one, decision in decisions],
+            "decision": [f"{one.name}: {decision.slot}: {decision.model}" for one, decision in decisions],
             "quantity": list(QUANTITIES),
-            "piece": [one.name for one in plan.situations],
+            "piece": [one.name for one in plan.pieces],
         },
     )
+
+
+def _row(changes: Changes) -> list[Change]:
+    return [changes.get(q, _NONE) for q in QUANTITIES]
+
+
+def _evidence(change: Change) -> str:
+    return "" if math.isnan(change.relative) else change.evidence

@@ -19,7 +19,7 @@ from tradestudy.analysis.fresnel_errors import (
     psf_differences,
     southwell_f_number,
 )
-from tradestudy.execution.steps import Progress, Seconds, timed
+from tradestudy.execution.steps import Progress, Seconds, mixed, timed
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.paper_equation_27 import paper_eq27_sweep
 from tradestudy.optics.propagation import LensPhase
@@ -144,8 +144,9 @@ def _swept(
         np.full((*shape, len(asked.lens_phases), len(METRICS), len(asked.windows)), np.nan) for _ in range(2)
     )
     places = list(itertools.product(*map(range, shape)))
-    for number, place in enumerate(places):
+    for number, k in enumerate(mixed(len(places))):
         progress(step, number / len(places))
+        place = places[k]
         element, wavelength, f_number = place
         found = _differences(asked, elements[element], f_numbers[f_number], field_angle, wavelengths[wavelength])
         errors[place], numerical[place] = _stacked(asked, found, ""), _stacked(asked, found, "_error")
@@ -179,11 +180,9 @@ def _limits(
     shape = (len(elements), len(asked.lens_phases), len(asked.wavelengths), len(METRICS), len(asked.windows))
     limits = np.full(shape, np.nan)
     places = list(itertools.product(*map(range, shape)))
-    for number, place in enumerate(places):
+    for number, k in enumerate(mixed(len(places))):
         progress(step, number / len(places))
-        if METRICS[place[3]] == "peak" and place[4] > 0:
-            limits[place] = limits[(*place[:-1], 0)]
-            continue
+        place = places[k]
 
         def error_at(f_number: float, place: tuple[int, ...] = place) -> float:
             element, phase, wavelength, metric, window = place

@@ -4,21 +4,23 @@ from __future__ import annotations
 
 import xarray as xr
 
-from tradestudy.execution.steps import Progress
+from tradestudy.execution.steps import Progress, mixed
 from tradestudy.results import dataset
 from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.verification.hard_case_families import all_families
-from tradestudy.verification.hard_cases.case import OutcomeCase, judge, references
+from tradestudy.verification.hard_cases.case import OutcomeCase, Verdict, judge, references
 
 
 def hard_cases_group(asked: HardCasesPart, progress: Progress) -> xr.Dataset:
     """/hard_cases over every case of the families asked for."""
     families = [family for family in all_families() if family.name in asked.families]
     cases = [(family, case) for family in families for case in family.cases]
-    verdicts = []
-    for done, (family, case) in enumerate(cases):
-        progress("hard cases", done / len(cases))
-        verdicts.append(judge(family, case, references().get(family.name, {})))
+    found: dict[int, Verdict] = {}
+    for place in mixed(len(cases)):
+        progress("hard cases", len(found) / len(cases))
+        family, case = cases[place]
+        found[place] = judge(family, case, references().get(family.name, {}))
+    verdicts = [found[place] for place in range(len(cases))]
     progress("hard cases", 1.0)
     fields = ("family", "law", "naive_answer", "our_answer", "naive_error", "our_error", "bound", "condition_number")
     return dataset(

@@ -18,10 +18,10 @@ from tradestudy.analysis.spot_images import (
     lit_pixels,
     spot_picture,
 )
-from tradestudy.effects.selection import Selection
+from tradestudy.effects.models import Models
 from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.situations.light_spot import spot_models
+from tradestudy.plan.pieces.light_spot import spot_models
 from tradestudy.results import dataset
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
@@ -32,7 +32,7 @@ def _told(progress: Progress, number: int, count: int, share: float) -> None:
     progress("image of the spot", (number + share) / count)
 
 
-def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, selection: Selection) -> xr.Dataset:
+def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, models: Models) -> xr.Dataset:
     """/images over (propagator, row, column); wall seconds of each go to ``seconds`` as ``image: METHOD``.
 
     Parameters
@@ -41,20 +41,20 @@ def images_group(part: LightSpotPart, progress: Progress, seconds: Seconds, sele
         The spot, and the methods to compare at the tolerance of their own.
     progress, seconds
         Hear of what is done and what it took.
-    selection
-        The models that make the picture of the study, in ``chosen_image``; without methods it is the only one.
+    models
+        Those that make the picture of the study, in ``chosen_image``; without methods it is the only one.
     """
-    chosen = spot_models(selection)
+    chosen = spot_models(models)
     compared = [compared_models(part, method) for method in part.methods]
     asked = compared if chosen in compared else [*compared, chosen]
     pictures = {}
-    for number, models in enumerate(asked):
+    for number, one in enumerate(asked):
         progress("image of the spot", number / len(asked))
-        name = f"image: {models.method}" if models in compared else "image: chosen"
+        name = f"image: {one.method}" if one in compared else "image: chosen"
         with timed(seconds, name):
-            pictures[models] = spot_picture(part, models, partial(_told, progress, number, len(asked)))
+            pictures[one] = spot_picture(part, one, partial(_told, progress, number, len(asked)))
     shown = compared or asked
-    found = [pictures[models] for models in shown]
+    found = [pictures[one] for one in shown]
     progress("image of the spot", 1.0)
     benchmarks: dict[str, float] = {}
     if part.benchmarks:

@@ -16,7 +16,7 @@ from tradestudy.analysis.point_spreads import (
     standing_values,
     varied_values,
 )
-from tradestudy.effects.selection import Selection
+from tradestudy.effects.models import Models
 from tradestudy.execution.steps import Progress, Seconds, timed
 from tradestudy.results import dataset
 from tradestudy.study.schema.wave_optics import PointSpreadPart
@@ -26,7 +26,7 @@ _UNITS: Final = {"f_number": "1", "wavelength": "m", "field_angle": "rad", "defo
 _STEP: Final = "point spread"
 
 
-def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds, selection: Selection) -> xr.Dataset:
+def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds, models: Models) -> xr.Dataset:
     """/point_spread over (element, propagator, varied, step).
 
     Both laws are computed, as each is the other's check; ``chosen`` marks the one that the accuracy wanted of widths
@@ -67,7 +67,7 @@ def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Secon
             "varied_units": [_UNITS[name] for name in varied],
             "standing": [[standing_values(part, element)[name] for name in varied] for element in elements],
             **values,
-            "chosen": [float(selection.name_of("main_lens_diffraction") == method) for method in METHODS],
+            "chosen": [float(models["main_lens_diffraction"] == method) for method in METHODS],
         },
         {"element": list(part.elements), "propagator": list(METHODS), "varied": list(varied)},
         attributes={"window": part.window, "rms_radius": part.rms_radius, "pixel_pitch": part.pixel_pitch},

@@ -95,7 +95,7 @@ def contradictions_group(definition: StudyDefinition) -> xr.Dataset:
 
 def contradictions(definition: StudyDefinition) -> list[tuple[str, Contradiction]]:
     """Cross-check the inputs of every camera of a study."""
-    tolerance = definition.file.accuracy.wanted().relative["depth_uncertainty"]
+    tolerance = definition.file.accuracy.asked().tolerances["depth_uncertainty"]
     return [
         (name, one)
         for name, camera in definition.case.all_cameras.items()

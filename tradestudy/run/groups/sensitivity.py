@@ -19,11 +19,11 @@ from tradestudy.study.definition import StudyDefinition
 def sensitivity_group(definition: StudyDefinition, distance: FloatArray, steps: Steps) -> xr.Dataset:
     """/sensitivity over (camera, field, distance, source): on the axis and at the places that the study declares."""
     cameras, fields = definition.case.cameras, tuple(dict.fromkeys((0.0, *definition.file.propagation.field_places)))
+    groups = [{group.name: group for group in uncertain_groups(camera, "both")} for camera in cameras.values()]
     asked = [
         SensitivityPoint(name=name, camera=camera, distance=distance, fields=fields) for name, camera in cameras.items()
     ]
-    found = steps.map("sensitivity", sensitivity_over_field, asked, list(cameras))
-    groups = [{group.name: group for group in uncertain_groups(camera, "both")} for camera in cameras.values()]
+    found = steps.map("sensitivity", sensitivity_over_field, asked, list(cameras), list(map(float, map(len, groups))))
     sources = list(dict.fromkeys(name for camera in groups for name in camera))
     parameters = list(
         dict.fromkeys(

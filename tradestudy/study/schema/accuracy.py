@@ -1,59 +1,68 @@
-"""How accurate a study wants its answers, how long they may take, and which models it insists on."""
+"""What tolerance a study asks for, how long a run may take, and which models it insists on."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import Annotated, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Literal, cast
 
-from pydantic import Field
+from pydantic import Field, create_model
 
 from tradestudy import accuracy, units
-from tradestudy.accuracy import QUANTITIES, Quantity
+from tradestudy.accuracy import Quantity
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import PositiveDuration, quantity
-from tradestudy.effects.base import SlotName
+from tradestudy.effects.models import EFFECTS, SlotName, models_of
 
-# Beyond the whole of a value, or below what any propagator states, an accuracy says nothing.
-RelativeError = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.0)]
+# Beyond the whole of a value, or below what any propagator states, a tolerance says nothing.
+Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.0)]
 
 
 class AccuracyPart(Part):
-    """Relative errors that simplifications may make, and the time that all may take."""
+    """Relative changes that simplifications may make, and the time that a run may take."""
 
-    tolerance: RelativeError = Field(default=0.01, description="For every quantity that is not named itself.")
-    depth_uncertainty: RelativeError | None = None
-    depth_of_field: RelativeError | None = Field(default=None, description="Of its near and far ends.")
-    pixel_intensity: RelativeError | None = Field(default=None, description="L2 over the pixels of a picture.")
-    psf_width: RelativeError | None = Field(default=None, description="Of the width of a point's image.")
+    tolerance: Tolerance = Field(default=0.01, description="For every quantity that is not named itself.")
+    depth_uncertainty: Tolerance | None = Field(default=None, description="Noise and calibration together.")
+    usable_range: Tolerance | None = Field(default=None, description="Of its near and far ends.")
+    depth_noise: Tolerance | None = Field(
+        default=None, description="Of the uncertainty by noise alone; decides nothing unless it is named."
+    )
+    depth_of_field: Tolerance | None = Field(default=None, description="Of its near and far ends.")
+    pixel_intensity: Tolerance | None = Field(default=None, description="L2 over the pixels of a picture.")
+    psf_width: Tolerance | None = Field(default=None, description="Of the width of a point's image.")
     time_limit: PositiveDuration | None = Field(
         default=None, description="Of the whole run; default: as long as it takes."
     )
 
-    def wanted(self) -> accuracy.Accuracy:
-        """The accuracy of every quantity."""
-        own: dict[Quantity, float | None] = {name: getattr(self, name) for name in QUANTITIES}
+    def asked(self) -> accuracy.Accuracy:
+        """The tolerance of every quantity that counts."""
+        everywhere: tuple[Quantity, ...] = (
+            "depth_uncertainty", "usable_range", "depth_of_field", "pixel_intensity", "psf_width",
+        )  # fmt: skip
+        own: dict[Quantity, float | None] = {name: getattr(self, name) for name in everywhere}
+        tolerances = {name: self.tolerance if value is None else value for name, value in own.items()}
+        if self.depth_noise is not None:
+            tolerances["depth_noise"] = self.depth_noise
         return accuracy.Accuracy(
-            relative={name: self.tolerance if value is None else value for name, value in own.items()},
-            budget=math.inf if self.time_limit is None else self.time_limit,
+            tolerances=tolerances, time_limit=math.inf if self.time_limit is None else self.time_limit
         )
 
 
-class EffectsPart(Part):
-    """Models that stand whatever the selection would choose; each replaces the choice of its slot."""
-
-    defocus_blur: Literal["off", "disc"] | None = None
-    main_lens_diffraction: Literal["off", "airy", "boundary_wave", "fresnel", "kirchhoff"] | None = None
-    microlens_diffraction: Literal["off", "airy", "boundary_wave", "fresnel", "kirchhoff"] | None = None
-    crosstalk: Literal["off", "share", "coherent"] | None = None
-    pixel_integration: Literal["off", "square"] | None = None
-    source_extent: Literal["off", "disc"] | None = None
-    spectrum: Literal["off", "weighted"] | None = None
-    vignetting: Literal["off", "cos4"] | None = None
-    sensor_noise: Literal["off", "shot", "shot+read", "shot+read+quantisation"] | None = None
-    calibration: Literal["off", "linear", "exact"] | None = None
+class _EffectsPart(Part):
+    """Models that stand whatever the choice would be; each replaces the choice of its effect."""
 
     def forced(self) -> dict[SlotName, str]:
-        """The models that the study insists on, by slot."""
+        """The models that the study insists on, by effect."""
         slots = cast(Iterable[SlotName], type(self).model_fields)
         return {slot: name for slot in slots if (name := getattr(self, slot)) is not None}
+
+
+if TYPE_CHECKING:
+    EffectsPart = _EffectsPart
+else:  # one optional key for each effect
+    EffectsPart = create_model(
+        "EffectsPart",
+        __base__=_EffectsPart,
+        __doc__=_EffectsPart.__doc__,
+        **{slot: (Literal[models_of(slot)] | None, None) for slot in EFFECTS},
+    )

@@ -1,0 +1,138 @@
+"""Predicted against measured seconds of every step of the shipped studies, and of the time left after a tenth.
+
+``python tests/benchmarks/predicted_time.py [--busy N] [STUDY …]`` runs each study in a process of its own, one worker,
+beside N processes that do nothing but keep a core busy, and writes predicted_time.md beside this file; only the rows of
+the given studies are measured anew.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).parent
+STUDIES = HERE.parents[1] / "studies"
+RECORD, TABLE = HERE / "predicted_time.json", HERE / "predicted_time.md"
+LONG_ENOUGH = 2.0  # seconds of a step whose time left is looked at
+TENTH = 0.1
+
+
+def run(path: Path) -> dict[str, Any]:
+    """Run a study here: what every step was predicted to take, what it took, and how far off the time left was."""
+    begin = time.perf_counter()
+    from tradestudy import api
+    from tradestudy.execution.time_left import TimeLeft
+
+    left, told, predicted = TimeLeft(time.perf_counter), [], {}
+    began = dict[str, float]()
+
+    def planned(plan: Any) -> None:
+        began["plan"] = time.perf_counter()
+        predicted.update({step.name: step.seconds for step in plan.steps})
+        left.expect(predicted)
+
+    def progress(step: str, share: float) -> None:
+        left(step, share)
+        told.append((time.perf_counter(), step, share, left.of_step))
+
+    with tempfile.TemporaryDirectory() as folder:
+        api.run(api.load(path), Path(folder) / "run", progress=progress, planned=planned)
+    end = time.perf_counter()
+    names = list(dict.fromkeys(step for _, step, _, _ in told))
+    starts = {name: next(at for at, step, _, _ in told if step == name) for name in names}
+    ends = dict(zip(names, [*list(starts.values())[1:], end], strict=True))
+    return {
+        "planned after": began["plan"] - begin,
+        "took": end - began["plan"],
+        "predicted": sum(predicted.values()),
+        "load": os.getloadavg()[0],
+        "steps": {
+            name: {
+                "predicted": predicted.get(name),
+                "took": ends[name] - starts[name],
+                "left": _left([one for one in told if one[1] == name], starts[name], ends[name], predicted.get(name)),
+            }
+            for name in names
+        },
+    }
+
+
+def _left(told: list[tuple[float, str, float, float]], start: float, end: float, predicted: float | None) -> float:
+    """Largest factor by which the time left was wrong after a tenth of a step; at its very end it is as good as none.
+
+    Where nothing was told before the end, the prediction is all there is after a tenth of the time.
+    """
+    worst = 1.0
+    for at, _, share, seconds in told:
+        if TENTH <= share < 1.0 - TENTH:
+            ratio = (seconds + TENTH * (end - start)) / (end - at + TENTH * (end - start))
+            worst = max(worst, ratio, 1.0 / ratio)
+    if worst == 1.0 and predicted:
+        ratio = predicted / (end - start)
+        worst = max(ratio, 1.0 / ratio)
+    return worst
+
+
+def table(record: dict[str, Any]) -> str:
+    """The record as Markdown."""
+    lines = [
+        "# Predicted and measured seconds of every step",
+        "",
+        "Written by `python tests/benchmarks/predicted_time.py`. *Left*: the largest factor by which the time left was",
+        "wrong between a tenth and nine tenths of a step of 2 s and more, a tenth of the step allowed beside it; where",
+        "a step tells nothing before its end, that of its prediction. *All* counts from the plan on. Load is the",
+        "average at the end: this machine is shared, and what else ran changed during runs.",
+        "",
+        "| study | busy | load | step | predicted s | took s | ratio | left |",
+        "|---|---:|---:|---|---:|---:|---:|---:|",
+    ]
+    for key, one in sorted(record.items()):
+        study, busy = key.split(" ")
+        rows = {name: step for name, step in one["steps"].items() if step["took"] >= TENTH}
+        for name, step in {"all": {**one, "left": 1.0}, **rows}.items():
+            predicted, took = step["predicted"] or 0.0, step["took"]
+            left = f"{step['left']:.2f}" if took >= LONG_ENOUGH and name not in ("all", "report") else ""
+            lines.append(
+                f"| {study} | {busy} | {one['load']:.1f} | {name} | {predicted:.2f} | {took:.2f} | "
+                f"{predicted / took:.2f} | {left} |"
+            )
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Measure the named studies, or all, and write record and table."""
+    asked = argparse.ArgumentParser(description=__doc__)
+    asked.add_argument("--busy", type=int, default=0)
+    asked.add_argument("studies", nargs="*")
+    given = asked.parse_args()
+    names = given.studies or sorted(path.stem for path in STUDIES.glob("*.yaml"))
+    record = json.loads(RECORD.read_text(encoding="utf-8")) if RECORD.is_file() else {}
+    busy = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(given.busy)]
+    try:
+        for name in names:
+            code = f"import json, runpy; from pathlib import Path; m = runpy.run_path({str(Path(__file__))!r}); "
+            code += f"print('RECORD' + json.dumps(m['run'](Path({str(STUDIES / f'{name}.yaml')!r}))))"
+            done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+            found = [line for line in done.stdout.splitlines() if line.startswith("RECORD")]
+            if not found:
+                print(f"{name}: {done.stderr.strip().splitlines()[-1:]}")
+                continue
+            record[f"{name} {given.busy}"] = json.loads(found[0].removeprefix("RECORD"))
+            RECORD.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+            TABLE.write_text(table(record), encoding="utf-8")
+            print(name, "done", flush=True)
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,303 @@
+"""Choices for random cameras and scenes: whether they keep their tolerance, and what they cost beside the cheapest.
+
+``python -m tests.campaigns.depth_regret --cases 1000 --seed 2`` writes the table; ``--part 0/2`` does every second case
+and keeps its rows, which ``--join`` puts together. The margins were set with seed 1; a sample runs with the tests.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import json
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from tests.campaigns.depth_cases import KINDS, base_study, random_study
+from tests.campaigns.record import write
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth_points import DepthPoint, depth_table
+from tradestudy.analysis.usable import all_met, evaluate_limits, usable_intervals
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cost.measuring import forget
+from tradestudy.effects.models import Models, SlotName, models_of
+from tradestudy.errors import TradestudyError
+from tradestudy.plan.choice import choose_models
+from tradestudy.study.definition import StudyDefinition
+
+REPEATS = 3
+OVERHEAD = 0.1  # seconds that count for nothing
+TIMED = 3  # of the sets that suffice, the simplest
+_LEVELS = models_of("main_lens_diffraction", "depth")
+_CALIBRATIONS = models_of("calibration", "depth")
+_TRUTH_SHARE = 0.1  # of the tolerance, that the draws of the truth are known to
+_FINEST, _MOST_DRAWS = 3e-4, 2**17
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """What became of one scene.
+
+    Parameters
+    ----------
+    name, tolerance
+        Of the scene.
+    change
+        Largest relative change of the depth uncertainty and of the ends of usable ranges by the chosen models, against
+        the most expensive ones.
+    chosen_seconds, cheapest_seconds
+        Of choosing and computing, trials included; of computing with the cheapest set that suffices.
+    chosen, cheapest
+        The sets.
+    """
+
+    name: str
+    tolerance: float
+    change: float
+    chosen_seconds: float
+    cheapest_seconds: float
+    chosen: str
+    cheapest: str
+
+    @property
+    def regret(self) -> float:
+        """Seconds of the choice over those of the cheapest set, both with the overhead."""
+        return (self.chosen_seconds + OVERHEAD) / (self.cheapest_seconds + OVERHEAD)
+
+
+def run(cases: range, seed: int) -> Iterator[Case]:
+    """Random scenes by their numbers, the kinds in turn; those that make no usable camera are drawn again."""
+    with tempfile.TemporaryDirectory() as folder:
+        bases = {kind: base_study(kind, Path(folder)) for kind in KINDS}
+        for number in cases:
+            kind, rng = KINDS[number % len(KINDS)], np.random.default_rng((seed, number))
+            found = None
+            while found is None:
+                tolerance = float(np.exp(rng.uniform(np.log(1e-3), np.log(0.1))))
+                try:
+                    definition = random_study(bases[kind], kind, rng).with_values(
+                        {"accuracy.tolerance": f"{100.0 * tolerance} %", "usable_range.relative_uncertainty": "20 %"}
+                    )
+                    found = judge(f"{kind} {number}", definition, tolerance)
+                except TradestudyError:  # parts that make no camera
+                    continue
+            yield found
+
+
+def judge(name: str, definition: StudyDefinition, tolerance: float) -> Case | None:
+    """Choose, hold the choice against the most expensive set, and look for the cheapest that suffices."""
+    case = definition.case
+    truth = _Answer.of(definition, _exact(complete(case.cameras["one"]), tolerance))
+    if truth is None:
+        return None
+    chosen = choose_models(definition)[0].models
+    seconds = _least(lambda: _choose_and_compute(definition))
+    change = truth.change(definition, chosen, tolerance)
+    sufficient: list[Models] = []
+    for stage in _stages(case.cameras["one"]):
+        sufficient = [one for one in stage if truth.change(definition, one, tolerance) <= tolerance]
+        if sufficient:
+            break
+    timed = {str(_words(one)): _least(lambda one=one: _compute(definition, one)) for one in sufficient[:TIMED]}  # type: ignore[misc]
+    cheapest = min(timed, key=lambda words: timed[words])
+    return Case(
+        name=name,
+        tolerance=tolerance,
+        change=change,
+        chosen_seconds=seconds,
+        cheapest_seconds=timed[cheapest],
+        chosen=_words(chosen),
+        cheapest=cheapest,
+    )
+
+
+def complete(camera: DepthCamera) -> dict[SlotName, str]:
+    """The most expensive set of a camera whose disparity error is derived."""
+    microlenses = camera.picture_geometry(np.array([1.0])).microlens is not None
+    own: dict[SlotName, str] = {
+        "defocus_blur": "disc",
+        "main_lens_diffraction": "kirchhoff",
+        "pixel_integration": "square",
+        "spectrum": "weighted",
+        "vignetting": "cos4",
+        "sensor_noise": "shot+read+quantisation",
+        "calibration": "exact",
+        "microlens_diffraction": "kirchhoff" if microlenses else "off",
+        "crosstalk": "share" if microlenses else "off",
+    }
+    return own
+
+
+def _exact(models: Models, tolerance: float) -> tuple[Models, float]:
+    return models, max(_FINEST, _TRUTH_SHARE * tolerance)
+
+
+def _stages(camera: DepthCamera) -> Iterator[list[Models]]:
+    """Sets that differ in diffraction, defocus, pixel and calibration, those first that cost the least."""
+    whole = complete(camera)
+    microlenses = whole["microlens_diffraction"] != "off"
+    for calibration in _CALIBRATIONS:
+        for dearest in (2, 3):
+            stage: list[Models] = []
+            for main, micro in itertools.product(range(4), range(4) if microlenses else (0,)):
+                if (max(main, micro) == 3) != (dearest == 3):  # Kirchhoff's are a stage of their own
+                    continue
+                for defocus, pixel in itertools.product(("off", "disc"), ("off", "square")):
+                    stage.append(
+                        whole
+                        | {
+                            "main_lens_diffraction": _LEVELS[main],
+                            "microlens_diffraction": _LEVELS[micro] if microlenses else "off",
+                            "defocus_blur": defocus,
+                            "pixel_integration": pixel,
+                            "calibration": calibration,
+                        }
+                    )
+            yield sorted(stage, key=_simplest)
+
+
+def _simplest(models: Models) -> tuple[int, ...]:
+    lenses = (models["main_lens_diffraction"], models["microlens_diffraction"])
+    return sum(map(_LEVELS.index, lenses)), *(models[slot] != "off" for slot in ("defocus_blur", "pixel_integration"))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Answer:
+    """Depth uncertainty where the camera is usable, and the ends of its usable ranges, by the most expensive set."""
+
+    places: np.ndarray
+    uncertainty: np.ndarray
+    ends: np.ndarray
+
+    @classmethod
+    def of(cls, definition: StudyDefinition, exact: tuple[Models, float]) -> _Answer | None:
+        camera, criteria, distance = _camera(definition, *exact), definition.case.criteria, definition.case.distance
+        places = distance[all_met(evaluate_limits(camera, criteria, distance), distance.shape)]
+        if not places.size:
+            return None
+        return cls(places=places, uncertainty=depth_uncertainty(camera, places), ends=_ends(camera, definition))
+
+    def change(self, definition: StudyDefinition, models: Models, tolerance: float) -> float:
+        """The largest relative change by other models; infinite where a range appears, vanishes or loses its end."""
+        camera = _camera(definition, models, max(_FINEST, _TRUTH_SHARE * tolerance))
+        found = depth_uncertainty(camera, self.places)
+        if np.any(np.isfinite(found) != np.isfinite(self.uncertainty)):
+            return float(np.inf)
+        with np.errstate(invalid="ignore"):
+            by_depth = np.nan_to_num(np.abs(found / self.uncertainty - 1.0))
+        if by_depth.max() > 2.0 * tolerance:
+            return float(by_depth.max())
+        ends = _ends(camera, definition)
+        if ends.shape != self.ends.shape:
+            return float(np.inf)
+        return float(max(by_depth.max(), np.max(np.abs(ends / self.ends - 1.0), initial=0.0)))
+
+
+def _ends(camera: DepthCamera, definition: StudyDefinition) -> np.ndarray:
+    found = usable_intervals(camera, definition.case.criteria, definition.case.distance)
+    return np.array([(one.near, one.far) for one in found]).ravel()
+
+
+def _camera(definition: StudyDefinition, models: Models, tolerance: float) -> DepthCamera:
+    camera = definition.with_models({"one": models}).case.cameras["one"]
+    return replace(camera, propagation=replace(camera.propagation, tolerance=tolerance, max_draws=_MOST_DRAWS))
+
+
+def _choose_and_compute(definition: StudyDefinition) -> None:
+    _compute(definition, choose_models(definition)[0].models)
+
+
+def _compute(definition: StudyDefinition, models: Models) -> None:
+    case = definition.with_models({"one": models}).case
+    depth_table(DepthPoint(camera=case.cameras["one"], criteria=case.criteria, distance=case.distance))
+
+
+def _least(task: object) -> float:
+    """The least of some runs that find every cache empty [s]."""
+    assert callable(task)
+    taken = []
+    for _ in range(REPEATS):
+        forget()
+        begin = time.perf_counter()
+        task()
+        taken.append(time.perf_counter() - begin)
+    return min(taken)
+
+
+def _words(models: Models) -> str:
+    slots: tuple[SlotName, ...] = (
+        "main_lens_diffraction", "microlens_diffraction", "defocus_blur", "pixel_integration", "calibration",
+    )  # fmt: skip
+    return " ".join(models[slot] for slot in slots)
+
+
+def table(found: list[Case]) -> list[tuple[object, ...]]:
+    """One row for each kind and one for all."""
+    rows = []
+    for kind in (*KINDS, "all"):
+        own = [one for one in found if kind in ("all", one.name.split()[0])]
+        if not own:
+            continue
+        regret = np.array([one.regret for one in own])
+        excess = np.array([one.change / one.tolerance for one in own])
+        rows.append(
+            (
+                kind,
+                len(own),
+                f"{100.0 * np.mean(regret <= 1.5):.1f} %",
+                f"{100.0 * np.mean(regret <= 3.0):.1f} %",
+                f"{regret.max():.2f}",
+                int(np.sum(excess > 1.0)),
+                f"{excess.max():.2f}",
+                f"{np.median(excess):.2f}",
+            )
+        )
+    return rows
+
+
+HEAD = (
+    "Cameras", "Scenes", "Regret ≤ 1.5", "Regret ≤ 3", "Largest regret", "Tolerance exceeded",
+    "Largest change/tolerance", "Median change/tolerance",
+)  # fmt: skip
+
+
+def main() -> None:
+    """Run the campaign and keep its table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--cases", type=int, default=1000)
+    parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--part", default="0/1")
+    parser.add_argument("--join", nargs="*", default=[])
+    parser.add_argument("--rows", type=Path, default=None, help="where the cases of a part are kept")
+    given = parser.parse_args()
+    part, parts = map(int, given.part.split("/"))
+    if given.join:
+        found = [Case(**row) for path in given.join for row in json.loads(Path(path).read_text())]
+    else:
+        found = []
+        for one in run(range(part, given.cases, parts), given.seed):
+            found.append(one)
+            if given.rows is not None:
+                given.rows.write_text(json.dumps([asdict(case) for case in found]))
+    for one in sorted(found, key=lambda c: -c.regret)[:12]:
+        print(f"regret {one.regret:.2f}", one)
+    for one in sorted(found, key=lambda c: -c.change / c.tolerance)[:12]:
+        print(f"excess {one.change / one.tolerance:.2f}", one)
+    if parts > 1 and not given.join:
+        return
+    path = write(
+        "depth_regret",
+        f"Choices for {len(found)} random cameras and scenes, tolerance 0.1 to 10 %",
+        f"python -m tests.campaigns.depth_regret --cases {given.cases} --seed {given.seed}",
+        HEAD,
+        table(found),
+    )
+    print(path.read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""What is left of a run, told by a clock that is set by hand."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from tradestudy.execution.steps import mixed
+from tradestudy.execution.time_left import TimeLeft
+
+
+class Clock:
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+@pytest.fixture
+def left(clock: Clock) -> TimeLeft:
+    found = TimeLeft(clock)
+    found.expect({"depth": 10.0, "decision": 5.0, "report": 3.0})
+    return found
+
+
+def test_a_step_that_has_hardly_begun_takes_what_was_predicted(clock: Clock, left: TimeLeft) -> None:
+    left("depth", 0.0)
+    clock.now += 2.0
+    assert left.of_step == pytest.approx(8.0)
+    assert left.of_run == pytest.approx(16.0)
+    clock.now += 20.0
+    assert left.of_step == 0.0  # overdue, and nothing to go by
+
+
+def test_after_a_tenth_a_step_goes_on_as_it_began(clock: Clock, left: TimeLeft) -> None:
+    left("depth", 0.0)
+    clock.now += 4.0
+    left("depth", 0.1)
+    assert left.of_step == pytest.approx(36.0)
+    clock.now += 1.0  # nothing new is told, but time goes by
+    assert left.of_step == pytest.approx(35.0)
+
+
+def test_steps_to_come_are_scaled_by_how_far_off_past_steps_were(clock: Clock, left: TimeLeft) -> None:
+    left("depth", 0.0)
+    clock.now += 30.0
+    left("depth", 1.0)
+    assert left.of_step == 0.0
+    left("decision", 0.0)
+    assert left.of_step == pytest.approx(15.0)
+    assert left.of_run == pytest.approx(24.0)
+
+
+def test_what_was_taken_up_is_no_pace(clock: Clock, left: TimeLeft) -> None:
+    left("depth", 0.6)
+    assert left.of_step == pytest.approx(4.0)
+    clock.now += 5.0
+    left("depth", 0.8)
+    assert left.of_step == pytest.approx(5.0)
+
+
+def test_a_step_that_nobody_predicted_is_told_by_its_own_pace_alone(clock: Clock, left: TimeLeft) -> None:
+    left("something", 0.0)
+    assert math.isnan(left.of_step)
+    clock.now += 5.0
+    left("something", 0.5)
+    assert left.of_step == pytest.approx(5.0)
+    assert left.of_run == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("count", [0, 1, 24, 193])
+def test_every_part_of_a_mixed_order_comes_up_early(count: int) -> None:
+    order = mixed(count)
+    assert sorted(order) == list(range(count))
+    if count > 20:
+        first = order[: count // 4]
+        for quarter in range(4):
+            inside = [k for k in first if quarter * count / 4 <= k < (quarter + 1) * count / 4]
+            assert len(inside) == pytest.approx(len(first) / 4, abs=1)

@@ -1,0 +1,248 @@
+"""Which models the depth of a camera calls for: the question decides, and what is left out changes what it says."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tests.campaigns.depth_cases import base_study
+from tests.campaigns.depth_regret import run
+from tradestudy.accuracy import Quantity
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.effects.choice import Change, Changes, Piece, Slot, choose
+from tradestudy.effects.models import Models
+from tradestudy.errors import StudyError
+from tradestudy.plan.choice import choose_models
+from tradestudy.plan.pieces.depth import depth_pieces
+from tradestudy.plan.pieces.depth_variant import DepthVariant
+from tradestudy.study.loading import load_definition
+
+STUDIES = Path(__file__).parents[2] / "studies"
+STEREO = """\
+format: 2
+study: one-rig
+title: One rig
+question: What does diffraction change?
+cameras:
+  rig:
+    from: {studies}/cameras/stereo-100mm.yaml
+    lenses: {{focal_length: 8 mm}}
+    focus_distance: autofocus
+    stated: null
+    calibration:
+      errors: {{yaw: {{standard_deviation: {yaw} deg}}, pitch: null, roll: null, baseline: null, focal_length: null}}
+scene: {{distances: {{from: 0.5 m, to: 2 m, points: 3, spacing: log}}, wavelength: 550 nm}}
+"""
+DIFFRACTION = 0.269  # of the noise, that leaving it out would change
+
+
+def rig(folder: Path, yaw: float) -> DepthVariant:
+    file = folder / "rig.yaml"
+    file.write_text(STEREO.format(studies=STUDIES.as_posix(), yaw=yaw), encoding="utf-8")
+    (piece,) = depth_pieces(load_definition(file, ()), {})
+    return piece._variants[0]
+
+
+class Diffraction(Piece):
+    """One effect that moves the noise of a rig by a known share."""
+
+    name, title = "rig", "One rig"
+    slots = (Slot(name="main_lens_diffraction", models=("off", "kirchhoff")),)
+
+    def __init__(self, variant: DepthVariant, asked: tuple[Quantity, ...]) -> None:
+        self.variant, self.asked = variant, asked
+
+    def changes(self, models: Models) -> Changes:
+        noise = DIFFRACTION if models["main_lens_diffraction"] == "off" else 0.0
+        moved = self.variant.moved({}, noise)
+        return {
+            "depth_uncertainty": Change(relative=float(moved.uncertainty[1])),
+            "depth_noise": Change(relative=float(self.variant.moved_noise({}, noise)[1])),
+        }
+
+
+# Of the whole uncertainty at 1 m: √(1 + s (1.269² − 1)) − 1, s the share of noise in its variance: 1 µm of disparity
+# beside 8 mm times the yaw.
+@pytest.mark.parametrize(("yaw", "change"), [(0.2, 0.00039), (0.02, 0.0341), (0.002, 0.251)])
+def test_what_noise_hardly_decides_changes_the_whole_by_little(tmp_path: Path, yaw: float, change: float) -> None:
+    variant = rig(tmp_path, yaw)
+    moved = variant.moved({}, DIFFRACTION)
+    assert moved.distance[1] == pytest.approx(1.0)
+    share = 1.0 / (1.0 + (8e-3 * np.radians(yaw) / 1e-6) ** 2)
+    assert moved.uncertainty[1] == pytest.approx(
+        np.sqrt(1.0 + share * ((1.0 + DIFFRACTION) ** 2 - 1.0)) - 1.0, rel=0.01
+    )
+    assert moved.uncertainty[1] == pytest.approx(change, rel=0.02)
+    assert variant.moved_noise({}, DIFFRACTION)[1] == pytest.approx(DIFFRACTION, rel=1e-3)
+
+
+def test_the_question_decides_whether_diffraction_is_simulated(tmp_path: Path) -> None:
+    """At 2 %, diffraction is left out beside a yaw of 0.2°, not beside 0.02°; and never where noise is asked for."""
+    tolerances: dict[Quantity, float] = {"depth_uncertainty": 0.02, "depth_noise": 0.02}
+
+    def chosen(yaw: float, *asked: Quantity) -> str:
+        piece = Diffraction(rig(tmp_path, yaw), asked)
+        return choose(piece, tolerances, {}).models["main_lens_diffraction"]
+
+    assert chosen(0.2, "depth_uncertainty") == "off"
+    assert chosen(0.02, "depth_uncertainty") == "kirchhoff"
+    assert chosen(0.2, "depth_uncertainty", "depth_noise") == "kirchhoff"
+
+
+def test_a_declared_tolerance_of_noise_is_asked_and_any_other_is_shown_and_drives_nothing() -> None:
+    robot = tradestudy.load(STUDIES / "robot.yaml").plan()
+    assert all("depth_noise" not in one.asked for one in robot.pieces)
+    stereo = next(one for one in robot.pieces if one.name == "stereo-75mm")
+    assert stereo.choice.changes["depth_noise"].relative > 0.02 > stereo.choice.changes["depth_uncertainty"].relative
+    asked = tradestudy.load(STUDIES / "robot.yaml", ["accuracy.depth_noise=2 %"]).plan()
+    stereo = next(one for one in asked.pieces if one.name == "stereo-75mm")
+    assert stereo.models["main_lens_diffraction"] not in ("off", "airy")
+    assert stereo.choice.changes["depth_noise"].relative <= 0.02
+
+
+def test_the_robot_needs_no_diffraction_or_airy_for_its_stereo_heads() -> None:
+    """And what is left out, forced in turn, moves the depth uncertainty by less than is said."""
+    plan = tradestudy.load(STUDIES / "robot.yaml").plan()
+    for name in ("stereo-50mm", "stereo-75mm"):
+        piece = next(one for one in plan.pieces if one.name == name)
+        assert piece.models["main_lens_diffraction"] in ("off", "airy")
+        distance = np.array([0.3, 0.6, 1.2, 4.0])
+        exact = plan.definition.with_models({name: {**piece.models, "main_lens_diffraction": "kirchhoff"}})
+        own, other = (depth_uncertainty(one.case.cameras[name], distance) for one in (plan.definition, exact))
+        change = float(np.max(np.abs(own / other - 1.0)))
+        assert change < piece.choice.changes["depth_uncertainty"].relative < 0.02
+
+
+def test_a_narrow_focus_between_two_distances_of_the_study_is_caught(tmp_path: Path) -> None:
+    """A pair at f/1.4 is in focus for a few millimetres between distances that are 60 mm apart."""
+    values = {
+        "cameras.one.lenses.focal_length": "25 mm",
+        "cameras.one.lenses.f_number": 1.4,
+        "scene.picture.light.at_f_number": 1.4,
+        "cameras.one.focus_distance": "530 mm",
+        "scene.distances": {"from": "500 mm", "to": "560 mm", "points": 2, "spacing": "linear"},
+        "scene.picture.spectrum": None,
+    }
+    (piece,) = depth_pieces(base_study("stereo", tmp_path).with_values(values), {})
+    (variant,) = piece._variants
+    np.testing.assert_allclose(variant.places, [0.50, 0.53, 0.56], rtol=1e-3)
+    near, focus, far = np.abs(variant.moved_noise({"pixel_integration": "off"}))
+    assert focus > 0.5 > 0.05 > max(near, far)
+
+
+@pytest.mark.parametrize("model", ["off", "airy", "kirchhoff"])
+def test_a_forced_model_is_obeyed_and_what_it_does_is_told(model: str) -> None:
+    plan = tradestudy.load(STUDIES / "robot.yaml", [f"effects.main_lens_diffraction={model}"]).plan()
+    for piece in plan.pieces:
+        assert piece.models["main_lens_diffraction"] == model
+        law = plan.definition.case.cameras[piece.name].disparity_error_px
+        assert law.models.main_lens_diffraction == model
+        assert (piece.by_forcing == {}) == (model == "kirchhoff")
+        told = plan.text()
+    assert ("the models that the study names change the" in told) == (model != "kirchhoff")
+
+
+def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
+    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects.main_lens_diffraction=fresnel"])
+    with pytest.raises(StudyError, match=r"'fresnel' acts nowhere in this study.*disparity_error is derived"):
+        study.plan()
+
+
+def test_no_clock_moves_the_choice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine that is busy, or slow, chooses the same."""
+    definition = load_definition(STUDIES / "robot.yaml", ())
+    before = {one.name: dict(one.models) for one in choose_models(definition)}
+    ticks = itertools.accumulate(itertools.count(1))
+    monkeypatch.setattr(time, "perf_counter", lambda: float(next(ticks)))
+    monkeypatch.setattr(time, "monotonic", lambda: float(next(ticks)))
+    assert {one.name: dict(one.models) for one in choose_models(definition)} == before
+
+
+# Distances end [mm] ever closer to where the far end of depth is lost: points in place of pixels double the disparity
+# error everywhere, and multiply the depth uncertainty there by 1 and at least so much.
+@pytest.mark.parametrize(("end", "least"), [(350.0, 1.5), (436.0, 4.0), (470.0, 10.0)])
+def test_intervals_far_from_normal_are_computed_anew(tmp_path: Path, end: float, least: float) -> None:
+    values = {
+        "scene.distances.from": "156.6 mm",
+        "scene.distances.to": f"{end} mm",
+        "scene.wavelength": "464.7 nm",
+        "cameras.one.calibration.stability.temperature.standard_deviation": "12.3 K",
+        "scene.picture.texture.contrast": "9 %",
+        "scene.picture.texture.correlation_length": "1.5 mm",
+        "scene.picture.matching_window": "23 px",
+        "scene.picture.light.electrons": "2488 electrons",
+        "scene.picture.light.at_f_number": 9.4,
+        "scene.picture.read_noise": "13 electrons",
+        "scene.picture.bit_depth": 14,
+        "cameras.one.main_lens.focal_length": "6 mm",
+        "cameras.one.main_lens.f_number": 9.4,
+        "cameras.one.focus.distance": "176.5 mm",
+    }
+    definition = base_study("unfocused", tmp_path).with_values(values)
+    (piece,) = depth_pieces(definition, {})
+    (variant,) = piece._variants
+    points = {**piece.complete, "main_lens_diffraction": "fresnel", "calibration": "linear", "pixel_integration": "off"}
+    pixels = {**points, "pixel_integration": "square"}
+    alone, whole = (
+        depth_uncertainty(definition.with_models({"one": models}).case.cameras["one"], variant.places)
+        for models in (points, pixels)
+    )
+    moved = variant.moved({"pixel_integration": "off", "calibration": "linear"}).uncertainty
+    np.testing.assert_allclose(moved, alone / whole - 1.0, rtol=1e-6, atol=1e-9)
+    assert moved.max() > least
+
+
+def test_a_sweep_that_goes_through_focus_counts_there_too(tmp_path: Path) -> None:
+    """Blurred before and behind, at neither end of the sweep diffraction or pixels change anything to speak of."""
+    swept = "cameras.one.focus_distance"
+    values = {
+        "scene.distances.from": "295 mm",
+        "scene.distances.to": "305 mm",
+        "scene.picture.texture.contrast": "40 %",
+        "scene.picture.texture.correlation_length": "0.2 mm",
+        "scene.picture.matching_window": "41 px",
+        "scene.picture.light.electrons": "20000 electrons",
+        "scene.picture.read_noise": "5 electrons",
+        "scene.picture.full_well": "1e7 electrons",
+        "cameras.one.lenses.focal_length": "18 mm",
+        "cameras.one.lenses.f_number": 8,
+        "cameras.one.baseline": "20 mm",
+        "cameras.one.principal_distance": "focused",
+        "cameras.one.calibration.errors.yaw.standard_deviation": "1e-5 deg",
+        swept: "100 mm",
+    }
+    one = base_study("stereo", tmp_path).with_values(values)
+    (swept_piece,) = depth_pieces(one.with_values({"sweep": {swept: ["100 mm", "0.3 m", "5 m"]}}), {})
+    pieces = {end: depth_pieces(one.with_values({swept: end}), {})[0] for end in ("100 mm", "0.3 m", "5 m")}
+
+    def change(piece: Piece) -> float:
+        return piece.unasked({**piece.complete, "pixel_integration": "off"})["depth_noise"].relative
+
+    assert change(swept_piece) == pytest.approx(change(pieces["0.3 m"]))
+    assert change(swept_piece) > 3.0 * max(change(pieces["100 mm"]), change(pieces["5 m"]))
+
+
+def test_one_reading_that_no_line_describes_makes_the_whole_camera_draw() -> None:
+    """It takes the yaw for a uniform one."""
+    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml")
+    whole, part = (one.plan() for one in (study, study.with_values({"readings": None, "claims": None, "solve": None})))
+    assert whole.models("stereo-65-across")["calibration"] == "exact"
+    assert part.models("stereo-65-across")["calibration"] == "linear"
+
+
+def test_a_tolerance_that_no_line_keeps_calls_for_draws() -> None:
+    plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", tolerance="0.0002 %").plan()
+    assert {one.models["calibration"] for one in plan.pieces} == {"exact"}
+    assert {one.choice.changes["depth_uncertainty"].relative for one in plan.pieces} == {0.0}
+
+
+def test_choices_for_random_cameras_keep_their_tolerance() -> None:
+    """A sample of the campaign, which tells how often and what the choices cost beside the cheapest."""
+    found = list(run(range(3), seed=21))
+    assert {one.name.split()[0] for one in found} == {"stereo", "focused", "unfocused"}
+    assert all(one.change <= one.tolerance for one in found)

@@ -1,0 +1,213 @@
+"""What the tolerance of a light picture chooses, by which trials, and that what is chosen acts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tests.campaigns.light_cases import random_part
+from tests.campaigns.light_regret import measured, rows
+from tradestudy.analysis.spot_images import SpotModels, spot_picture
+from tradestudy.effects.choice import Choice, choose
+from tradestudy.effects.models import Models
+from tradestudy.errors import OutOfRangeError, StudyError
+from tradestudy.plan.light_pilot import predicted_picture_seconds
+from tradestudy.plan.pieces.light_spot import TOLERANCES, LightSpotPiece, spot_models
+from tradestudy.plan.pieces.light_trial import LightTrial, probes
+from tradestudy.plan.pieces.point_spread import PointSpreadPiece
+from tradestudy.study.schema.light_spot import LightSpotPart
+
+STUDY = Path(__file__).parents[2] / "studies" / "light_spot.yaml"
+SMALL = [
+    "light_spot.microlenses.lenses_across=1",
+    "light_spot.detector.pixels=23",
+    "light_spot.spot.diameter=0.2 mm",
+]
+
+
+def spot(*overrides: str) -> LightSpotPart:
+    part = tradestudy.load(STUDY, list(overrides)).file.light_spot
+    assert part is not None
+    return part
+
+
+def chosen(part: LightSpotPart, tolerance: float, forced: dict[str, str] | None = None) -> Choice:
+    insisted = forced or {}
+    return choose(LightSpotPiece(part, insisted), {"pixel_intensity": tolerance}, insisted)  # type: ignore[arg-type]  # names of slots
+
+
+def relative(one: np.ndarray, other: np.ndarray) -> float:
+    return float(np.linalg.norm(one - other) / np.linalg.norm(other))
+
+
+def test_the_light_spot_calls_for_less_the_less_is_asked() -> None:
+    found = [spot_models(chosen(spot(), asked).models) for asked in (0.2, 0.1, 0.01)]
+    assert [one.method for one in found] == ["exact-rays", "exact-rays", "kirchhoff"]
+    assert all(one.integrated and not one.separate and not one.point for one in found)
+
+
+@pytest.mark.xfail(strict=True, reason="1.3 times what trials show, 4.5 % of Fresnel to the array, exceeds it")
+def test_the_light_spot_to_5_percent_needs_no_kirchhoff() -> None:
+    assert spot_models(chosen(spot(), 0.05).models).method in ("exact-rays", "fresnel", "fresnel-kirchhoff")
+
+
+def test_a_disc_that_lights_a_microlens_unevenly_is_no_point() -> None:
+    """Its blur alone changes the pixels by 3 %, its shadows by 37 %."""
+    part = random_part(np.random.default_rng([1, 102]))
+    complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
+    simpler = replace(complete, point=True)
+    change = relative(spot_picture(part, simpler).pixels, spot_picture(part, complete).pixels)
+    assert change > 0.3
+    changed, own = LightTrial(part).squares(0, simpler, complete)
+    assert math.sqrt(changed / own) == pytest.approx(change, rel=0.5)
+
+
+def test_changes_of_a_choice_stay_within_the_tolerance_sampling_included() -> None:
+    for asked in (0.2, 0.05, 0.02):
+        found = chosen(spot(), asked)
+        assert spot_models(found.models).tolerance <= found.changes["pixel_intensity"].relative <= asked
+
+
+def test_a_trial_tells_what_the_whole_picture_changes() -> None:
+    """Images of a few points, against pictures of the whole disc."""
+    part = spot(*SMALL, "light_spot.spot.diameter=1 mm")
+    complete = SpotModels(method="kirchhoff", tolerance=0.01, monochromatic=True)
+    trial = LightTrial(part)
+    truth = spot_picture(part, complete).pixels
+    for simpler in (
+        replace(complete, method="exact-rays"),
+        replace(complete, method="fresnel"),
+        replace(complete, point=True),
+        replace(complete, integrated=False),
+    ):
+        change = relative(spot_picture(part, simpler).pixels, truth)
+        squares = [trial.squares(number, simpler, complete) for number in range(trial.count)]
+        tried = math.sqrt(sum(one for one, _ in squares) / sum(own for _, own in squares))
+        assert change / 2.0 < tried < 3.0 * change, simpler
+
+
+def test_nothing_is_tried_that_cannot_change_the_choice(monkeypatch: pytest.MonkeyPatch) -> None:
+    tried = []
+    original = LightTrial.squares
+
+    def squares(self: LightTrial, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
+        tried.append((number, models))
+        return original(self, number, models, complete)
+
+    monkeypatch.setattr(LightTrial, "squares", squares)
+    chosen(spot(*SMALL), 0.05)
+    assert len(tried) == len(set(tried))
+    assert sum(models.point for _, models in tried) == 1  # a first probe shows that a point is far off
+    tried.clear()
+    chosen(spot(*SMALL, "light_spot.spot.diameter=0 mm"), 0.05)
+    assert not tried  # a trial of a point takes as long as its picture
+
+
+def test_probes_span_the_disc_and_the_microlenses_it_lights() -> None:
+    found = probes(spot())
+    centres = {tuple(one.alone.microlenses.centres[0]) for one in found}
+    assert len(centres) == 2
+    distances = [math.hypot(one.point.x, one.point.y) for one in found]
+    assert min(distances) == 0.0
+    assert max(distances) == pytest.approx(math.hypot(0.9, 0.3) * 2e-3)
+    assert all(one.pair.microlenses.count == 2 for one in found)
+    # The spot's image fills that of the pupil: between them the microlenses see 2 R b/z.
+    assert found[0].spread == pytest.approx(12.5e-3 / 3.8 / 2 * 0.587 / 15.271, rel=0.05)
+
+
+def test_rays_act_on_both_legs_or_on_none() -> None:
+    rays = chosen(spot(*SMALL), 0.05, {"main_lens_diffraction": "off"})
+    assert spot_models(rays.models).method == "exact-rays"
+    with pytest.raises(OutOfRangeError, match="off on both legs"):
+        LightSpotPiece(spot(), {"main_lens_diffraction": "off", "microlens_diffraction": "kirchhoff"})
+    with pytest.raises(OutOfRangeError, match="whole pixels"):
+        LightSpotPiece(spot(), {"main_lens_diffraction": "off", "pixel_integration": "off"})
+
+
+def test_forced_models_are_obeyed_and_what_they_change_is_reported() -> None:
+    forced = {"main_lens_diffraction": "boundary_wave", "crosstalk": "off"}
+    found = chosen(spot(*SMALL), 0.05, forced)
+    assert {slot: found.models[slot] for slot in forced} == forced  # type: ignore[index]  # names of slots
+    assert math.isfinite(found.changes["pixel_intensity"].relative)
+
+
+def test_boundary_waves_act_only_where_they_are_forced() -> None:
+    slots = {slot.name: slot.models for slot in LightSpotPiece(spot(), {}).slots}
+    assert slots["main_lens_diffraction"] == slots["microlens_diffraction"] == ("off", "fresnel", "kirchhoff")
+    square = "light_spot.microlenses.aperture=square"
+    for wrong in (["light_spot.methods=[kirchhoff-boundary-wave]"], ["effects={microlens_diffraction: boundary_wave}"]):
+        with pytest.raises(StudyError, match="run around circles"):
+            spot(square, "claims={}", *wrong)
+
+
+def test_a_spot_below_resolution_is_a_point() -> None:
+    assert chosen(spot(*SMALL, "light_spot.spot.diameter=0.1 um"), 0.05).models["source_extent"] == "off"
+    assert chosen(spot(*SMALL), 0.05).models["source_extent"] == "disc"
+
+
+def test_a_coherent_disc_has_no_rays() -> None:
+    part = spot(*SMALL)
+    piece = LightSpotPiece(part.model_copy(update={"spot": part.spot.model_copy(update={"coherent": True})}), {})
+    slots = {slot.name: slot.models for slot in piece.slots}
+    assert slots["main_lens_diffraction"] == ("fresnel", "kirchhoff")
+
+
+def test_every_choice_changes_the_picture() -> None:
+    part = spot(*SMALL)
+    complete = SpotModels(method="fresnel", tolerance=0.05)
+    reference = spot_picture(part, complete).pixels
+    for changed in (
+        SpotModels(method="geometric", tolerance=0.05),
+        SpotModels(method="exact-rays", tolerance=0.05),
+        SpotModels(method="boundary-wave-kirchhoff", tolerance=0.05),
+        SpotModels(method="geometric-fresnel", tolerance=0.05),
+        SpotModels(method="fresnel-geometric", tolerance=0.05),
+        SpotModels(method="fresnel", tolerance=0.05, integrated=False),
+        SpotModels(method="fresnel", tolerance=0.05, point=True),
+        SpotModels(method="fresnel", tolerance=0.01),
+    ):
+        assert 1e-6 < relative(spot_picture(part, changed).pixels, reference) < 10.0, changed
+
+
+def test_a_tolerance_belongs_to_methods() -> None:
+    with pytest.raises(StudyError, match="belongs to methods"):
+        spot("light_spot.methods=[]", "claims={}")
+
+
+def test_tolerances_are_their_own_bounds() -> None:
+    piece = LightSpotPiece(spot(), {})
+    complete = {slot.name: slot.models[-1] for slot in piece.slots}
+    for model, tolerance in zip(piece.slots[-1].models, TOLERANCES, strict=True):
+        change = piece.changes({**complete, "sampling": model})["pixel_intensity"]
+        assert (change.relative, change.evidence) == (pytest.approx(tolerance), "bound")
+
+
+def test_images_of_points_keep_kirchhoff_unless_fresnel_is_forced() -> None:
+    part = tradestudy.load(STUDY).file.point_spread
+    assert part is not None
+    small = part.model_copy(update={"window": 4.0, "tolerance": 1e-3})
+    wanted = {"psf_width": 0.01}
+    assert choose(PointSpreadPiece(small, {}), wanted, {}).models["main_lens_diffraction"] == "kirchhoff"
+    free = PointSpreadPiece(small, {})
+    fresnel: Models = {"main_lens_diffraction": "fresnel"}
+    assert choose(PointSpreadPiece(small, fresnel), wanted, fresnel).models == fresnel
+    assert free.try_out(fresnel)
+    assert free.changes(fresnel)["psf_width"].relative > 0.01  # parabolic phases spread Kirchhoff's images
+
+
+def test_a_pilot_grows_with_what_a_picture_holds() -> None:
+    part = spot(*SMALL)
+    coarse = SpotModels(method="kirchhoff", tolerance=0.05, monochromatic=True)
+    assert predicted_picture_seconds(spot(), coarse) > 3.0 * predicted_picture_seconds(part, coarse) > 0.0
+
+
+def test_a_sample_of_the_campaign_stays_within_its_tolerance() -> None:
+    outcomes = [one for one in (measured(number, 7) for number in range(2)) if one]
+    assert outcomes
+    assert max(one.exceeded for one in outcomes) < 1.5
+    assert dict(rows(outcomes))["cases"] == str(len(outcomes))

@@ -1,0 +1,127 @@
+"""How long a picture of a light spot will take: parts of its very work, timed, times the counts that remain."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from tradestudy.analysis.spot_images import RAYS, SpotModels, legs, light_path, light_source
+from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath
+from tradestudy.optics.chain.array_field import PupilWave
+from tradestudy.optics.chain.arriving_light import array_table, point_wave
+from tradestudy.optics.chain.exact_rays import exact_ray_image, ray_count
+from tradestudy.optics.chain.geometric_image import geometric_image
+from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
+from tradestudy.optics.chain.point_image import compute_point, reference_law
+from tradestudy.optics.chain.scene import Legs
+from tradestudy.optics.chain.source_tables import table_count
+from tradestudy.optics.chain.sources import source_nodes
+from tradestudy.optics.chain.spot_image import CHECKED_POINTS, followed_points, source_density
+from tradestudy.optics.chain.spot_points import point_light, prepare_spot
+from tradestudy.optics.propagation import PointSource
+from tradestudy.study.schema.light_spot import LightSpotPart
+
+_COARSE = 0.2  # tolerance of rays in a pilot
+_PASSES = 3  # of a point: one, one that tells its error, and one by quadrature
+
+
+def predicted_picture_seconds(part: LightSpotPart, models: SpotModels) -> float:
+    """Seconds of a picture on this machine as it is now, within a factor of 3.
+
+    Raises
+    ------
+    TradestudyError
+        What the picture itself refuses: too many source points, or too much memory.
+    """
+    path, source = light_path(part), light_source(part)
+    if models.point and isinstance(source, DiscSource):
+        source = source.centre
+    if not models.separate:
+        return _seconds(part, path, source, models)
+    owner = nearest_microlens(path)
+    present = np.unique(owner)
+    alone = microlenses_alone(path, [int(present[present.size // 2])], owner)
+    return present.size * _seconds(part, alone, source, models)
+
+
+def _seconds(part: LightSpotPart, path: LightPath, source: PointSource | DiscSource, models: SpotModels) -> float:
+    accuracy = ChainAccuracy(tolerance=models.tolerance)
+    if models.method in RAYS:
+        return _seconds_of_rays(path, source, models, accuracy)
+    lines = 1 if models.monochromatic else len(part.lines)
+    laws, wavelength = legs(models.method), part.mean_wavelength
+    if isinstance(source, DiscSource) and not source.coherent:
+        return lines * _seconds_of_disc(path, source, wavelength, laws, accuracy)
+    coherent_radius = source.diameter / 2.0 if isinstance(source, DiscSource) else 0.0
+    point = source.centre if isinstance(source, DiscSource) else source
+    return lines * _PASSES * _seconds_of_point(path, point, wavelength, laws, accuracy, coherent_radius)
+
+
+def _seconds_of_rays(
+    path: LightPath, source: PointSource | DiscSource, models: SpotModels, accuracy: ChainAccuracy
+) -> float:
+    if models.method == "geometric":
+        alone = _nearest(path, source.centre if isinstance(source, DiscSource) else source)
+        return path.microlenses.count * _timed(lambda: geometric_image(alone, source, density=1.0))
+    coarse = ChainAccuracy(tolerance=_COARSE)
+    start = time.perf_counter()
+    exact_ray_image(path, source, accuracy=coarse)
+    return (time.perf_counter() - start) * max(1.0, ray_count(path, source, accuracy) / ray_count(path, source, coarse))
+
+
+def _seconds_of_point(
+    path: LightPath, point: PointSource, wavelength: float, laws: Legs, accuracy: ChainAccuracy, coherent_radius: float
+) -> float:
+    """One pass over all microlenses, from one over a single one."""
+    alone = _nearest(path, point)
+    wave = point_wave(alone, point, wavelength=wavelength, legs=laws, coherent_radius=coherent_radius)
+    seconds = _timed(lambda: compute_point(wave, laws.to_detector, accuracy))
+    return seconds * path.microlenses.count
+
+
+def _seconds_of_disc(
+    path: LightPath, source: DiscSource, wavelength: float, laws: Legs, accuracy: ChainAccuracy
+) -> float:
+    """Points of the disc, tables of the main lens's field, and points that are checked by themselves."""
+    nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
+    start = time.perf_counter()
+    spot = prepare_spot(path, source, nodes, wavelength, laws, accuracy, blank=True)
+    seconds = time.perf_counter() - start
+    table = spot.tables.tables[0] if spot.tables else None
+    at = float(nodes.rings[-1][0, 0]), float(nodes.rings[-1][0, 1])
+    seconds += followed_points(path, source, nodes) * _timed(lambda: point_light(spot, at, table).on_pixels(spot))
+    check = Legs(to_array=laws.to_array, to_detector=reference_law(laws.to_detector))
+    finer = accuracy.unstarved()
+    seconds += CHECKED_POINTS * _seconds_of_point(path, source.centre, wavelength, check, finer, 0.0)
+    if table is None:
+        return seconds
+    # Samples of the array and nodes of the pupil grow alike.
+    small = _nearest(path, source.centre)
+    wave = spot.wave(source.x, source.y)
+    assert isinstance(wave, PupilWave)  # rays have no tables
+    wave = replace(wave, path=small)
+    start = time.perf_counter()
+    timed = array_table(wave, accuracy)
+    each = (time.perf_counter() - start) / timed.coefficients.size
+    return seconds + table_count(accuracy) * table.coefficients.size * each
+
+
+def _nearest(path: LightPath, point: PointSource) -> LightPath:
+    """The microlens that a point lights most, of those before a pixel."""
+    owner = nearest_microlens(path)
+    present = np.unique(owner)
+    away = np.linalg.norm(path.microlenses.centres[present] - path.chief_point(point), axis=1)
+    return microlenses_alone(path, [int(present[np.argmin(away)])], owner)
+
+
+def _timed(work: Callable[[], object]) -> float:
+    """The less of two: the first may load what the second finds."""
+    found = []
+    for _ in range(2):
+        start = time.perf_counter()
+        work()
+        found.append(time.perf_counter() - start)
+    return min(found)

@@ -1,0 +1,261 @@
+"""Cameras that measure depth: which models of picture and calibration their depth calls for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from tradestudy.accuracy import Quantity
+from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
+from tradestudy.effects.choice import Change, Changes, Evidence, Piece, Slot
+from tradestudy.effects.models import OFF, Models, SlotName, models_of
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.plan.pieces.depth_variant import DepthVariant, complete_in_closed_form
+from tradestudy.plan.pieces.variants import every_variant
+from tradestudy.study.definition import StudyDefinition
+
+# Models are compared at so many of the study's distances; what they change goes slowly from one to the next.
+_MOST_DISTANCES: Final = 101
+# What is computed at some distances, between which a change may be larger, and what a trial finds at a few places:
+# set by `python -m tests.campaigns.depth_regret` on other scenes than those it reports.
+MARGIN: Final = 1.1
+TRIAL_MARGIN: Final = 1.5
+_ALL: Final = 1.0 - 1e-9  # of a disparity error, which cannot become zero
+_LENSES: Final[tuple[SlotName, ...]] = ("main_lens_diffraction", "microlens_diffraction")
+# Those whose simpler models save time, in the order in which they are tried.
+_SAVING: Final[tuple[SlotName, ...]] = (*_LENSES, "calibration", "spectrum", "crosstalk")
+_OTHERS: Final[tuple[SlotName, ...]] = ("defocus_blur", "pixel_integration", "vignetting", "sensor_noise")
+
+
+class DepthPiece(Piece):
+    """One camera that measures depth, in every form in which the study asks for it.
+
+    Parameters
+    ----------
+    name, title
+        Its key in the study, and its name in words.
+    variants
+        Its forms; changes are those of the worst.
+    asked
+        Quantities that decide.
+    forced
+        Models that the study insists on.
+    """
+
+    def __init__(
+        self, name: str, title: str, variants: Sequence[DepthVariant], asked: tuple[Quantity, ...], forced: Models
+    ) -> None:
+        self.name, self.title, self.asked = name, title, asked
+        self._variants = tuple(variants)
+        self._pictured = tuple(one for one in variants if one.law is not None and one.places.size)
+        self.slots = _slots(variants[0].camera, forced, pictured=bool(self._pictured))
+        self._linear: Change | None = None
+        self._exact_paths: float | None = None
+
+    def changes(self, models: Models) -> Changes:
+        """The worst over all forms of the camera, by what is known so far."""
+        if models == self.complete:
+            return {quantity: Change(relative=0.0) for quantity in self.asked}
+        found = [self._changes_of(variant, models) for variant in self._variants]
+        worst: dict[Quantity, Change] = {
+            quantity: max((one[quantity] for one in found), key=lambda c: c.relative) for quantity in found[0]
+        }
+        return worst | (self._noise(models) if "depth_noise" in self.asked else {})
+
+    def unasked(self, models: Models) -> Changes:
+        """What happens to noise alone, where that is not asked for."""
+        return {} if "depth_noise" in self.asked else self._noise(models)
+
+    def try_out(self, models: Models) -> bool:
+        """Draw where the line could be enough, or use Kirchhoff's transfer where Fresnel's could be."""
+        if models["calibration"] == "linear" and self._linear is None and self._known:
+            self._linear = self._tried_line()
+            return True
+        if self._exact_paths is None and self._pictured and self._leaves_out_paths(models):
+            worst = max(self._pictured, key=lambda one: float(np.nanmax(np.sum(one.by_exact_paths, axis=0))))
+            self._exact_paths = TRIAL_MARGIN * worst.tried_by_exact_paths()
+            return True
+        return False
+
+    @property
+    def _known(self) -> bool:
+        """Whether all calibrations are known before the run."""
+        return all(variant.camera.calibration.inferred for variant in self._variants)
+
+    def _leaves_out_paths(self, models: Models) -> bool:
+        return any(models[name] != "kirchhoff" for name in self._free_lenses)
+
+    @property
+    def _free_lenses(self) -> list[SlotName]:
+        """Lenses of the picture whose diffraction the study leaves open."""
+        return [slot.name for slot in self.slots if slot.name in _LENSES and len(slot.models) > 1]
+
+    def _changes_of(self, variant: DepthVariant, models: Models) -> Changes:
+        """Of the whole uncertainty and of the ends of usable ranges, for one form of the camera."""
+        line = self._line(models)
+        if not variant.places.size or math.isinf(line.relative):
+            return {"depth_uncertainty": line, "usable_range": line}
+        left_out = self._paths_left_out(variant, models)
+        known = variant.moved(models)
+        moved = known if left_out is None else variant.moved(models, left_out)
+        evidence = self._evidence(left_out, drawn=models["calibration"] == "linear" and line.relative > 0.0)
+        return {
+            "depth_uncertainty": _largest(variant, moved.uncertainty, known.uncertainty, evidence, line),
+            "usable_range": Change(relative=MARGIN * moved.ends + line.relative, least=known.ends, evidence=evidence),
+        }
+
+    def _noise(self, models: Models) -> dict[Quantity, Change]:
+        """Of the uncertainty by noise alone, the worst over all forms; calibration does not act in it."""
+        found = []
+        for variant in self._variants:
+            left_out = self._paths_left_out(variant, models)
+            known = variant.moved_noise(models)
+            moved = known if left_out is None else variant.moved_noise(models, left_out)
+            found.append(_largest(variant, moved, known, self._evidence(left_out, drawn=False), Change(relative=0.0)))
+        return {"depth_noise": max(found, key=lambda one: one.relative)}
+
+    def _evidence(self, left_out: FloatArray | None, *, drawn: bool) -> Evidence:
+        if drawn or (left_out is not None and self._exact_paths is not None):
+            return "trial"
+        return "computed" if left_out is None else "bound"
+
+    def _line(self, models: Models) -> Change:
+        """What propagation by a line, or leaving calibration out, may miss beside what is computed."""
+        if models["calibration"] == "exact" or not any(one.camera.calibration.groups for one in self._variants):
+            return Change(relative=0.0) if self._known or models["calibration"] == "exact" else _UNKNOWN
+        if not self._known:
+            return _UNKNOWN
+        if models["calibration"] == OFF:  # by how much is computed, unless there is no line to compute it with
+            return Change(relative=0.0)
+        return _TO_BE_TRIED if self._linear is None else self._linear
+
+    def _tried_line(self) -> Change:
+        found = [one.linear_error() for one in self._variants if one.camera.calibration.groups]
+        error, at = max(found, default=(0.0, math.nan))
+        return Change(relative=error, least=error / TRIAL_MARGIN, evidence="trial", at=at)
+
+    def _paths_left_out(self, variant: DepthVariant, models: Models) -> FloatArray | None:
+        """Relative change of the disparity error by Kirchhoff's law of the lenses that are not by it, everywhere."""
+        if variant.law is None:
+            return None
+        of_lens = dict(zip(_LENSES, variant.by_exact_paths, strict=True))
+        parts = [of_lens[name] for name in self._free_lenses if models[name] != "kirchhoff"]
+        if not parts:
+            return None
+        left_out = np.nan_to_num(np.sum(parts, axis=0), nan=0.0, posinf=1.0)
+        return np.asarray(np.minimum(left_out, _ALL if self._exact_paths is None else min(self._exact_paths, _ALL)))
+
+
+def _largest(variant: DepthVariant, moved: FloatArray, known: FloatArray, evidence: Evidence, line: Change) -> Change:
+    """The largest change over the places, with the margin and with what a line misses beside it."""
+    if not moved.size:
+        return Change(relative=line.relative, evidence=evidence)
+    place, least = int(np.argmax(np.abs(moved))), float(np.max(np.abs(known)))
+    largest = float(np.abs(moved[place]))
+    return Change(
+        relative=max(MARGIN * (1.0 + line.relative) * largest, least) + line.relative,
+        least=least,
+        evidence=evidence,
+        at=float(variant.places[place]) if largest > 0.0 else line.at,
+    )
+
+
+_UNKNOWN: Final = Change(relative=math.inf, least=math.inf, evidence="bound")
+_TO_BE_TRIED: Final = Change(relative=math.inf, evidence="bound")
+
+
+def depth_pieces(definition: StudyDefinition, forced: Models) -> tuple[DepthPiece, ...]:
+    """One piece for each camera that measures depth."""
+    variants = tuple(every_variant(definition))
+    tolerances = definition.file.accuracy.asked().tolerances
+    pieces = []
+    for name in definition.case.cameras:
+        own: list[DepthVariant] = []
+        for variant in variants:
+            one = _variant(variant, name, forced)
+            if one is not None and not any(_same(one, other) for other in own):
+                own.append(one)
+        asked: list[Quantity] = ["depth_uncertainty", "usable_range"]
+        if "depth_noise" in tolerances:
+            asked.append("depth_noise")
+        pieces.append(DepthPiece(name, definition.file.cameras[name].title, own, tuple(asked), forced))
+    return tuple(pieces)
+
+
+def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVariant | None:
+    camera = definition.case.cameras.get(name)
+    if camera is None:  # a reading may replace it by one that measures no depth
+        return None
+    distance, file = definition.case.distance, definition.file
+    step = max(1, -(-distance.size // _MOST_DISTANCES))
+    asked = [*(() if file.decision is None else file.decision.at), *(one.at for one in file.solve.values())]
+    asked += [end for one in file.requirements.values() for end in one.depth_uncertainty.over]
+    return DepthVariant(
+        camera=camera,
+        criteria=definition.case.criteria,
+        distance=np.unique(np.append(distance[::step], distance[-1:])),
+        asked=np.unique(asked),
+        forced=_applicable(camera, forced),
+    )
+
+
+def _same(one: DepthVariant, other: DepthVariant) -> bool:
+    return (
+        one.camera == other.camera
+        and one.criteria == other.criteria
+        and np.array_equal(one.distance, other.distance)
+        and np.array_equal(one.asked, other.asked)
+    )
+
+
+def _applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
+    """The forced models that a camera's depth has: no microlenses without them, no spectrum that is not declared."""
+    found = {slot: name for slot, name in forced.items() if name in models_of(slot, "depth")}
+    law = camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return {slot: name for slot, name in found.items() if slot == "calibration"}
+    if law.models.microlens_diffraction == OFF:
+        for slot in ("microlens_diffraction", "crosstalk"):
+            found.pop(slot, None)
+    if not law.settings.spectrum:
+        found.pop("spectrum", None)
+    return found
+
+
+def _slots(camera: DepthCamera, forced: Models, *, pictured: bool) -> tuple[Slot, ...]:
+    """Every effect of depth; one model alone where the camera or the study leaves no choice."""
+    own, why = _applicable(camera, forced), _why_no_picture(camera, pictured=pictured)
+    found = []
+    for name in (*_SAVING, *_OTHERS):
+        models, reason = models_of(name, "depth"), ""
+        if name != "calibration" and (why or (reason := _absent(camera, name))):
+            models, reason = (OFF,), why or reason
+        slot = Slot(name=name, models=models, saves_time=name in _SAVING, reason=reason)
+        found.append(slot if slot.reason else slot.under(own))
+    return tuple(found)
+
+
+def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
+    """Why nothing in the picture reaches depth; empty where it does."""
+    if pictured:
+        return ""
+    if isinstance(camera.disparity_error_px, float | int):
+        return (
+            f"the disparity error is declared, {declared_disparity_error(camera):g} px; what blurs, mixes or dims the "
+            "picture reaches depth only if it is derived"
+        )
+    return "the camera forms no picture at any distance of the study"
+
+
+def _absent(camera: DepthCamera, slot: SlotName) -> str:
+    """Why a pictured effect is not there at all; empty where it is."""
+    law = camera.disparity_error_px
+    assert isinstance(law, PictureDisparityError)  # asked where there is a picture
+    complete = complete_in_closed_form(law)
+    if slot in ("microlens_diffraction", "crosstalk") and complete.microlens_diffraction == OFF:
+        return "no microlenses blur this picture"
+    return "the study declares one wavelength" if slot == "spectrum" and complete.spectrum == OFF else ""

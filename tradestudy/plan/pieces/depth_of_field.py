@@ -1,0 +1,57 @@
+"""The depth of field: whether criteria of sharpness allow for the diffraction spot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.focus import BlurCriterion, Focus
+from tradestudy.effects.choice import Change, Changes, Piece, Slot
+from tradestudy.effects.models import OFF, Models, models_of
+from tradestudy.optics.arrays import FloatArray
+
+NAME: Final = "depth-of-field"
+
+
+class DepthOfFieldPiece(Piece):
+    """Every camera of a study under its criteria of sharpness.
+
+    Both models are closed forms that take no time, so the diffraction spot counts unless the study leaves it out.
+    """
+
+    name, title = NAME, "Depth of field"
+    asked = ("depth_of_field",)
+
+    def __init__(self, focuses: Sequence[Focus], criteria: Sequence[BlurCriterion], forced: Models) -> None:
+        self._focuses, self._criteria = tuple(focuses), tuple(one for one in criteria if one.measure != "none")
+        models, reason = models_of("main_lens_diffraction", "sharpness"), ""
+        if not self._criteria:
+            models, reason = (OFF,), "no criterion allows for the diffraction spot"
+        own = {slot: name for slot, name in forced.items() if name in models}
+        self.slots = (Slot(name="main_lens_diffraction", models=models, saves_time=False, reason=reason).under(own),)
+
+    def changes(self, models: Models) -> Changes:
+        """The largest change of a near or far end; infinite where an end appears or vanishes."""
+        if models == self.complete:
+            return {"depth_of_field": Change(relative=0.0)}
+        pairs = [
+            [focus.sharp_range(one).slices for one in (criterion, replace(criterion, measure="none"))]
+            for focus in self._focuses
+            for criterion in self._criteria
+        ]
+        ends = [[np.atleast_1d(getattr(one, end)) for one in pair] for pair in pairs for end in ("near", "far")]
+        return {"depth_of_field": Change(relative=max((_largest(new, own) for own, new in ends), default=0.0))}
+
+
+def _largest(new: FloatArray, own: FloatArray) -> float:
+    """Largest relative difference; infinite where only one of two is finite."""
+    if new.shape != own.shape:
+        return math.inf
+    same = (new == own) | (np.isnan(new) & np.isnan(own))
+    with np.errstate(invalid="ignore"):  # ∞/∞ where both are infinite, which is the same
+        change = np.where(same, 0.0, np.abs(new / own - 1.0))
+    return float(np.max(np.where(np.isnan(change), math.inf, change), initial=0.0))

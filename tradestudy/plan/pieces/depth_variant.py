@@ -1,0 +1,360 @@
+"""One camera as one reading or design of a study has it: what its models change, at the places that matter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.depth import clear_departure, model_error
+from tradestudy.analysis.linear_depth import has_covariance, linear_reading, scaled_noise
+from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usable_ends, usable_stretches
+from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
+from tradestudy.effects.models import OFF, Models
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.models import PictureModels
+from tradestudy.imaging.picture import LARGEST_ERROR_PX, WeighedPicture
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths
+from tradestudy.study.acting import acting, in_closed_form, with_models
+
+_ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance: their shift is found from the slope there
+_BESIDE_AN_END: Final = 1e-2  # of its distance, for that slope
+_NEAR_ITS_BOUND: Final = 0.1  # of the bound: a limit whose value is as near decides an end
+_NEAR_A_STEEP_BOUND: Final = 2.0  # the same of a failed fraction, which is several times its bound a hundredth on
+_LARGEST_SHIFT: Final = 0.3  # of a distance, beyond which a slope says nothing
+_FINE: Final = 10  # places between two distances, where the focus is looked for
+_CLEARLY: Final = 0.15  # of the half width: above most tolerances
+_MOST_ASKED: Final = 4  # distances of the study's questions at which the line is held against draws
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Moved:
+    """How far a set of models moves each number of a camera, relative to the most complete one in closed form.
+
+    Parameters
+    ----------
+    distance
+        Where the uncertainties are compared [m].
+    uncertainty
+        Signed relative changes there.
+    ends
+        The largest relative shift of an end of a usable range; infinite where a range appears or vanishes.
+    """
+
+    distance: FloatArray
+    uncertainty: FloatArray
+    ends: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthVariant:
+    """A camera under one reading or in one design.
+
+    Parameters
+    ----------
+    camera
+        With the models that the study forces, and all its errors of calibration.
+    criteria
+        Of its usable range.
+    distance
+        Some or all distances of the study [m], rising.
+    asked
+        Distances of the study's questions [m], whether it is usable there or not.
+    forced
+        Models that the study insists on.
+    """
+
+    camera: DepthCamera
+    criteria: UsableCriteria
+    distance: FloatArray
+    asked: FloatArray
+    forced: Models
+    _errors_px: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False)
+
+    @cached_property
+    def reference(self) -> DepthCamera:
+        """The camera with the most complete models that are closed forms: Fresnel's transfer and the line."""
+        models = in_closed_form(self.forced)
+        if models.get("calibration", "exact") == "exact" and has_covariance(self.camera):
+            models["calibration"] = "linear"
+        camera = acting(self.camera, models)
+        law = camera.disparity_error_px
+        if isinstance(law, PictureDisparityError):
+            complete = with_models(complete_in_closed_form(law), models)
+            camera = replace(camera, disparity_error_px=replace(law, models=complete))
+        return camera
+
+    @property
+    def law(self) -> PictureDisparityError | None:
+        """Of its disparity error, where that is derived from the picture."""
+        found = self.reference.disparity_error_px
+        return found if isinstance(found, PictureDisparityError) else None
+
+    @cached_property
+    def limits(self) -> Mapping[str, Limit]:
+        """Of the usable range, over the distances."""
+        return evaluate_limits(self.reference, self.criteria, self.distance)
+
+    @cached_property
+    def usable(self) -> BoolArray:
+        """At which of the distances the camera is usable."""
+        return all_met(self.limits, self.distance.shape)
+
+    @cached_property
+    def _boundaries(self) -> tuple[Boundary, ...]:
+        return usable_ends(self.reference, self.criteria, self.distance, self.limits, to=_ENDS_ARE_KNOWN_TO)
+
+    @cached_property
+    def ends(self) -> FloatArray:
+        """Ends of the usable ranges within the study [m]."""
+        return np.array([end.distance for end in self._boundaries])
+
+    @cached_property
+    def places(self) -> FloatArray:
+        """Where uncertainties are compared [m]: usable distances, the sharpest among them, ends, what is asked.
+
+        All distances with a picture where the camera is usable nowhere.
+        """
+        counted = self.distance[self.usable] if self.usable.any() else self.distance
+        places = np.unique(np.concatenate([counted, self.asked, self._sharpest, self.ends]))
+        return places[self.reference.images(places)]
+
+    @cached_property
+    def _sharpest(self) -> FloatArray:
+        """Usable distances of least blur [m]; there, what pixels and diffraction do is seen best."""
+        if self.law is None or not self.usable.any():
+            return np.zeros(0)
+        numbers = np.arange(self.distance.size)
+        fine = np.interp(np.arange(0, self.distance.size - 1, 1.0 / _FINE), numbers, self.distance)
+        fine = fine[self.reference.images(fine)]
+        blur = np.pad(self.reference.picture_geometry(fine).blur_px, 1, constant_values=np.inf)
+        sharpest = fine[(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
+        stretches = usable_stretches(self._boundaries, self.distance, self.usable)
+        inside = [(sharpest >= near) & (sharpest <= far) for near, far in stretches]
+        return sharpest[np.any(inside, axis=0)] if inside else np.zeros(0)
+
+    @cached_property
+    def _everywhere(self) -> FloatArray:
+        """`places`, all distances with a picture, and the ends with what is beside them on either side."""
+        beside = self.ends[:, np.newaxis] * (1.0 + _BESIDE_AN_END * np.array([-1.0, 0.0, 1.0]))
+        return np.concatenate([self.places, self._imaged, beside.ravel()])
+
+    @cached_property
+    def _imaged(self) -> FloatArray:
+        return self.distance[self.reference.images(self.distance)]
+
+    def _split(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Values everywhere, at the places, over the distances, and beside the ends, shape (ends, 3)."""
+        first, second = self.places.size, self.places.size + self._imaged.size
+        return values[:first], values[first:second], values[second:].reshape(-1, 3)
+
+    @cached_property
+    def _calibration_over_noise(self) -> FloatArray:
+        """What calibration does everywhere, in deviations of the noise."""
+        if self.reference.propagation.model == OFF or not self.reference.calibration.groups:
+            return np.zeros(self._everywhere.shape)
+        if not has_covariance(self.reference):  # as if noise were all, which it moves the most
+            return np.zeros(self._everywhere.shape)
+        noise, calibration = (
+            linear_reading(self.reference, self._everywhere, 0.0, way).standard_deviation
+            for way in ("noise", "calibration")
+        )
+        return np.asarray(calibration / noise)
+
+    @cached_property
+    def _weighed(self) -> WeighedPicture:
+        law = self.law
+        assert law is not None  # asked for where a disparity error is derived
+        return WeighedPicture(geometry=self.reference.picture_geometry(self._everywhere), settings=law.settings)
+
+    def disparity_error_px(self, models: Models) -> FloatArray:
+        """Derived disparity error everywhere [samples] with models in closed form in their slots."""
+        law = self.law
+        assert law is not None  # as above
+        own = with_models(law.models, in_closed_form(models))
+        if own not in self._errors_px:
+            self._errors_px[own] = self._weighed.bound_px(own)
+        return self._errors_px[own]
+
+    def _factor(self, models: Models) -> FloatArray:
+        """Disparity error everywhere over that of the reference; 1 where nothing is derived or passes."""
+        if self.law is None:
+            return np.ones(self._everywhere.shape)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            found = self.disparity_error_px(models) / self.disparity_error_px({})
+        return np.where(np.isnan(found), 1.0, found)
+
+    def _half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
+        return scaled_noise(self.reference, self._everywhere, 0.0, np.hypot(factor, beside)).half_width
+
+    @cached_property
+    def _whole(self) -> FloatArray:
+        """Half widths everywhere by all errors, of the reference."""
+        return self._half_width(np.ones(self._everywhere.shape), self._calibration_over_noise)
+
+    @cached_property
+    def _by_noise(self) -> FloatArray:
+        """The same by noise alone."""
+        return self._half_width(np.ones(self._everywhere.shape), np.zeros(self._everywhere.shape))
+
+    def moved(self, models: Models, more_noise: float | FloatArray = 0.0) -> Moved:
+        """What a set of models moves.
+
+        Parameters
+        ----------
+        models
+            In place of the most complete ones.
+        more_noise
+            A further relative change of the disparity error everywhere, to that side on which it changes more.
+        """
+        factor, off = self._factor(models), models.get("calibration") == OFF
+        beside = np.zeros(factor.shape) if off else self._calibration_over_noise
+        new = self._half_width(factor, beside)
+        if np.any(more_noise):
+            factor = factor * np.where(new >= self._whole, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
+            new = self._half_width(factor, beside)
+        return Moved(
+            distance=self.places,
+            uncertainty=self._split(_relative(new, self._whole))[0],
+            ends=self._shift_of_ends(factor, new),
+        )
+
+    def moved_noise(self, models: Models, more_noise: float | FloatArray = 0.0) -> FloatArray:
+        """Signed relative change of the uncertainty by noise alone at the places, as of `moved`."""
+        factor, none = self._factor(models), np.zeros(self._everywhere.shape)
+        factor = factor * np.where(factor >= 1.0, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
+        return self._split(_relative(self._half_width(factor, none), self._by_noise))[0]
+
+    def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray) -> float:
+        """The largest relative shift of an end that the depth uncertainty or the matcher decides, to first order."""
+        by_depth, by_matching = self._decided_by
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = half_width / self._whole
+            of_depth = np.log(self._split(ratio)[2][:, 1]) / self._slope(self._whole / self._everywhere)
+            shifts = np.where(by_depth, np.abs(of_depth), 0.0)
+            if self.law is not None:
+                of_matching = np.log(self._split(factor)[2][:, 1]) / self._slope(self.disparity_error_px({}))
+                shifts = np.maximum(shifts, np.where(by_matching, np.abs(of_matching), 0.0))
+        largest = float(np.max(np.where(np.isnan(shifts), np.inf, shifts), initial=0.0))
+        if largest > _LARGEST_SHIFT or self._range_appears_or_vanishes(factor, half_width, largest):
+            return np.inf
+        return largest
+
+    def _slope(self, values: FloatArray) -> FloatArray:
+        """Of the logarithm of values over that of distance, at the ends."""
+        beside = np.log(self._split(values)[2])
+        return np.asarray((beside[:, 2] - beside[:, 0]) / (2.0 * _BESIDE_AN_END))
+
+    @cached_property
+    def _decided_by(self) -> tuple[BoolArray, BoolArray]:
+        """At which ends the depth uncertainty, or the matcher, comes to its limit."""
+        if not self.ends.size:
+            return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
+        limits = evaluate_limits(self.reference, self.criteria, self.ends)
+
+        def near(name: str, share: float) -> BoolArray:
+            limit = limits.get(name)
+            if limit is None:
+                return np.zeros(self.ends.shape, dtype=bool)
+            with np.errstate(invalid="ignore", divide="ignore"):
+                return np.abs(np.log(limit.value / limit.bound)) < share
+
+        by_depth = near("relative_uncertainty", _NEAR_ITS_BOUND) | near("failed_fraction", _NEAR_A_STEEP_BOUND)
+        return by_depth, near("matching", _NEAR_ITS_BOUND)
+
+    def _range_appears_or_vanishes(self, factor: FloatArray, half_width: FloatArray, shift: float) -> bool:
+        """Whether a limit is kept or broken anew somewhere else than beside an end."""
+        changed = np.zeros(self._imaged.shape, dtype=bool)
+        bound = self.criteria.relative_uncertainty
+        if bound is not None:
+            new, old = (self._split(width)[1] / self._imaged <= bound for width in (half_width, self._whole))
+            changed |= new != old
+        if self.law is not None:
+            error = self.disparity_error_px({})
+            new, old = (self._split(one)[1] <= LARGEST_ERROR_PX for one in (error * factor, error))
+            changed |= new != old
+        others = {name: one for name, one in self.limits.items() if name not in ("relative_uncertainty", "matching")}
+        could_be = all_met(others, self.distance.shape)[self.reference.images(self.distance)]
+        for end in self.ends:
+            changed &= np.abs(np.log(self._imaged / end)) > 2.0 * (shift + _ENDS_ARE_KNOWN_TO)
+        return bool(np.any(changed & could_be))
+
+    @cached_property
+    def by_exact_paths(self) -> tuple[FloatArray, FloatArray]:
+        """Upper bounds on what Kirchhoff's exact paths add to Fresnel's disparity error, of either lens, everywhere."""
+        law = self.law
+        assert law is not None  # as above
+        return change_by_exact_paths(
+            self.reference.picture_geometry(self._everywhere), law.settings, law.models, self.disparity_error_px
+        )
+
+    def tried_by_exact_paths(self) -> float:
+        """The largest relative change by Kirchhoff's transfer of all lenses at two places.
+
+        Where its bound, weighted with the share of noise in the uncertainty, is the largest, and where the picture is
+        the sharpest.
+        """
+        law = self.law
+        assert law is not None  # as above
+        bound = self._split(sum(self.by_exact_paths, np.zeros(self._everywhere.shape)))[0]
+        share = 1.0 / (1.0 + self._split(self._calibration_over_noise)[0] ** 2)
+        blur = self.reference.picture_geometry(self.places).blur_px
+        index = np.unique([int(np.nanargmax(share * bound)), int(np.nanargmin(blur))])
+        exact = replace(law.models, main_lens_diffraction="kirchhoff")
+        if law.models.microlens_diffraction != OFF:
+            exact = replace(exact, microlens_diffraction="kirchhoff")
+        geometry = self.reference.picture_geometry(self.places[index])
+        weighed = WeighedPicture(geometry=geometry, settings=law.settings)
+        with np.errstate(invalid="ignore"):
+            return float(np.nanmax(np.abs(weighed.bound_px(exact) / weighed.bound_px(law.models) - 1.0), initial=0.0))
+
+    def linear_error(self) -> tuple[float, float]:
+        """The largest departure of the line from the exact distribution, and where it is [m].
+
+        At the ends and in the middle of what is usable, where the uncertainty is the largest share of the distance, and
+        wherever the study asks; infinite where no line exists.
+        """
+        if not has_covariance(self.camera):
+            return np.inf, np.nan
+        camera, places = acting(self.reference, {"calibration": "linear"}), self.distance[self.usable]
+        asked = self.asked[:_MOST_ASKED]
+        tried = asked[camera.images(asked)]
+        if places.size:
+            whole = self._split(self._whole)[1] / self._imaged
+            relative = np.where(self.usable[self.reference.images(self.distance)] & np.isfinite(whole), whole, 0.0)
+            tried = np.concatenate([tried, places[[0, places.size // 2, -1]], self._imaged[[int(np.argmax(relative))]]])
+        if not tried.size:
+            return 0.0, np.nan
+        tried = np.unique(tried)
+        error = clear_departure(camera, tried)
+        if error.max() < _CLEARLY:  # no draws are needed to tell that a line will not do
+            error = np.nan_to_num(model_error(camera, tried).intervals, posinf=np.inf)
+        return float(error.max()), float(tried[int(np.argmax(error))])
+
+
+def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:
+    """The most complete models of a picture that are closed forms."""
+    microlenses = law.models.microlens_diffraction != OFF
+    return PictureModels(
+        defocus_blur="disc",
+        main_lens_diffraction="fresnel",
+        microlens_diffraction="fresnel" if microlenses else "off",
+        crosstalk="share" if microlenses else "off",
+        pixel_integration="square",
+        spectrum="weighted" if law.settings.spectrum else "off",
+        vignetting="cos4",
+        sensor_noise="shot+read+quantisation",
+    )
+
+
+def _relative(new: FloatArray, old: FloatArray) -> FloatArray:
+    """Signed relative change; 0 where both are infinite or unknown, infinite where one is."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        found = new / old - 1.0
+    found = np.where(np.isinf(new) & np.isinf(old), 0.0, found)
+    found = np.where(np.isinf(old) & np.isfinite(new), np.inf, found)
+    return np.where(np.isnan(found), 0.0, found)

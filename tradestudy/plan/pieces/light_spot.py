@@ -1,0 +1,156 @@
+"""The picture of a light spot: which laws, which omissions and which sampling its pixels call for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+from tradestudy.accuracy import Quantity
+from tradestudy.analysis.spot_images import RAYS, SpotModels
+from tradestudy.effects.choice import Change, Changes, Piece, Slot
+from tradestudy.effects.models import OFF, Models, SlotName, models_of
+from tradestudy.errors import OutOfRangeError
+from tradestudy.plan.pieces.light_trial import TOLERANCE, LightTrial
+from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
+
+NAME: Final = "light-spot"
+TOLERANCES: Final = (0.2, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+# Rays beside waves are paraxial and for comparisons only.
+METHODS: Final[Mapping[tuple[str, str], MethodName]] = {
+    (OFF, OFF): "exact-rays",
+    ("boundary_wave", "boundary_wave"): "boundary-wave",
+    ("boundary_wave", "fresnel"): "boundary-wave-fresnel",
+    ("boundary_wave", "kirchhoff"): "boundary-wave-kirchhoff",
+    ("fresnel", "fresnel"): "fresnel",
+    ("fresnel", "kirchhoff"): "fresnel-kirchhoff",
+    ("kirchhoff", "boundary_wave"): "kirchhoff-boundary-wave",
+    ("kirchhoff", "fresnel"): "kirchhoff-fresnel",
+    ("kirchhoff", "kirchhoff"): "kirchhoff",
+}
+_LEGS: Final[tuple[SlotName, SlotName]] = ("main_lens_diffraction", "microlens_diffraction")
+# Of a trial, for a few points do not see all of a picture: set beforehand, and looked at on twelve cases of seed 1 of
+# `tests.campaigns.light_cases`, where a trial of Fresnel to the array came to half of its change at the least.
+MARGIN: Final = 1.3
+_FREE: Final = 0.25  # of what models leave out, that the sampling may miss beside it: nodes need be no finer
+
+
+class LightSpotPiece(Piece):
+    """The picture of one spot; trials tell what its models leave out.
+
+    The boundary wave is dearer than Fresnel's law and saves nothing behind the array: it acts where it is forced. One
+    microlens at a time, or the middles of pixels, are not quicker than the whole.
+
+    Parameters
+    ----------
+    part
+        The light path.
+    forced
+        Models that the study insists on.
+
+    Raises
+    ------
+    OutOfRangeError
+        If forced models cannot stand together.
+    """
+
+    def __init__(self, part: LightSpotPart, forced: Models) -> None:
+        self.name = NAME
+        self.title = "Picture of the light spot"
+        self.asked: tuple[Quantity, ...] = ("pixel_intensity",)
+        self._forced = {slot: name for slot, name in forced.items() if name in models_of(slot, "spot")}
+        self._trial = LightTrial(part)
+        self._found: dict[SpotModels, list[tuple[float, float]]] = {}
+        coherent, point, one_line = part.spot.coherent, part.spot.is_point, len(part.lines) == 1
+        slots = (
+            Slot(name="source_extent", models=(OFF,) if point else (OFF, "disc"), reason="a point" if point else ""),
+            Slot(
+                name="spectrum",
+                models=(OFF,) if one_line else (OFF, "weighted"),
+                reason="light of one wavelength" if one_line else "",
+            ),
+            *(Slot(name=leg, models=self._laws(leg, coherent=coherent)) for leg in _LEGS),
+            Slot(name="crosstalk", models=(OFF, "coherent"), saves_time=False),
+            Slot(name="pixel_integration", models=(OFF, "square"), saves_time=False),
+            Slot(name="sampling", models=tuple(f"{100.0 * tolerance:.6g} %" for tolerance in TOLERANCES)),
+        )
+        self.slots = tuple(slot.under(self._forced) for slot in slots)
+        complete = self._models(self.complete)
+        if complete is None:
+            raise OutOfRangeError(
+                "forced models of the light spot",
+                value=", ".join(f"{name}: {model}" for name, model in self._forced.items()),
+                limit="rays on both legs with whole pixels, or waves on both",
+                remedy="force off on both legs, or a law of waves on both",
+            )
+        self._complete = complete
+
+    def _laws(self, leg: SlotName, *, coherent: bool) -> tuple[str, ...]:
+        """A coherent disc has no rays."""
+        left_out = {"boundary_wave"} - {self._forced.get(leg)} | ({OFF} if coherent else set())
+        return tuple(model for model in models_of(leg, "spot") if model not in left_out)
+
+    def changes(self, models: Models) -> Changes:
+        """Relative L2 change of the pixels: of what is left out, by a trial, and of the sampling, by its tolerance.
+
+        Both are independent and add as squares.
+        """
+        found = self._models(models)
+        if found is None:
+            return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
+        whole = replace(found, tolerance=TOLERANCES[-1])
+        if whole == self._complete:
+            return {"pixel_intensity": Change(relative=found.tolerance, evidence="bound")}
+        if whole not in self._found and whole.point and self._complete.method != whole.method and not self._forced:
+            # A trial takes as long as the picture of a point.
+            return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
+        if whole not in self._found:
+            return {"pixel_intensity": Change(relative=math.inf, evidence="trial")}
+        done = self._found[whole]
+        changed, own = (math.fsum(one) for one in zip(*done, strict=True))
+        tried = math.sqrt(changed / own) if own > 0.0 else math.inf
+        if len(done) < self._trial.count:
+            # What is left of it if the other points change nothing, and hold up to four times the light squared.
+            least = 0.5 * tried * math.sqrt(len(done) / self._trial.count)
+            return {"pixel_intensity": Change(relative=math.inf, least=least, evidence="trial")}
+        change = MARGIN * tried + TOLERANCE
+        relative = math.hypot(change, max(found.tolerance, _FREE * change))
+        return {"pixel_intensity": Change(relative=relative, evidence="trial")}
+
+    def try_out(self, models: Models) -> bool:
+        """Compare the image of one more point of the spot with that by the most complete models."""
+        found = self._models(models)
+        whole = found and replace(found, tolerance=TOLERANCES[-1])
+        if whole is None or whole == self._complete:
+            return False
+        done = self._found.setdefault(whole, [])
+        if len(done) == self._trial.count:
+            return False
+        done.append(self._trial.squares(len(done), whole, self._complete))
+        return True
+
+    def _models(self, models: Models) -> SpotModels | None:
+        """None for models that cannot stand together; rays on one leg mean both, unless another law is forced."""
+        rays = [leg for leg in _LEGS if models[leg] == OFF]
+        if rays and all(self._forced.get(leg, OFF) == OFF for leg in _LEGS):
+            models = {**models, **dict.fromkeys(_LEGS, OFF)}
+        if (models[_LEGS[0]], models[_LEGS[1]]) not in METHODS:
+            return None
+        found = spot_models(models)
+        if found.method in RAYS and not found.integrated:
+            return None
+        # Fresnel's law behind Kirchhoff's takes as long as Kirchhoff's on both legs.
+        return None if found.method == "kirchhoff-fresnel" and _LEGS[1] not in self._forced else found
+
+
+def spot_models(models: Models) -> SpotModels:
+    """What a choice of models computes."""
+    return SpotModels(
+        method=METHODS[models["main_lens_diffraction"], models["microlens_diffraction"]],
+        separate=models["crosstalk"] == OFF,
+        integrated=models["pixel_integration"] != OFF,
+        point=models["source_extent"] == OFF,
+        monochromatic=models["spectrum"] == OFF,
+        tolerance=float(models["sampling"].removesuffix(" %")) / 100.0,
+    )

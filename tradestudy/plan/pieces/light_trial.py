@@ -1,0 +1,283 @@
+"""Trials of the picture of a light spot: how far a few points of it look different by two sets of models.
+
+The image of one source point behind a few microlenses takes some hundredths of a second. Spread over the ray image of
+the disc it stands for the picture around it, so that what the disc blurs away does not count.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import scipy.fft
+import scipy.special
+
+from tradestudy.analysis.spot_images import RAYS, SpotModels, legs, light_path, light_source
+from tradestudy.errors import TradestudyError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.chain import ChainAccuracy, DiscSource, LightPath, PixelGrid
+from tradestudy.optics.chain.arriving_light import blur_radius, point_wave, ray_reach
+from tradestudy.optics.chain.image import microlenses_alone, nearest_microlens
+from tradestudy.optics.chain.point_image import compute_point
+from tradestudy.optics.chain.sampled_rays import forward_tracer
+from tradestudy.optics.propagation import PointSource
+from tradestudy.study.schema.light_spot import LightSpotPart
+
+TOLERANCE: Final = 2e-3  # of the images of points
+_RAYS: Final = 2**15  # of a point; disc and pixel average their errors
+_PARTS: Final = 3  # along a pixel, so that one of them is its middle
+_MOST_LINES: Final = 4
+_AZIMUTHS: Final = 16
+_BLURRED: Final = 0.3  # change by its blur alone from which on a disc is no point
+
+
+@dataclass(frozen=True, kw_only=True)
+class Probe:
+    """A source point, and the part of the light path that its image is computed on.
+
+    Attributes
+    ----------
+    alone, pair
+        A microlens, and the same with its nearest neighbour, with the pixels before them, each in parts.
+    point
+        Source point.
+    middle, around
+        Middle of the disc, and four points at 1/√2 of its radius.
+    spread
+        Radius of the ray image of the disc on the detector [m], 0 for a point.
+    coherent_radius
+        Of a coherent disc about the point [m], else 0.
+    held
+        Share of the edge of that image that is the edge of the disc. The rest is the edge of the pupil, which stays
+        where it is if rays of a source point land elsewhere.
+    """
+
+    alone: LightPath
+    pair: LightPath
+    point: PointSource
+    middle: PointSource
+    around: tuple[PointSource, ...]
+    spread: float
+    coherent_radius: float
+    held: float
+
+
+def probes(part: LightSpotPart) -> tuple[Probe, ...]:
+    """The middle of the spot and points towards its edge, behind the microlens they light most and the last lit one."""
+    path, source = light_path(part), light_source(part)
+    owner = nearest_microlens(path)
+    middle = source.centre if isinstance(source, DiscSource) else source
+    radius = source.diameter / 2.0 if isinstance(source, DiscSource) else 0.0
+    coherent = isinstance(source, DiscSource) and source.coherent
+    aside = radius / 2.0
+    around = tuple(
+        PointSource(x=middle.x + i * aside, y=middle.y + j * aside, distance=middle.distance)
+        for i in (-1.0, 1.0)
+        for j in (-1.0, 1.0)
+    )
+    found = []
+    for index, places in _places(path, middle, 0.0 if coherent else radius, np.unique(owner)):
+        apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
+        alone, pair = (
+            _in_parts(microlenses_alone(path, [int(one) for one in np.argsort(apart, kind="stable")[:n]], owner))
+            for n in (1, 2)
+        )
+        spread, held = (0.0, 1.0) if coherent or radius == 0.0 else _ray_image(alone, middle, radius)
+        found += [
+            Probe(
+                alone=alone,
+                pair=pair,
+                point=PointSource(x=middle.x + x, y=middle.y + y, distance=middle.distance),
+                middle=middle,
+                around=around,
+                spread=spread,
+                coherent_radius=radius if coherent else 0.0,
+                held=held,
+            )
+            for x, y in places
+        ]
+    return tuple(found)
+
+
+def _in_parts(path: LightPath) -> LightPath:
+    grid = path.pixels
+    shape = (grid.shape[0] * _PARTS, grid.shape[1] * _PARTS)
+    return replace(path, pixels=PixelGrid(pitch=grid.pitch / _PARTS, shape=shape, centre=grid.centre))
+
+
+def _places(
+    path: LightPath, middle: PointSource, radius: float, present: FloatArray
+) -> Iterator[tuple[int, list[tuple[float, float]]]]:
+    """Microlenses, and source points relative to the middle of the disc that light them."""
+    lenses = path.microlenses
+    away = lenses.centres[present] - path.chief_point(middle)
+    distance = np.linalg.norm(away, axis=1)
+    lit = distance <= blur_radius(path, middle) + radius * path.array_distance / middle.distance
+    nearest = [
+        int(present[np.argmin(np.where(lenses.focal_lengths[present] == kind, distance, math.inf))])
+        for kind in np.unique(lenses.focal_lengths[present])
+    ]
+    for index in nearest:
+        yield (
+            index,
+            [(0.0, 0.0), (0.55 * radius, 0.45 * radius), (-0.9 * radius, 0.3 * radius)][: 3 if radius > 0.0 else 1],
+        )
+    last = int(np.argmax(np.where(lit, distance, -1.0)))
+    if int(present[last]) not in nearest:
+        towards = -away[last] / distance[last] * radius
+        yield int(present[last]), [(0.85 * float(towards[0]), 0.85 * float(towards[1]))]
+
+
+def _ray_image(path: LightPath, middle: PointSource, radius: float) -> tuple[float, float]:
+    """Radius of the disc's image behind a microlens [m], and the share of its edge that no edge of the pupil cuts."""
+    angle = 2.0 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
+    edge = [
+        PointSource(x=middle.x + radius * math.cos(a), y=middle.y + radius * math.sin(a), distance=middle.distance)
+        for a in angle.tolist()
+    ]
+    x, y = np.array([ray_reach(path, one).image[0] for one in edge]).T
+    area = abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2.0
+    lit = blur_radius(path, middle)
+    away = [float(np.linalg.norm(path.microlenses.centres[0] - path.chief_point(one))) for one in edge]
+    return math.sqrt(area / math.pi), float(np.mean(np.asarray(away) <= lit))
+
+
+class LightTrial:
+    """Images of a few points of a spot, each computed once."""
+
+    def __init__(self, part: LightSpotPart) -> None:
+        self._part = part
+        self._probes = probes(part)
+        self._images: dict[tuple[int, PointSource, SpotModels, float], FloatArray] = {}
+
+    @property
+    def count(self) -> int:
+        """Number of probes."""
+        return len(self._probes)
+
+    def squares(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
+        """Squared L2 change of one probe's pixels by models in place of the most complete, and the pixels' own.
+
+        Infinite where the models refuse.
+        """
+        probe = self._probes[number]
+        try:
+            fine, reference = (self._fine(number, one, pair=models.separate) for one in (models, complete))
+        except TradestudyError:
+            return math.inf, 1.0
+        whole = _on_pixels(reference, integrated=complete.integrated)
+        if models.point and not complete.point:
+            blurred = float(np.sum((_on_pixels(fine, integrated=models.integrated) - whole) ** 2))
+            own = float(np.sum(whole**2))
+            if probe.coherent_radius > 0.0 or blurred > _BLURRED**2 * own:
+                return blurred, own
+            return self._against_points_around(number, models, complete)
+        shifted = [fine] if probe.held == 1.0 else [fine, _aligned(fine, reference)]
+        changes = [float(np.sum((_on_pixels(one, integrated=models.integrated) - whole) ** 2)) for one in shifted]
+        return probe.held * changes[0] + (1.0 - probe.held) * changes[-1], float(np.sum(whole**2))
+
+    def _against_points_around(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
+        """The middle of a small disc against four points that stand for all of it, where each of them really lands.
+
+        They light a microlens unevenly, which no blur tells. Their mean is exact to the third order of the disc.
+        """
+        probe, line = self._probes[number], self._part.mean_wavelength
+        middle = self._image(number, models, line, pair=models.separate, point=probe.middle)
+        around = np.mean(
+            [self._image(number, complete, line, pair=models.separate, point=one) for one in probe.around], axis=0
+        )
+        whole = _on_pixels(around, integrated=complete.integrated)
+        change = _on_pixels(middle, integrated=models.integrated) - whole
+        return float(np.sum(change**2)), float(np.sum(whole**2))
+
+    def _fine(self, number: int, models: SpotModels, *, pair: bool) -> FloatArray:
+        """Light of the disc on parts of pixels, as if all its points looked like the probe's."""
+        mean = models.monochromatic or models.method in RAYS
+        lines = [(self._part.mean_wavelength, 1.0)] if mean else _lines(self._part)
+        fine = sum(share * self._image(number, models, line, pair=pair) for line, share in lines)
+        probe = self._probes[number]
+        return _spread_out(np.asarray(fine), probe.spread / probe.alone.pixels.pitch, point=models.point)
+
+    def _image(
+        self, number: int, models: SpotModels, wavelength: float, *, pair: bool, point: PointSource | None = None
+    ) -> FloatArray:
+        probe = self._probes[number]
+        at = point or probe.point
+        plain = replace(
+            models,
+            tolerance=TOLERANCE,
+            integrated=True,
+            monochromatic=False,
+            point=models.point or probe.coherent_radius == 0.0,
+        )
+        path = probe.pair if pair else probe.alone
+        key = id(path), at, plain, wavelength  # probes of one microlens share its path
+        if key not in self._images:
+            self._images[key] = _point_image(replace(probe, point=at), path, plain, wavelength)
+        return self._images[key]
+
+
+def _lines(part: LightSpotPart) -> list[tuple[float, float]]:
+    """Wavelengths and shares, of many a few."""
+    lines = part.lines[:: -(-len(part.lines) // _MOST_LINES)]
+    total = math.fsum(share for _, share in lines)
+    return [(line, share / total) for line, share in lines]
+
+
+def _point_image(probe: Probe, path: LightPath, models: SpotModels, wavelength: float) -> FloatArray:
+    """Share of the point's light on every part of a pixel."""
+    if models.separate:
+        owner = nearest_microlens(path)
+        total = np.zeros(owner.shape)
+        for index in np.unique(owner):
+            alone = replace(path, microlenses=path.microlenses.only(int(index)))
+            image = _point_image(probe, alone, replace(models, separate=False), wavelength)
+            total += np.where(owner == index, image, 0.0)
+        return total
+    if models.method in RAYS:
+        return forward_tracer(path, probe.point)(0, 0, _RAYS) / _RAYS
+    laws = legs(models.method)
+    coherent_radius = 0.0 if models.point else probe.coherent_radius
+    wave = point_wave(path, probe.point, wavelength=wavelength, legs=laws, coherent_radius=coherent_radius)
+    return compute_point(wave, laws.to_detector, ChainAccuracy(tolerance=models.tolerance)).pixels / wave.power()
+
+
+def _spread_out(fine: FloatArray, radius: float, *, point: bool) -> FloatArray:
+    """Spread the image of a point over a disc of a radius [parts], with room for it; a point keeps its image."""
+    fine = np.pad(fine, _PARTS * math.ceil(radius / _PARTS))
+    if point or radius == 0.0:
+        return fine
+    turn = 2.0 * math.pi * radius * _frequencies(fine)
+    return np.asarray(scipy.fft.irfft2(scipy.fft.rfft2(fine) * _jinc(turn), s=fine.shape))
+
+
+def _frequencies(fine: FloatArray) -> FloatArray:
+    f_x, f_y = scipy.fft.rfftfreq(fine.shape[1]), scipy.fft.fftfreq(fine.shape[0])
+    return np.hypot(f_x, f_y[:, None])
+
+
+def _jinc(turn: FloatArray) -> FloatArray:
+    """2 J₁(t)/t."""
+    turn = np.maximum(turn, 1e-9)
+    return np.asarray(2.0 * scipy.special.j1(turn) / turn)
+
+
+def _aligned(fine: FloatArray, reference: FloatArray) -> FloatArray:
+    """Shift a picture to where it is most alike a reference: by whole parts, and the rest by its slopes."""
+    alike = scipy.fft.irfft2(scipy.fft.rfft2(reference) * np.conj(scipy.fft.rfft2(fine)), s=fine.shape)
+    rows, columns = np.unravel_index(np.argmax(alike), alike.shape)
+    moved = np.roll(fine, (int(rows), int(columns)), axis=(0, 1))
+    slopes = np.stack([one.ravel() for one in np.gradient(moved)], axis=1)
+    by, *_ = np.linalg.lstsq(slopes, (reference - moved).ravel(), rcond=None)
+    return np.asarray(moved + (slopes @ by).reshape(moved.shape))
+
+
+def _on_pixels(fine: FloatArray, *, integrated: bool) -> FloatArray:
+    """Let pixels integrate over their parts, or take the one in their middle."""
+    if not integrated:
+        return np.asarray(_PARTS**2 * fine[_PARTS // 2 :: _PARTS, _PARTS // 2 :: _PARTS])
+    rows, columns = fine.shape
+    return np.asarray(fine.reshape(rows // _PARTS, _PARTS, columns // _PARTS, _PARTS).sum(axis=(1, 3)))

@@ -1,0 +1,47 @@
+"""The forms in which a study asks for its cameras: as declared, under readings, in designs, for inverse questions."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from typing import Final
+
+import numpy as np
+
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Entry
+from tradestudy.study.expectations import question_ends
+from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
+
+# Designs of a sweep that are looked at: all, or so many at most, evenly along each axis with its ends. Nothing changes
+# steadily from end to end where a design between them is in focus and they are not.
+_MOST_DESIGNS: Final = 48
+_ENDS: Final = 2
+# Values of what an inverse question varies, its ends among them.
+_OF_QUESTIONS: Final = 5
+
+
+def every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
+    """The study, its readings, the designs of its sweep, and some between the ends of its inverse questions."""
+    yield definition
+    yield from definition.readings.values()
+    axes = sweep_axes(definition)
+    for values in _designs(axes) if axes else ():
+        yield definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
+    for question in definition.file.solve.values():
+        dimension, low, high = question_ends(question)
+        for value in np.linspace(low, high, _OF_QUESTIONS):
+            yield definition.with_values(dict.fromkeys(question.paths, quantity_entry(float(value), dimension)))
+
+
+def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:
+    """Values of each axis, of every design that is looked at."""
+    sizes = [len(axis.values) for axis in axes]
+    while math.prod(sizes) > _MOST_DESIGNS and max(sizes) > _ENDS:
+        sizes[sizes.index(max(sizes))] -= 1
+    kept = [
+        [axis.values[k] for k in np.unique(np.round(np.linspace(0, len(axis.values) - 1, size)).astype(int))]
+        for axis, size in zip(axes, sizes, strict=True)
+    ]
+    return itertools.islice(itertools.product(*kept), _MOST_DESIGNS)

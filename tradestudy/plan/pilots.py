@@ -1,0 +1,159 @@
+"""Pilots: a chunk of every kind of work that a run does, done and timed; a run takes a count of such chunks."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from tradestudy.analysis.depth_draws import draws_to_expect
+from tradestudy.analysis.depth_points import DepthPoint, depth_table
+from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study import loading
+
+if TYPE_CHECKING:
+    from tradestudy.calibration.posteriors import CornersToInfer, TargetToInfer
+    from tradestudy.imaging.kirchhoff import LatticePoint
+    from tradestudy.study.schema.wave_optics import ElementPart, FresnelValidityPart, PointSpreadPart
+
+_FEWEST, _FEW = 3, 12  # distances of two chunks of a camera: what more of them take grows along a line
+_DRAWN_WAYS: Final = 2  # calibration, and both; noise alone has a closed form
+# A fit takes some Gauss-Newton steps; sampling takes four ensembles of 500 steps, with two walkers for each parameter.
+# Both evaluate the same views and corners, so that their ratio for each parameter is a count.
+_FITS_PER_PARAMETER: Final = 20
+_RIG_PARAMETERS: Final = 20
+_SMALLER: Final = 4.0  # than the windows asked for are those of a pilot off the axis
+
+
+def seconds_of(work: Callable[[], object], clock: Callable[[], float] = time.process_time) -> float:
+    """Processor seconds of one call: a short one tells nothing of what else keeps the processor busy."""
+    begin = clock()
+    work()
+    return clock() - begin
+
+
+def reading_seconds() -> float:
+    """Reading and building a small study: mixed work of the interpreter, as drawing figures and setting pages is."""
+    starter = Path(loading.__file__).with_name("starter.yaml")
+    loading.load_definition(starter)  # fills what every later reading looks up
+    return min(seconds_of(lambda: loading.load_definition(starter)) for _ in range(3))
+
+
+def table_seconds(camera: DepthCamera, criteria: UsableCriteria, distance: FloatArray) -> float:
+    """What one camera takes over its distances [m], without draws; from a few of them where pictures are derived."""
+    model = "off" if camera.propagation.model == "exact" else camera.propagation.model
+    plain = _without_kirchhoff(replace(camera, propagation=replace(camera.propagation, model=model)))
+
+    def at(count: int) -> float:
+        some = distance[np.unique(np.linspace(0, distance.size - 1, count).round().astype(int))]
+        return seconds_of(lambda: depth_table(DepthPoint(camera=plain, criteria=criteria, distance=some)))
+
+    if not isinstance(camera.disparity_error_px, PictureDisparityError) or distance.size <= _FEW:
+        return at(distance.size)
+    fewest, few = at(_FEWEST), at(_FEW)
+    return few + max(0.0, few - fewest) * (distance.size - _FEW) / (_FEW - _FEWEST)
+
+
+def _without_kirchhoff(camera: DepthCamera) -> DepthCamera:
+    """What Kirchhoff adds to a picture is computed once and before depth is: see `correction_seconds`."""
+    law = camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return camera
+    models = law.models
+    if models.main_lens_diffraction == "kirchhoff":
+        models = replace(models, main_lens_diffraction="fresnel")
+    if models.microlens_diffraction == "kirchhoff":
+        models = replace(models, microlens_diffraction="fresnel")
+    return replace(camera, disparity_error_px=replace(law, models=models))
+
+
+def drawing_seconds(camera: DepthCamera, distances: int) -> float:
+    """What drawing adds to an exact camera, from its first draws."""
+    if camera.propagation.model != "exact" or not camera.calibration.groups:
+        return 0.0
+    expected: list[float] = []
+    first = seconds_of(lambda: expected.append(draws_to_expect(camera)))
+    doubled = 2.0 ** math.ceil(math.log2(expected[0]))
+    # What is drawn until they are enough costs as much again; then every distance is read.
+    return _DRAWN_WAYS * first * doubled * (2.0 + distances / max(1, len(camera.propagation.judged)))
+
+
+def correction_seconds(points: Sequence[LatticePoint]) -> float:
+    """What Kirchhoff adds at all points of a lattice, from some of them, which are kept."""
+    from tradestudy.imaging.kirchhoff import kirchhoff_correction
+
+    some = [points[k] for k in sorted({len(points) // 4, len(points) // 2, 3 * len(points) // 4})]
+    return len(points) * _mean(seconds_of(partial(kirchhoff_correction, *point)) for point in some)
+
+
+def inference_seconds(asked: TargetToInfer | CornersToInfer) -> float:
+    """A calibration inferred by sampling, from one fit to its corners."""
+    from tradestudy.calibration.corners.corner_file import read_corners
+    from tradestudy.calibration.corners.initial_values import first_intrinsics, first_poses
+    from tradestudy.calibration.posteriors import CornersToInfer, target_problem
+    from tradestudy.calibration.target.target_inference import fit_target
+
+    if isinstance(asked, CornersToInfer):
+        corners = read_corners(asked.folder / asked.part.file)
+        board, image, present = corners.board, corners.left, corners.present
+        fit = seconds_of(lambda: first_poses(first_intrinsics(board, image, present), board, image, present))
+        return _FITS_PER_PARAMETER * _RIG_PARAMETERS * fit
+    problem, _ = target_problem(asked)
+    return _FITS_PER_PARAMETER * len(problem.priors.names) * seconds_of(lambda: fit_target(problem))
+
+
+def pair_seconds(part: FresnelValidityPart, element: ElementPart, *, field_angle: float = 0.0) -> float:
+    """Fresnel against Kirchhoff behind a lens at its own f-number, over all windows and lens phases.
+
+    Off the axis from smaller windows: as they widen there are more targets, and the rank of the sum over the aperture
+    grows with their radius.
+    """
+    from tradestudy.optics.psf_difference import fresnel_psf_difference, target_count
+
+    smaller = _SMALLER if field_angle else 1.0
+    windows = tuple(window / smaller for window in part.windows)
+    wavelength = part.off_axis.wavelength if part.off_axis and field_angle else part.wavelengths[0]
+    seconds = seconds_of(
+        lambda: fresnel_psf_difference(
+            focal_length=element.focal_length,
+            object_distance=element.object_distance,
+            f_number=element.f_number,
+            field_angle=field_angle,
+            wavelength=wavelength,
+            lens_phases=part.lens_phases,
+            windows=windows,
+            tolerance=part.tolerance,
+        )
+    )
+    counts = [target_count(one, symmetric=field_angle == 0.0) for one in (part.windows, windows)]
+    return float(seconds * (counts[0] / counts[1]) ** 1.5)
+
+
+def spread_seconds(part: PointSpreadPart) -> float:
+    """One measured image of a point: that in the middle of all that are asked for."""
+    from tradestudy.analysis.point_spreads import every_case, spread_measures
+
+    cases = every_case(part)
+    return seconds_of(
+        lambda: spread_measures(
+            cases[len(cases) // 2],
+            method="fresnel",
+            window=part.window,
+            rms_radius=part.rms_radius,
+            pixel_pitch=part.pixel_pitch,
+            tolerance=part.tolerance,
+        )
+    )
+
+
+def _mean(seconds: Iterable[float]) -> float:
+    known = list(seconds)
+    return math.fsum(known) / len(known)
