@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -144,7 +145,7 @@ def test_a_forced_model_is_obeyed_and_what_it_does_is_told(model: str) -> None:
         assert law.models.main_lens_diffraction == model
         assert (piece.by_forcing == {}) == (model == "kirchhoff")
         told = plan.text()
-    assert ("the models that the study names change the" in told) == (model != "kirchhoff")
+    assert (f"main lens diffraction: {model}, as the study names, changes the" in told) == (model != "kirchhoff")
 
 
 def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
@@ -225,6 +226,32 @@ def test_a_sweep_that_goes_through_focus_counts_there_too(tmp_path: Path) -> Non
 
     assert change(swept_piece) == pytest.approx(change(pieces["0.3 m"]))
     assert change(swept_piece) > 3.0 * max(change(pieces["100 mm"]), change(pieces["5 m"]))
+
+
+# What a line does not see: errors whose first-order effect vanishes on the axis or everywhere, products of two errors,
+# and errors without a variance.
+@pytest.mark.parametrize(
+    ("errors", "fields"),
+    [
+        ({"roll": "3 deg"}, []),
+        ({"pitch": "2 deg", "roll": "2 deg"}, []),
+        ({"pitch": "0.2 deg", "roll": "0.2 deg"}, ["60 %"]),
+        ({"right_principal_point_y": "0.1 mm", "roll": "1 deg"}, []),
+        ({"yaw": {"shape": "student-t", "degrees_of_freedom": 2, "scale": "0.2 deg", "standard_deviation": None}}, []),
+    ],
+)
+def test_errors_that_a_line_does_not_see_are_not_left_out(
+    tmp_path: Path, errors: dict[str, Any], fields: list[str]
+) -> None:
+    file = tmp_path / "rig.yaml"
+    file.write_text(STEREO.format(studies=STUDIES.as_posix(), yaw=0.1), encoding="utf-8")
+    own = {name: one if isinstance(one, dict) else {"standard_deviation": one} for name, one in errors.items()}
+    values = {f"cameras.rig.calibration.errors.{name}": one for name, one in ({"yaw": None} | own).items()}
+    if fields:
+        values["propagation.field_places"] = fields
+    (piece,) = choose_models(load_definition(file, ()).with_values(values))
+    assert piece.models["calibration"] != "off"
+    assert fields or piece.models["calibration"] == "exact"
 
 
 def test_one_reading_that_no_line_describes_makes_the_whole_camera_draw() -> None:

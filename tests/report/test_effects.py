@@ -41,7 +41,8 @@ def test_one_row_for_each_camera_and_effect_that_matters(plan: Plan) -> None:
         for decision in piece.choice.decisions
         if decision.chosen
         and (
-            (decision.model != "off" and decision.slot not in piece.reasons)
+            decision.forced
+            or (decision.model != "off" and decision.slot not in piece.reasons)
             or any(change.relative > 0.0 for q, change in decision.changes.items() if q in piece.asked)
         )
     ]
@@ -76,6 +77,6 @@ def test_what_all_omissions_change_stands_beside_what_is_allowed(plan: Plan) -> 
     text = " ".join(plain(block.text) for block in describe_effects(tree) if isinstance(block, Paragraph))
     worst = max(piece.choice.changes["depth_uncertainty"].relative for piece in plan.pieces)
     allowed = plan.accuracy.tolerances["depth_uncertainty"]
-    told = f"at most {pretty(worst, FRACTION, digits=2)}; {pretty(allowed, FRACTION, digits=2)} is allowed"
+    told = f"by up to {pretty(worst, FRACTION, digits=2)}; {pretty(allowed, FRACTION, digits=2)} is allowed"
     assert told in text
     assert ("by noise alone was not asked for" in text) == ("depth_noise" not in plan.accuracy.tolerances)

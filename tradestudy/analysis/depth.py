@@ -245,17 +245,17 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
     )
 
 
-def clear_departure(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+def clear_departure(camera: DepthCamera, distance: FloatArray, field: float = 0.0) -> FloatArray:
     """How far a line misses the half widths of depth along the direction in which all errors move it most.
 
-    A cheap first look that errors of any shape allow; 0 where it says nothing.
+    A cheap first look that errors of any shape allow; 0 where it says nothing, NaN where nothing is measured.
     """
-    read = second_order(camera, distance, 0.0, "both", any_shape=True)
+    read = second_order(camera, distance, field, "both", any_shape=True)
     if read is None:
         return np.zeros(distance.shape)
-    line = distribution(camera, distance, "both")
+    line = distribution(camera, distance, "both", field)
     found = [_apart(line, read.steepest, coverage) for coverage in camera.propagation.coverages]
-    return np.asarray(np.nan_to_num(np.fmax.reduce(found), posinf=np.inf))
+    return np.asarray(np.fmax.reduce(found))
 
 
 def _apart(one: DepthDistribution, other: DepthDistribution, coverage: float) -> FloatArray:

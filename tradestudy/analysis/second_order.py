@@ -49,8 +49,8 @@ def second_order(
     """Read depth exactly along the direction of all errors that moves it most, and its curvature across.
 
     In deviations of independent normal errors inverse depth is ``h(z) = h₀ + g·z + ½ zᵀKz``. Its quantiles are those
-    along g (first-order reliability); the curvature κ across g shifts them by ``½ Σ κ`` and widens the variance by
-    ``½ Σ κ²``, and what bends along both by ``Σ d²``.
+    along g (first-order reliability); the curvature K across g shifts them by ``½ tr K`` and widens the variance by
+    ``½ ‖K‖²``, and what bends along both by ``Σ d²``.
 
     Parameters
     ----------
@@ -130,7 +130,10 @@ def _across(read: Reader, steepest: FloatArray, length: FloatArray) -> FloatArra
     above, below = read(basis), read(-basis)
     curvature = above + below - 2.0 * origin
     bent = read(basis + steepest[:, np.newaxis]) - above - along + origin
+    first, second = np.triu_indices(basis.shape[1], k=1)
+    mixed = read(basis[:, first] + basis[:, second]) - above[first] - above[second] + origin
     with np.errstate(invalid="ignore", divide="ignore"):
-        wider = (0.5 * np.sum(curvature**2, axis=0) + np.sum(bent**2, axis=0)) / length**2 / 2.0
+        squares = 0.5 * np.sum(curvature**2, axis=0) + np.sum(mixed**2, axis=0) + np.sum(bent**2, axis=0)
+        wider = squares / length**2 / 2.0
         shifted = np.abs(np.sum(curvature, axis=0)) / np.abs(origin[0])  # an interval of depth goes with 1/h²
-    return np.asarray(np.nan_to_num(_MARGIN * (wider + shifted), nan=0.0, posinf=np.inf))
+    return np.asarray(np.nan_to_num(_MARGIN * (wider + shifted), nan=np.inf, posinf=np.inf))

@@ -7,13 +7,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Final, Literal
 
 from tradestudy.accuracy import Quantity
 from tradestudy.effects.models import Models, SlotName
 from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.units import FRACTION, pretty
 
+NAMED: Final = "the study names the model"
 Evidence = Literal["computed", "bound", "trial"]
 """How a change is known: by computing it everywhere, by a rule that it cannot exceed, or at a few places."""
 
@@ -71,7 +72,7 @@ class Slot:
         """The same effect with the one model that a study names, if it names one."""
         if (named := forced.get(self.name)) is None:
             return self
-        return replace(self, models=(named,), reason="the study names the model")
+        return replace(self, models=(named,), reason=NAMED)
 
     def __post_init__(self) -> None:
         if not self.models or len(set(self.models)) < len(self.models):

@@ -51,7 +51,7 @@ _MODELS: Final[Mapping[SlotName, Mapping[str, tuple[Use, ...]]]] = {
     "source_extent": {OFF: _SPOT, "disc": _SPOT},
     "spectrum": {OFF: _PICTURES, "weighted": _PICTURES},
     "vignetting": {OFF: _DEPTH, "cos4": _DEPTH},
-    "sensor_noise": {OFF: _DEPTH, "shot": _DEPTH, "shot+read": _DEPTH, "shot+read+quantisation": _DEPTH},
+    "sensor_noise": {"shot": _DEPTH, "shot+read": _DEPTH, "shot+read+quantisation": _DEPTH},
     "calibration": {OFF: _DEPTH, "linear": _DEPTH, "exact": _DEPTH},
 }
 

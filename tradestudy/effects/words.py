@@ -29,13 +29,14 @@ MODEL: Final[Mapping[tuple[SlotName, str], str]] = {
     ("microlens_diffraction", "boundary_wave"): "boundary wave of the microlenses",
     ("microlens_diffraction", "fresnel"): "Fresnel diffraction at the microlenses",
     ("microlens_diffraction", "kirchhoff"): "Kirchhoff diffraction at the microlenses",
+    ("calibration", "off"): "calibration errors left out",
     ("calibration", "linear"): "linear calibration",
     ("calibration", "exact"): "exact calibration",
 }
 _LEFT_OUT: Final[Mapping[str, str]] = {
     "airy": "defocus and diffraction acting together",
     "boundary_wave": "all but the leading term of the wave from the rim",
-    "fresnel": "the exact path",
+    "fresnel": "the exact path (Kirchhoff)",
     "linear": "the curvature of the reading",
     "shot": "read and rounding noise",
     "shot+read": "rounding noise",

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import Final
 
 from tradestudy.accuracy import IN_WORDS
-from tradestudy.effects.choice import Change, Evidence
+from tradestudy.effects.choice import NAMED, Change, Evidence
 from tradestudy.effects.models import OFF
 from tradestudy.effects.words import MODEL, left_out
 from tradestudy.plan.choice import Chosen
@@ -15,6 +15,7 @@ from tradestudy.plan.predicted_time import PredictedStep
 from tradestudy.units import DURATION, FRACTION, pretty
 from tradestudy.wording import distance
 
+_OF_NOTE: Final = 0.01  # of the tolerance
 _DIFFRACTION: Final = ("main_lens_diffraction", "microlens_diffraction")
 
 
@@ -27,8 +28,7 @@ def plan_lines(pieces: Sequence[Chosen], steps: Sequence[PredictedStep], *, verb
         yield f"{one.name:<{width}}  {summary(one)}{takes}"
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
-    work = ", ".join(step.name for step in steps)
-    yield f"{'run':<{width}}  {work}: about {_seconds(steps)}"
+    yield f"{'run':<{width}}  in all about {_seconds(steps)}, report included"
     if verbose:
         names = max(len(step.name) for step in steps)
         for step in steps:
@@ -44,11 +44,11 @@ def _simulated(one: Chosen) -> str:
     """The models that act, in words: diffraction and calibration, whatever the piece has of them."""
     models = one.models
     parts = [MODEL[slot, models[slot]] for slot in _DIFFRACTION if models.get(slot, OFF) != OFF]
-    pictured = "main_lens_diffraction" not in one.reasons
+    pictured = "microlens_diffraction" in models and one.reasons.get("defocus_blur", "") in ("", NAMED)
     if not parts:
         parts = ["no diffraction"] if pictured else []
     if "calibration" in models:
-        parts.append(MODEL.get(("calibration", models["calibration"]), "no calibration errors"))
+        parts.append(MODEL["calibration", models["calibration"]])
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
     words = ", ".join(parts) or "geometry"
@@ -64,10 +64,10 @@ def _left_out(one: Chosen) -> str:
         for quantity, change in decision.changes.items()
         if quantity in one.asked and change.relative > 0.0
     ]
-    if not omitted:
-        return "nothing left out"
+    if not omitted or max(omitted, key=lambda found: found[0])[0] < _OF_NOTE:
+        return "nothing of note left out"
     _, quantity, change, decision = max(omitted, key=lambda found: found[0])
-    how = "trial; " if change.evidence == "trial" else ""
+    how = "tried at a few places; " if change.evidence == "trial" else ""
     return (
         f"leaving out {left_out(decision.slot, decision.model)} changes the {IN_WORDS[quantity]} by {_amount(change)} "
         f"({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
@@ -80,7 +80,14 @@ def _forced(one: Chosen) -> str:
     quantity, change = max(
         ((q, c) for q, c in one.by_forcing.items() if q in one.asked), key=lambda found: found[1].relative
     )
-    return f"the models that the study names change the {IN_WORDS[quantity]} by {share(change)}"
+    named = ", ".join(
+        f"{slot.replace('_', ' ')}: {model}" for slot, model in one.choice.forced.items() if slot in one.models
+    )
+    more = "more than" if change.relative > one.asked[quantity] else "within"
+    return (
+        f"{named}, as the study names, changes the {IN_WORDS[quantity]} by {share(change)}, {more} the "
+        f"{pretty(one.asked[quantity], FRACTION)} allowed"
+    )
 
 
 def _decisions(one: Chosen) -> Iterator[str]:
@@ -109,7 +116,7 @@ def share(change: Change) -> str:
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
-    return f"{_amount(change)}{at}{', trial' if change.evidence == 'trial' else ''}"
+    return f"{_amount(change)}{at}{', tried at a few places' if change.evidence == 'trial' else ''}"
 
 
 def _amount(change: Change) -> str:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from tradestudy.accuracy import Quantity
+from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
 from tradestudy.effects.choice import Change, Changes, Evidence, Piece, Slot
 from tradestudy.effects.models import OFF, Models, SlotName, models_of
@@ -72,7 +74,7 @@ class DepthPiece(Piece):
 
     def try_out(self, models: Models) -> bool:
         """Draw where the line could be enough, or use Kirchhoff's transfer where Fresnel's could be."""
-        if models["calibration"] == "linear" and self._linear is None and self._known:
+        if models["calibration"] != "exact" and self._linear is None and self._is_line:
             self._linear = self._tried_line()
             return True
         if self._exact_paths is None and self._pictured and self._leaves_out_paths(models):
@@ -82,9 +84,10 @@ class DepthPiece(Piece):
         return False
 
     @property
-    def _known(self) -> bool:
-        """Whether all calibrations are known before the run."""
-        return all(variant.camera.calibration.inferred for variant in self._variants)
+    def _is_line(self) -> bool:
+        """Whether all calibrations are known before the run and have variances, so that there is a line."""
+        cameras = [variant.camera for variant in self._variants]
+        return all(one.calibration.inferred and has_covariance(one) for one in cameras)
 
     def _leaves_out_paths(self, models: Models) -> bool:
         return any(models[name] != "kirchhoff" for name in self._free_lenses)
@@ -101,11 +104,15 @@ class DepthPiece(Piece):
             return {"depth_uncertainty": line, "usable_range": line}
         left_out = self._paths_left_out(variant, models)
         known = variant.moved(models)
-        moved = known if left_out is None else variant.moved(models, left_out)
-        evidence = self._evidence(left_out, drawn=models["calibration"] == "linear" and line.relative > 0.0)
+        moved = variant.moved(models, 0.0 if left_out is None else left_out, line.relative)
+        evidence = self._evidence(left_out, drawn=line.relative > 0.0)
+        whole = _largest(variant, moved.uncertainty, known.uncertainty, evidence, line)
+        if models["calibration"] == OFF and variant.camera.calibration.groups and variant.fields:
+            aside = variant.left_out_of_field() + line.relative
+            whole = whole if aside <= whole.relative else replace(whole, relative=aside, least=aside, at=math.nan)
         return {
-            "depth_uncertainty": _largest(variant, moved.uncertainty, known.uncertainty, evidence, line),
-            "usable_range": Change(relative=MARGIN * moved.ends + line.relative, least=known.ends, evidence=evidence),
+            "depth_uncertainty": whole,
+            "usable_range": Change(relative=MARGIN * moved.ends, least=known.ends, evidence=evidence),
         }
 
     def _noise(self, models: Models) -> dict[Quantity, Change]:
@@ -124,12 +131,12 @@ class DepthPiece(Piece):
         return "computed" if left_out is None else "bound"
 
     def _line(self, models: Models) -> Change:
-        """What propagation by a line, or leaving calibration out, may miss beside what is computed."""
-        if models["calibration"] == "exact" or not any(one.camera.calibration.groups for one in self._variants):
-            return Change(relative=0.0) if self._known or models["calibration"] == "exact" else _UNKNOWN
-        if not self._known:
+        """What a line misses beside what is computed by it, be it taken or held against leaving calibration out."""
+        if models["calibration"] == "exact":
+            return Change(relative=0.0)
+        if not self._is_line:
             return _UNKNOWN
-        if models["calibration"] == OFF:  # by how much is computed, unless there is no line to compute it with
+        if not any(one.camera.calibration.groups for one in self._variants):
             return Change(relative=0.0)
         return _TO_BE_TRIED if self._linear is None else self._linear
 
@@ -199,7 +206,8 @@ def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVar
         criteria=definition.case.criteria,
         distance=np.unique(np.append(distance[::step], distance[-1:])),
         asked=np.unique(asked),
-        forced=_applicable(camera, forced),
+        fields=tuple(file.propagation.field_places),
+        forced=applicable(camera, forced),
     )
 
 
@@ -212,7 +220,7 @@ def _same(one: DepthVariant, other: DepthVariant) -> bool:
     )
 
 
-def _applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
+def applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
     """The forced models that a camera's depth has: no microlenses without them, no spectrum that is not declared."""
     found = {slot: name for slot, name in forced.items() if name in models_of(slot, "depth")}
     law = camera.disparity_error_px
@@ -228,7 +236,7 @@ def _applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
 
 def _slots(camera: DepthCamera, forced: Models, *, pictured: bool) -> tuple[Slot, ...]:
     """Every effect of depth; one model alone where the camera or the study leaves no choice."""
-    own, why = _applicable(camera, forced), _why_no_picture(camera, pictured=pictured)
+    own, why = applicable(camera, forced), _why_no_picture(camera, pictured=pictured)
     found = []
     for name in (*_SAVING, *_OTHERS):
         models, reason = models_of(name, "depth"), ""

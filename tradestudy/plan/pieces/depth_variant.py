@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.analysis.depth import clear_departure, model_error
+from tradestudy.analysis.depth import clear_departure, distribution, model_error
 from tradestudy.analysis.linear_depth import has_covariance, linear_reading, scaled_noise
 from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
@@ -27,6 +27,7 @@ _NEAR_ITS_BOUND: Final = 0.1  # of the bound: a limit whose value is as near dec
 _NEAR_A_STEEP_BOUND: Final = 2.0  # the same of a failed fraction, which is several times its bound a hundredth on
 _LARGEST_SHIFT: Final = 0.3  # of a distance, beyond which a slope says nothing
 _FINE: Final = 10  # places between two distances, where the focus is looked for
+_FIELD_DISTANCES: Final = 5
 _CLEARLY: Final = 0.15  # of the half width: above most tolerances
 _MOST_ASKED: Final = 4  # distances of the study's questions at which the line is held against draws
 
@@ -66,6 +67,8 @@ class DepthVariant:
         Distances of the study's questions [m], whether it is usable there or not.
     forced
         Models that the study insists on.
+    fields
+        Places in the field that the study asks for, beside the axis.
     """
 
     camera: DepthCamera
@@ -73,6 +76,7 @@ class DepthVariant:
     distance: FloatArray
     asked: FloatArray
     forced: Models
+    fields: tuple[float, ...] = ()
     _errors_px: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False)
 
     @cached_property
@@ -125,14 +129,16 @@ class DepthVariant:
 
     @cached_property
     def _sharpest(self) -> FloatArray:
-        """Usable distances of least blur [m]; there, what pixels and diffraction do is seen best."""
-        if self.law is None or not self.usable.any():
+        """Usable distances of least blur [m], any if it is usable nowhere: there pixels and diffraction show best."""
+        if self.law is None:
             return np.zeros(0)
         numbers = np.arange(self.distance.size)
         fine = np.interp(np.arange(0, self.distance.size - 1, 1.0 / _FINE), numbers, self.distance)
         fine = fine[self.reference.images(fine)]
         blur = np.pad(self.reference.picture_geometry(fine).blur_px, 1, constant_values=np.inf)
         sharpest = fine[(blur[1:-1] < blur[:-2]) & (blur[1:-1] <= blur[2:])]
+        if not self.usable.any():
+            return np.asarray(sharpest)
         stretches = usable_stretches(self._boundaries, self.distance, self.usable)
         inside = [(sharpest >= near) & (sharpest <= far) for near, far in stretches]
         return sharpest[np.any(inside, axis=0)] if inside else np.zeros(0)
@@ -201,7 +207,7 @@ class DepthVariant:
         """The same by noise alone."""
         return self._half_width(np.ones(self._everywhere.shape), np.zeros(self._everywhere.shape))
 
-    def moved(self, models: Models, more_noise: float | FloatArray = 0.0) -> Moved:
+    def moved(self, models: Models, more_noise: float | FloatArray = 0.0, missed: float = 0.0) -> Moved:
         """What a set of models moves.
 
         Parameters
@@ -210,6 +216,8 @@ class DepthVariant:
             In place of the most complete ones.
         more_noise
             A further relative change of the disparity error everywhere, to that side on which it changes more.
+        missed
+            By how much the uncertainty may be off either way beside that, which moves ends of usable ranges.
         """
         factor, off = self._factor(models), models.get("calibration") == OFF
         beside = np.zeros(factor.shape) if off else self._calibration_over_noise
@@ -220,7 +228,7 @@ class DepthVariant:
         return Moved(
             distance=self.places,
             uncertainty=self._split(_relative(new, self._whole))[0],
-            ends=self._shift_of_ends(factor, new),
+            ends=self._shift_of_ends(factor, new, missed),
         )
 
     def moved_noise(self, models: Models, more_noise: float | FloatArray = 0.0) -> FloatArray:
@@ -229,20 +237,21 @@ class DepthVariant:
         factor = factor * np.where(factor >= 1.0, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
         return self._split(_relative(self._half_width(factor, none), self._by_noise))[0]
 
-    def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray) -> float:
+    def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray, missed: float) -> float:
         """The largest relative shift of an end that the depth uncertainty or the matcher decides, to first order."""
         by_depth, by_matching = self._decided_by
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = half_width / self._whole
-            of_depth = np.log(self._split(ratio)[2][:, 1]) / self._slope(self._whole / self._everywhere)
+            by = np.abs(np.log(self._split(ratio)[2][:, 1])) + np.log1p(missed)
+            of_depth = by / self._slope(self._whole / self._everywhere)
             shifts = np.where(by_depth, np.abs(of_depth), 0.0)
             if self.law is not None:
                 of_matching = np.log(self._split(factor)[2][:, 1]) / self._slope(self.disparity_error_px({}))
                 shifts = np.maximum(shifts, np.where(by_matching, np.abs(of_matching), 0.0))
         largest = float(np.max(np.where(np.isnan(shifts), np.inf, shifts), initial=0.0))
-        if largest > _LARGEST_SHIFT or self._range_appears_or_vanishes(factor, half_width, largest):
-            return np.inf
-        return largest
+        either = (half_width * (1.0 + missed), half_width / (1.0 + missed))
+        anew = any(self._range_appears_or_vanishes(factor, one, largest) for one in either)
+        return np.inf if largest > _LARGEST_SHIFT or anew else largest
 
     def _slope(self, values: FloatArray) -> FloatArray:
         """Of the logarithm of values over that of distance, at the ends."""
@@ -330,10 +339,29 @@ class DepthVariant:
         if not tried.size:
             return 0.0, np.nan
         tried = np.unique(tried)
-        error = clear_departure(camera, tried)
-        if error.max() < _CLEARLY:  # no draws are needed to tell that a line will not do
-            error = np.nan_to_num(model_error(camera, tried).intervals, posinf=np.inf)
+        found = [self._linear_error_at(camera, tried, place) for place in (0.0, *self.fields)]
+        error = np.max(found, axis=0)
         return float(error.max()), float(tried[int(np.argmax(error))])
+
+    def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: float) -> FloatArray:
+        """At a place in the field; 0 where nothing is measured, infinite where only the line says how it is."""
+        error = clear_departure(camera, tried, field)
+        if not np.any(error > _CLEARLY):  # else no draws are needed to tell that a line will not do
+            error = model_error(camera, tried, "both", field).intervals
+        measured = ~np.isnan(distribution(camera, tried, "both", field).half_width)
+        return np.where(measured, np.where(np.isnan(error), np.inf, error), 0.0)
+
+    def left_out_of_field(self) -> float:
+        """What leaving calibration out changes at the places in the field that the study asks for, at the most."""
+        places = self.places[np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))]
+        largest = 0.0
+        for place in self.fields:
+            noise, both = (
+                linear_reading(self.reference, places, place, way).standard_deviation for way in ("noise", "both")
+            )
+            with np.errstate(invalid="ignore", divide="ignore"):
+                largest = max(largest, float(np.nanmax(1.0 - noise / both, initial=0.0)))
+        return largest
 
 
 def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:

@@ -15,14 +15,14 @@ from tradestudy.results.views.groups import group, records
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import distance
 
-_HOW: Final = {"computed": "computed", "bound": "at most, by a rule", "trial": "trial at a few places"}
+_HOW: Final = {"computed": "computed", "bound": "upper bound", "trial": "tried at a few places"}
 _FULL: Final = "nothing"
 _COLUMNS: Final = (
-    Column(title="Of", weight=4),
+    Column(title="Camera or picture", weight=4),
     Column(title="Effect", weight=4),
     Column(title="Model", weight=3),
     Column(title="Leaves out", align="right", weight=3),
-    Column(title="Of", weight=4),
+    Column(title="Quantity", weight=4),
     Column(title="How it is known", weight=4),
 )
 
@@ -40,7 +40,7 @@ def describe_effects(tree: xr.DataTree) -> Iterator[Block]:
             together=" ".join(_together(tree)),
         )
     )
-    matter = [row for row in rows if row["chosen"] and (row["change"] > 0.0 or _is_simulated(row))]
+    matter = [row for row in rows if row["chosen"] and (row["change"] > 0.0 or _is_simulated(row) or row["forced"])]
     if matter:
         yield Table(
             name="effects-that-matter",
@@ -60,7 +60,7 @@ def list_decisions(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="Every model that was compared", anchor="every-model")
         yield Table(
             name="effects-all",
-            caption="Every model of every effect, and what it alone would change; a dot marks those that act.",
+            caption="Every model of every effect, and what it alone would change; a dot marks the models used.",
             columns=_COLUMNS,
             rows=tuple(_cells(row, marked=True) for row in rows),
         )
@@ -102,6 +102,8 @@ def _cells(row: Mapping[str, Any], *, marked: bool = False) -> tuple[str, ...]:
     mark = "● " if marked and row["chosen"] else ""
     model = f"{mark}{row['model']}" + (", named by the study" if row["forced"] else "")
     quantity = IN_WORDS[row["quantity"]]
+    if row["forced"]:
+        return str(row["title"]), _words(str(row["slot"])), model, "see above", "—", "—"
     if row["change"] == 0.0:
         return str(row["title"]), _words(str(row["slot"])), model, _FULL, "—", "—"
     at = "" if math.isnan(row["at"]) else f", at {distance(row['at'])}"
@@ -118,7 +120,7 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
             of.setdefault(str(row["title"]), []).append(_words(str(row["slot"])))
     for reason, of in by_reason.items():
         effects = ", ".join(dict.fromkeys(effect for names in of.values() for effect in names))
-        yield f"{'; '.join(of)}: {effects} change nothing, because {reason}."
+        yield f"Not simulated for {'; '.join(of)}: {effects}, because {reason}."
 
 
 def _together(tree: xr.DataTree) -> Iterator[str]:
@@ -130,16 +132,18 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             shown = joint[~np.isnan(joint)]
             if shown.size and shown.max() > 0.0:
                 changed = IN_WORDS[QUANTITIES[number]]
-                yield f"The {changed} was not asked for and changes by up to {_share(float(shown.max()))}."
+                yield f"The {changed} was not asked for; it may be off by up to {_share(float(shown.max()))}."
             continue
         yield (
-            f"All that is left out changes the {IN_WORDS[QUANTITIES[number]]} by at most "
+            f"What the program left out changes the {IN_WORDS[QUANTITIES[number]]} by up to "
             f"{_share(float(np.nanmax(np.where(np.isnan(asked), np.nan, joint))))}; "
             f"{_share(float(np.nanmax(asked)))} is allowed."
         )
         forced = data["forced_change"].values[:, number]
         if not np.isnan(forced).all():
-            yield f"The models that the study names change it by {_share(float(np.nanmax(forced)))}."
+            worst = float(np.nanmax(forced))
+            more = "more than" if worst > np.nanmax(asked) else "within what"
+            yield f"The models that the study names change it by up to {_share(worst)}, {more} is allowed."
 
 
 def _words(slot: str) -> str:

@@ -127,8 +127,24 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
             "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
             "and both; ± its error, where that exceeds 1 %. ∞: the interval has no far end. *: not "
-            "converged, sampling left more than the tolerance." + _numerical_error(tree),
+            "converged, sampling left more than the tolerance." + _numerical_error(tree) + _noise_is_coarse(tree),
         ),
+    )
+
+
+def _noise_is_coarse(tree: xr.DataTree) -> str:
+    """Say where noise by itself was not asked for and what was left out moves it by more than the whole."""
+    if not has(tree, "effects", "joint_change", "tolerance"):
+        return ""
+    effects = group(tree, "effects")
+    noise, whole = (effects.sel(quantity=name) for name in ("depth_noise", "depth_uncertainty"))
+    coarse = noise["joint_change"].values > np.nan_to_num(whole["tolerance"].values, nan=np.inf)
+    if not np.any(coarse & np.isnan(noise["tolerance"].values)):
+        return ""
+    largest = share(float(np.nanmax(np.where(coarse, noise["joint_change"].values, np.nan))))
+    return (
+        f" Noise only was not asked for: what was left out changes it by up to {largest} "
+        "(accuracy.depth_noise asks for it)."
     )
 
 

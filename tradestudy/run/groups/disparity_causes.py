@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -15,19 +16,28 @@ from tradestudy.imaging.kirchhoff import kirchhoff_correction
 from tradestudy.imaging.passed_texture import picture_electrons
 from tradestudy.imaging.picture import CHANGES, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.plan.pieces.depth import applicable
+from tradestudy.plan.pieces.depth_variant import complete_in_closed_form
 from tradestudy.results import dataset
 from tradestudy.results.depth import distances_without_decision
+from tradestudy.study.acting import in_closed_form, with_models
 from tradestudy.study.definition import StudyDefinition
 
 STEP: Final = "pictures"
 
 
 def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
-    """/disparity_causes of the study as declared, without its sweep; None where no disparity error is derived."""
+    """/disparity_causes of the study as declared, without its sweep; None where no disparity error is derived.
+
+    By the most complete models in closed form, whatever depth leaves out, for a cause that is left out would seem none;
+    and by those that the study names.
+    """
+    forced = definition.file.effects.forced()
     derived = {
-        name: (camera, law)
+        name: (camera, replace(law, models=with_models(complete_in_closed_form(law), in_closed_form(own))))
         for name, camera in definition.case.cameras.items()
         if isinstance(law := camera.disparity_error_px, PictureDisparityError)
+        and (own := applicable(camera, forced)) is not None
     }
     if not derived:
         return None
