@@ -17,7 +17,7 @@ from tradestudy.effects.models import OFF, Models
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, WeighedPicture
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths
 from tradestudy.study.acting import acting, in_closed_form, with_models
 
@@ -145,9 +145,14 @@ class DepthVariant:
 
     @cached_property
     def _everywhere(self) -> FloatArray:
-        """`places`, all distances with a picture, and the ends with what is beside them on either side."""
+        """`places`, all distances with a picture, and the ends with what is beside them, each once."""
+        return self._at[0]
+
+    @cached_property
+    def _at(self) -> tuple[FloatArray, IndexArray]:
+        """Every distance once, and where each of the three lists of `_split` finds its own."""
         beside = self.ends[:, np.newaxis] * (1.0 + _BESIDE_AN_END * np.array([-1.0, 0.0, 1.0]))
-        return np.concatenate([self.places, self._imaged, beside.ravel()])
+        return np.unique(np.concatenate([self.places, self._imaged, beside.ravel()]), return_inverse=True)
 
     @cached_property
     def _imaged(self) -> FloatArray:
@@ -156,7 +161,8 @@ class DepthVariant:
     def _split(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Values everywhere, at the places, over the distances, and beside the ends, shape (ends, 3)."""
         first, second = self.places.size, self.places.size + self._imaged.size
-        return values[:first], values[first:second], values[second:].reshape(-1, 3)
+        spread = values[self._at[1]]
+        return spread[:first], spread[first:second], spread[second:].reshape(-1, 3)
 
     @cached_property
     def _calibration_over_noise(self) -> FloatArray:
