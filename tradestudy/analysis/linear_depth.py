@@ -72,6 +72,7 @@ def _covariance(camera: DepthCamera, way: str) -> tuple[tuple[str, ...], FloatAr
     return sources.parameters, mean, covariance
 
 
+@lru_cache(maxsize=128)
 def has_covariance(camera: DepthCamera) -> bool:
     """Whether everything uncertain about a camera has a variance, so that a line can be drawn."""
     return all(group.covariance is not None for group in camera.calibration.groups)
