@@ -16,6 +16,7 @@ EXAMPLE = ROOT / "reports" / "examples" / "plenoptic-vs-stereo"
 def test_this_program_reads_the_example() -> None:
     tree, run = read_finished(EXAMPLE)
     assert tree.attrs["study"] == run["study"] == EXAMPLE.name
+    assert "cost" in tree.children  # it shows what accuracy costs
 
 
 def test_git_tracks_the_example_and_nothing_that_a_run_or_a_cost_writes() -> None:
