@@ -67,9 +67,9 @@ def _seconds_of_rays(
         alone = _nearest(path, source.centre if isinstance(source, DiscSource) else source)
         return path.microlenses.count * _timed(lambda: geometric_image(alone, source, density=1.0))
     coarse = ChainAccuracy(tolerance=_COARSE)
-    start = time.perf_counter()
+    start = time.process_time()
     exact_ray_image(path, source, accuracy=coarse)
-    return (time.perf_counter() - start) * max(1.0, ray_count(path, source, accuracy) / ray_count(path, source, coarse))
+    return (time.process_time() - start) * max(1.0, ray_count(path, source, accuracy) / ray_count(path, source, coarse))
 
 
 def _seconds_of_point(
@@ -87,9 +87,9 @@ def _seconds_of_disc(
 ) -> float:
     """Points of the disc, tables of the main lens's field, and points that are checked by themselves."""
     nodes = source_nodes(path, source, wavelength=wavelength, density=source_density(accuracy))
-    start = time.perf_counter()
+    start = time.process_time()
     spot = prepare_spot(path, source, nodes, wavelength, laws, accuracy, blank=True)
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     table = spot.tables.tables[0] if spot.tables else None
     at = float(nodes.rings[-1][0, 0]), float(nodes.rings[-1][0, 1])
     seconds += followed_points(path, source, nodes) * _timed(lambda: point_light(spot, at, table).on_pixels(spot))
@@ -103,9 +103,9 @@ def _seconds_of_disc(
     wave = spot.wave(source.x, source.y)
     assert isinstance(wave, PupilWave)  # rays have no tables
     wave = replace(wave, path=small)
-    start = time.perf_counter()
+    start = time.process_time()
     timed = array_table(wave, accuracy)
-    each = (time.perf_counter() - start) / timed.coefficients.size
+    each = (time.process_time() - start) / timed.coefficients.size
     return seconds + table_count(accuracy) * table.coefficients.size * each
 
 
@@ -121,7 +121,7 @@ def _timed(work: Callable[[], object]) -> float:
     """The less of two: the first may load what the second finds."""
     found = []
     for _ in range(2):
-        start = time.perf_counter()
+        start = time.process_time()
         work()
-        found.append(time.perf_counter() - start)
+        found.append(time.process_time() - start)
     return min(found)
