@@ -93,6 +93,11 @@ def second_order(
     )
 
 
+def all_normal(camera: DepthCamera) -> bool:
+    """Whether every error of a camera is normal, so that its depth can be told to second order."""
+    return all(map(_is_normal, uncertain_groups(camera, "both")))
+
+
 def _is_normal(group: object) -> bool:
     if isinstance(group, GaussianCopula):
         return all(isinstance(one, Normal) for one in group.marginals)

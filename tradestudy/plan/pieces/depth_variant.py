@@ -11,6 +11,7 @@ import numpy as np
 
 from tradestudy.analysis.depth import clear_departure, distribution, model_error
 from tradestudy.analysis.linear_depth import has_covariance, linear_reading, scaled_noise
+from tradestudy.analysis.second_order import all_normal
 from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usable_ends, usable_stretches
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.effects.models import OFF, Models
@@ -351,7 +352,7 @@ class DepthVariant:
 
     def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: float) -> FloatArray:
         """At a place in the field; 0 where nothing is measured, infinite where only the line says how it is."""
-        error = clear_departure(camera, tried, field)
+        error = np.zeros(tried.shape) if all_normal(camera) else clear_departure(camera, tried, field)
         if not np.any(error > _CLEARLY):  # else no draws are needed to tell that a line will not do
             error = model_error(camera, tried, "both", field).intervals
         measured = ~np.isnan(distribution(camera, tried, "both", field).half_width)
