@@ -50,9 +50,7 @@ SetOption = Annotated[
 ]
 ToleranceOption = Annotated[
     str | None,
-    typer.Option(
-        "--tolerance", metavar="X", help="Relative error wanted of every quantity, such as '1 %'.", show_default=False
-    ),
+    typer.Option("--tolerance", metavar="X", help="Tolerance for every quantity, such as '1 %'.", show_default=False),
 ]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]

@@ -180,12 +180,12 @@ IMAGES: Final[Mapping[str, Variable]] = {
         error="at most the numerical errors of both images together; less where they share it",
     ),
     "chosen": Variable(
-        dims=("propagator",), units="1", long_name="1 for the laws that the accuracy wanted calls for", error="a choice"
+        dims=("propagator",), units="1", long_name="1 for the laws that the tolerance calls for", error="a choice"
     ),
     "chosen_image": Variable(
         dims=("row", "column"),
         units="1",
-        long_name="the same by the models that the accuracy wanted calls for, which the attributes name",
+        long_name="the same by the models that the tolerance calls for, which the attributes name",
         reference=f"{PAPER}, Figure 7 and eqs. 14, 16, 22, 25 as corrected",
         error="see chosen_error, and the bounds of what is left out",
     ),
@@ -247,7 +247,7 @@ POINT_SPREAD: Final[Mapping[str, Variable]] = {
         error="declared",
     ),
     "chosen": Variable(
-        dims=("propagator",), units="1", long_name="1 for the law that the accuracy wanted calls for", error="a choice"
+        dims=("propagator",), units="1", long_name="1 for the law that the tolerance calls for", error="a choice"
     ),
     "varied_units": Variable(dims=("varied",), units="", long_name="SI unit of the value"),
     "standing": Variable(

@@ -127,7 +127,7 @@ def _chosen(data: xr.Dataset, run: Mapping[str, Any], reference: str) -> Spans:
         )
     error, asked = float(data["chosen_error"]), float(data.attrs["chosen_tolerance"])
     return say(
-        "**The picture by the models that the accuracy wanted calls for** ({method}, sampled to {tolerance}, "
+        "**The picture by the models that the tolerance calls for** ({method}, sampled to {tolerance}, "
         "{reached}): {found}.",
         method=_within_a_sentence(str(data.attrs["chosen_method"])),
         tolerance=share(asked),

@@ -29,7 +29,7 @@ _STEP: Final = "point spread"
 def point_spread_group(part: PointSpreadPart, progress: Progress, seconds: Seconds, models: Models) -> xr.Dataset:
     """/point_spread over (element, propagator, varied, step).
 
-    Both laws are computed, as each is the other's check; ``chosen`` marks the one that the accuracy wanted of widths
+    Both laws are computed, as each is the other's check; ``chosen`` marks the one that the tolerance of widths
     calls for.
     """
     elements = list(part.elements.values())
