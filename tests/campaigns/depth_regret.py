@@ -292,7 +292,8 @@ def main() -> None:
     path = write(
         "depth_regret",
         f"Choices for {len(found)} random cameras and scenes, tolerance 0.1 to 10 %",
-        f"python -m tests.campaigns.depth_regret --cases {given.cases} --seed {given.seed}",
+        f"python -m tests.campaigns.depth_regret --cases {given.cases} --seed {given.seed}"
+        + f" --part … --join, stopped after {len(found)} scenes" * bool(given.join),
         HEAD,
         table(found),
     )
