@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tradestudy.errors import UnaffordableError
-from tradestudy.imaging.kirchhoff import correction_at, kirchhoff_correction, kirchhoff_transfers, lattice_defocus
+from tradestudy.imaging.kirchhoff import correction_at, kirchhoff_correction, kirchhoff_transfers, lattice_points
 from tradestudy.imaging.transfer import (
     airy_transfer,
     disc_transfer,
@@ -176,14 +176,9 @@ def test_the_lattice_of_kirchhoff_is_as_good_as_every_distance_by_itself(f_numbe
     waves = aperture**2 / 8 * (1 / distance + 1 / plane - 1 / f) / WAVELENGTH
     common = {"wavelength": WAVELENGTH, "aperture_diameter": aperture, "lens_phase": lens_phase}
     kirchhoff_correction.cache_clear()
-    value, error = kirchhoff_transfers(
-        np.tile(nu, (4, 1)),
-        focal_length=np.full(4, f),
-        plane_distance=np.full(4, plane),
-        defocus_waves=waves,
-        **common,
-    )
-    assert kirchhoff_correction.cache_info().misses == lattice_defocus(np.full(4, plane), waves).size
+    lens = {**common, "focal_length": np.full(4, f), "plane_distance": np.full(4, plane), "defocus_waves": waves}
+    value, error = kirchhoff_transfers(np.tile(nu, (4, 1)), **lens)
+    assert kirchhoff_correction.cache_info().misses == len(lattice_points(**lens))
     for k, a in enumerate(distance):
         own, _ = kirchhoff_correction(WAVELENGTH, aperture, f, float(a), plane, lens_phase)
         blur = aperture * plane * abs(1 / f - 1 / a - 1 / plane)

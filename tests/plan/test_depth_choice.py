@@ -73,7 +73,7 @@ class Diffraction(Piece):
 def test_what_noise_hardly_decides_changes_the_whole_by_little(tmp_path: Path, yaw: float, change: float) -> None:
     variant = rig(tmp_path, yaw)
     moved = variant.moved({}, DIFFRACTION)
-    assert moved.distance[1] == pytest.approx(1.0)
+    assert variant.places[1] == pytest.approx(1.0)
     share = 1.0 / (1.0 + (8e-3 * np.radians(yaw) / 1e-6) ** 2)
     assert moved.uncertainty[1] == pytest.approx(
         np.sqrt(1.0 + share * ((1.0 + DIFFRACTION) ** 2 - 1.0)) - 1.0, rel=0.01

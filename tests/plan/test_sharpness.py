@@ -1,13 +1,18 @@
-"""What the diffraction spot moves in the ends of sharp ranges."""
+"""What the diffraction spot moves in the ends of sharp ranges: kept, unless the study leaves it out."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import tradestudy
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens
-from tradestudy.plan.pieces.depth_of_field import DepthOfFieldPiece
+from tradestudy.plan.pieces.depth_of_field import NAME, DepthOfFieldPiece
+
+STUDIES = Path(__file__).parents[2] / "studies"
 
 
 def test_the_diffraction_spot_moves_sharp_ends_as_the_closed_form_says() -> None:
@@ -27,3 +32,21 @@ def test_the_diffraction_spot_moves_sharp_ends_as_the_closed_form_says() -> None
     change = piece.changes({"main_lens_diffraction": "off"})["depth_of_field"].relative
     assert change == pytest.approx(expected, rel=1e-6)
     assert DepthOfFieldPiece([focus], [without], {}).complete == {"main_lens_diffraction": "off"}
+
+
+def test_a_study_keeps_the_spot_and_is_told_what_leaving_it_out_moves() -> None:
+    kept = tradestudy.load(STUDIES / "hand_lens.yaml").plan()
+    assert kept.models(NAME) == {"main_lens_diffraction": "airy"}
+    forced = tradestudy.load(STUDIES / "hand_lens.yaml", ["effects.main_lens_diffraction=off"]).plan()
+    piece = next(one for one in forced.pieces if one.name == NAME)
+    assert piece.models == {"main_lens_diffraction": "off"}
+    case, asked = forced.definition.case, forced.definition.file.depth_of_field
+    assert asked is not None
+    counts = {
+        (camera.focus.sharp_range(criterion).slices.near.size, camera.focus.sharp_range(bare).slices.near.size)
+        for camera in case.all_cameras.values()
+        for criterion in (part.criterion(case.wavelength) for part in asked.criteria.values())
+        for bare in [BlurCriterion(blur_px=criterion.blur_px, measure="none", wavelength=case.wavelength)]
+    }
+    assert any(own != without for own, without in counts)  # sharp slices appear or vanish with the spot …
+    assert piece.by_forcing["depth_of_field"].relative == np.inf  # … which no tolerance covers

@@ -16,7 +16,7 @@ from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.analysis.usable import all_met, evaluate_limits
 from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
 from tradestudy.cost.measuring import Candidate, Piece, Reference
-from tradestudy.effects.models import OFF, Models, SlotName
+from tradestudy.effects.models import LENSES, OFF, Models, SlotName
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import acting
 from tradestudy.study.definition import Case
@@ -30,7 +30,6 @@ _MOST_PLACES: Final = 9
 _TIGHTER: Final = (1.0, 0.3, 0.1, 0.03)  # tolerances of draws, over that of the study
 _DRAWS: Final = ((2**13, 1.0), (2**16, 8.0), (2**20, 16.0))  # of references, and the growth of their time
 _FEWEST: Final = 2  # candidates between which there is a choice
-_LENSES: Final[tuple[SlotName, ...]] = ("main_lens_diffraction", "microlens_diffraction")
 _CALIBRATIONS: Final = {OFF: "noise alone", "linear": "linear calibration", "exact": "exact calibration"}
 
 
@@ -96,8 +95,8 @@ def _sets(camera: DepthCamera, chosen: Models, offered: Offered) -> Iterator[tup
     complete = _complete(camera, offered)
     for way in _ways(camera, offered):
         yield {**chosen, "calibration": way}, 1.0
-    for law in offered.get(_LENSES[0], ()):
-        lenses: Models = {lens: law for lens in _LENSES if law in offered.get(lens, ())}
+    for law in offered.get(LENSES[0], ()):
+        lenses: Models = {lens: law for lens in LENSES if law in offered.get(lens, ())}
         yield {**chosen, **lenses}, 1.0
     yield {**complete, "calibration": chosen["calibration"]}, 1.0
     for tighter in _TIGHTER if complete["calibration"] == "exact" else (1.0,):
@@ -114,7 +113,7 @@ def _words(models: Models, offered: Offered, tolerance: float) -> str:
         return way
     if all(models[slot] == names[-1] for slot, names in pictures.items()):
         return f"every effect, {way}"
-    laws = dict.fromkeys(models[lens] for lens in _LENSES if lens in pictures)
+    laws = dict.fromkeys(models[lens] for lens in LENSES if lens in pictures)
     told = [law.capitalize() for law in laws if law != OFF]
     return f"{f'{listed(told)} diffraction' if told else 'no diffraction'}, {way}"
 

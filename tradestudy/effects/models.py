@@ -62,5 +62,7 @@ def models_of(slot: SlotName, use: Use | None = None) -> tuple[str, ...]:
     return tuple(name for name, own in _MODELS[slot].items() if not set(uses).isdisjoint(own))
 
 
+LENSES: Final[tuple[SlotName, SlotName]] = ("main_lens_diffraction", "microlens_diffraction")
+"""Diffraction at one lens after the other, as light meets them."""
 EFFECTS: Final[tuple[SlotName, ...]] = tuple(_MODELS)
 """Every effect but the sampling of a picture, whose models are its tolerances."""

@@ -191,16 +191,6 @@ def _points_around(
     return tuple(found)
 
 
-def lattice_defocus(plane_distance: FloatArray, defocus_waves: FloatArray) -> FloatArray:
-    """Defocus [waves] of every point of the lattice that planes [m] and defoci [waves] call for, each counted once."""
-    fixed = _is_fixed(defocus_waves)
-    first = np.floor(_place(plane_distance, defocus_waves)) - 1.0
-    steps, planes = (
-        np.unique(first[chosen & np.isfinite(first), np.newaxis] + np.arange(_POINTS)) for chosen in (fixed, ~fixed)
-    )
-    return np.concatenate([steps * _WAVES, np.zeros(planes.size)])
-
-
 def _is_fixed(defocus_waves: FloatArray) -> BoolArray:
     """Whether the plane stands still, out of focus, and does not follow the image."""
     return np.asarray(np.abs(defocus_waves) > _IN_FOCUS_WAVES)

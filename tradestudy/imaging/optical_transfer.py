@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, assert_never
 import numpy as np
 
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.imaging.kirchhoff import kirchhoff_transfers, lattice_defocus, lattice_points
+from tradestudy.imaging.kirchhoff import kirchhoff_transfers, lattice_points
 from tradestudy.imaging.models import DefocusModel, DiffractionModel, PictureModels, PictureSettings
 from tradestudy.imaging.transfer import airy_transfer, disc_transfer, fresnel_transfer
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -141,11 +141,6 @@ def _stage_transfer(
         return value, error
     spot_over_blur = wavelength * N / np.where(by_rays, blur, np.inf)
     return value * np.where(by_rays, disc_transfer(nu, blur), 1.0), error + 0.2 * np.sqrt(spot_over_blur)[:, 0]
-
-
-def kirchhoff_defocus(stage: LensStage, wavelength: float) -> FloatArray:
-    """Defocus [waves] of every point of the lattice that Kirchhoff's transfer of one lens is interpolated on."""
-    return lattice_defocus(stage.plane_distance, _waves(stage, wavelength, "disc"))
 
 
 def kirchhoff_points(

@@ -8,7 +8,7 @@ from typing import Final
 
 from tradestudy.accuracy import IN_WORDS
 from tradestudy.effects.choice import NAMED, Change, Evidence
-from tradestudy.effects.models import OFF
+from tradestudy.effects.models import LENSES, OFF
 from tradestudy.effects.words import MODEL, left_out
 from tradestudy.plan.choice import Chosen
 from tradestudy.plan.predicted_time import PredictedStep
@@ -16,7 +16,6 @@ from tradestudy.units import DURATION, FRACTION, pretty
 from tradestudy.wording import distance
 
 _OF_NOTE: Final = 0.01  # of the tolerance
-_DIFFRACTION: Final = ("main_lens_diffraction", "microlens_diffraction")
 
 
 def plan_lines(pieces: Sequence[Chosen], steps: Sequence[PredictedStep], *, verbose: bool) -> Iterator[str]:
@@ -43,7 +42,7 @@ def summary(one: Chosen) -> str:
 def _simulated(one: Chosen) -> str:
     """The models that act, in words: diffraction and calibration, whatever the piece has of them."""
     models = one.models
-    parts = [MODEL[slot, models[slot]] for slot in _DIFFRACTION if models.get(slot, OFF) != OFF]
+    parts = [MODEL[slot, models[slot]] for slot in LENSES if models.get(slot, OFF) != OFF]
     pictured = "microlens_diffraction" in models and one.reasons.get("defocus_blur", "") in ("", NAMED)
     if not parts:
         parts = ["no diffraction"] if pictured else []

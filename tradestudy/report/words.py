@@ -47,6 +47,6 @@ def interval(low: float, high: float) -> str:
     return f"{low / size:.{decimals}f} – {high / size:.{decimals}f}\N{NO-BREAK SPACE}{unit}"
 
 
-def share(value: float) -> str:
+def share(value: float, digits: int = 3) -> str:
     """Write a fraction in per cent."""
-    return pretty(value, FRACTION).replace(" ", "\N{NO-BREAK SPACE}")
+    return pretty(value, FRACTION, digits).replace(" ", "\N{NO-BREAK SPACE}")

@@ -16,12 +16,10 @@ from tradestudy.optics.chain.arriving_light import ArrivingLight, RayReach, RayW
 from tradestudy.optics.chain.detector_patch import DetectorPlan, field_on_detector, plan_detector
 from tradestudy.optics.chain.detector_transfer import response
 from tradestudy.optics.chain.microlens_edges import add_spheres, split_spheres
-from tradestudy.optics.chain.microlens_nodes import cell_node_count
 from tradestudy.optics.chain.microlens_plane import (
     MicrolensPlane,
     direct_detector_field,
     microlens_plane,
-    resolved_cycles,
 )
 from tradestudy.optics.chain.pixels import MARGIN, light_on_pixels
 from tradestudy.optics.chain.scene import LegMethod
@@ -135,23 +133,10 @@ def plan_point(
     wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy
 ) -> tuple[RayReach, DetectorPlan, MicrolensPlane]:
     """Where rays land, the grid on the detector, and the nodes; raises UnaffordableError for too many of them."""
-    reach, plan = _grid(wave, to_detector, accuracy)
+    reach = ray_reach(wave.path, wave.source, whole_pupil=wave.whole_pupil)
+    paraxial = to_detector == "fresnel"
+    plan = plan_detector(wave.path, [reach], wavelength=wave.wavelength, paraxial=paraxial, accuracy=accuracy)
     return reach, plan, _plane(wave, plan, reach, accuracy.microlens_nodes, accuracy)
-
-
-def count_point(wave: PupilWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> tuple[int, int]:
-    """Nodes behind all microlenses and samples of the detector that `plan_point` comes to; refuses what it refuses."""
-    reach, plan = _grid(wave, to_detector, accuracy)
-    cycles = resolved_cycles(
-        wave.path,
-        reach,
-        wavelength=wave.wavelength,
-        target_reach=plan.target_reach,
-        density=accuracy.microlens_nodes,
-    )
-    nodes = wave.path.microlenses.count * cell_node_count(wave.path.microlenses, cycles=cycles)
-    _check_memory(plan, nodes, accuracy)
-    return nodes, plan.transfer.count**2
 
 
 def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> PointComputation:
@@ -197,13 +182,6 @@ def compute_point(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: C
         pixel_error=pixel_error,
         handed_over=handed_over,
     )
-
-
-def _grid(wave: PupilWave | RayWave, to_detector: LegMethod, accuracy: ChainAccuracy) -> tuple[RayReach, DetectorPlan]:
-    """Where rays land, and the grid on the detector."""
-    reach = ray_reach(wave.path, wave.source, whole_pupil=wave.whole_pupil)
-    paraxial = to_detector == "fresnel"
-    return reach, plan_detector(wave.path, [reach], wavelength=wave.wavelength, paraxial=paraxial, accuracy=accuracy)
 
 
 def _plane(

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.chain.arriving_light import blur_radius
 from tradestudy.optics.chain.scene import LightPath, Microlenses, PixelGrid
 from tradestudy.optics.chain.sources import DiscSource, lens_orbits, moved_image, symmetries
 from tradestudy.optics.propagation.lens import CircularLens, PointSource, finite_image_distance
@@ -179,17 +178,6 @@ def forward_tracer(path: LightPath, source: PointSource | DiscSource) -> Tracer:
         return total
 
     return trace
-
-
-def reached_microlenses(path: LightPath, source: PointSource | DiscSource) -> int:
-    """Microlenses about which rays are asked, by paraxial ones."""
-    if isinstance(source, DiscSource):
-        centre, aside = source.centre, source.diameter / 2.0 * path.array_distance / source.distance
-    else:
-        centre, aside = source, 0.0
-    half = blur_radius(path, centre) + aside + path.microlenses.cell_reach
-    chief = np.asarray(path.chief_point(centre))
-    return int(np.sum(np.all(np.abs(path.microlenses.centres - chief) <= half, axis=1)))
 
 
 def array_tracer(path: LightPath, source: DiscSource) -> Tracer:

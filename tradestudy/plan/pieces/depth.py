@@ -13,7 +13,7 @@ from tradestudy.accuracy import Quantity
 from tradestudy.analysis.linear_depth import has_covariance
 from tradestudy.cameras.depth_camera import DepthCamera, declared_disparity_error
 from tradestudy.effects.choice import Change, Changes, Evidence, Piece, Slot
-from tradestudy.effects.models import OFF, Models, SlotName, models_of
+from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.pieces.depth_variant import DepthVariant, complete_in_closed_form
@@ -27,9 +27,8 @@ _MOST_DISTANCES: Final = 101
 MARGIN: Final = 1.1
 TRIAL_MARGIN: Final = 1.5
 _ALL: Final = 1.0 - 1e-9  # of a disparity error, which cannot become zero
-_LENSES: Final[tuple[SlotName, ...]] = ("main_lens_diffraction", "microlens_diffraction")
 # Those whose simpler models save time, in the order in which they are tried.
-_SAVING: Final[tuple[SlotName, ...]] = (*_LENSES, "calibration", "spectrum", "crosstalk")
+_SAVING: Final[tuple[SlotName, ...]] = (*LENSES, "calibration", "spectrum", "crosstalk")
 _OTHERS: Final[tuple[SlotName, ...]] = ("defocus_blur", "pixel_integration", "vignetting", "sensor_noise")
 
 
@@ -95,7 +94,7 @@ class DepthPiece(Piece):
     @property
     def _free_lenses(self) -> list[SlotName]:
         """Lenses of the picture whose diffraction the study leaves open."""
-        return [slot.name for slot in self.slots if slot.name in _LENSES and len(slot.models) > 1]
+        return [slot.name for slot in self.slots if slot.name in LENSES and len(slot.models) > 1]
 
     def _changes_of(self, variant: DepthVariant, models: Models) -> Changes:
         """Of the whole uncertainty and of the ends of usable ranges, for one form of the camera."""
@@ -149,7 +148,7 @@ class DepthPiece(Piece):
         """Relative change of the disparity error by Kirchhoff's law of the lenses that are not by it, everywhere."""
         if variant.law is None:
             return None
-        of_lens = dict(zip(_LENSES, variant.by_exact_paths, strict=True))
+        of_lens = dict(zip(LENSES, variant.by_exact_paths, strict=True))
         parts = [of_lens[name] for name in self._free_lenses if models[name] != "kirchhoff"]
         if not parts:
             return None

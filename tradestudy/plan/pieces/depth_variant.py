@@ -16,7 +16,7 @@ from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usabl
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.effects.models import OFF, Models
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.models import PictureModels
+from tradestudy.imaging.models import PictureModels, closed_form_models
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, WeighedPicture
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths
@@ -39,15 +39,12 @@ class Moved:
 
     Parameters
     ----------
-    distance
-        Where the uncertainties are compared [m].
     uncertainty
-        Signed relative changes there.
+        Signed relative changes at the places of the variant.
     ends
         The largest relative shift of an end of a usable range; infinite where a range appears or vanishes.
     """
 
-    distance: FloatArray
     uncertainty: FloatArray
     ends: float
 
@@ -233,7 +230,6 @@ class DepthVariant:
             factor = factor * np.where(new >= self._whole, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
             new = self._half_width(factor, beside)
         return Moved(
-            distance=self.places,
             uncertainty=self._split(_relative(new, self._whole))[0],
             ends=self._shift_of_ends(factor, new, missed),
         )
@@ -372,18 +368,10 @@ class DepthVariant:
 
 
 def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:
-    """The most complete models of a picture that are closed forms."""
+    """The most complete models of a picture that are closed forms: Fresnel's defocused pupils."""
     microlenses = law.models.microlens_diffraction != OFF
-    return PictureModels(
-        defocus_blur="disc",
-        main_lens_diffraction="fresnel",
-        microlens_diffraction="fresnel" if microlenses else "off",
-        crosstalk="share" if microlenses else "off",
-        pixel_integration="square",
-        spectrum="weighted" if law.settings.spectrum else "off",
-        vignetting="cos4",
-        sensor_noise="shot+read+quantisation",
-    )
+    plain = closed_form_models(law.settings, microlenses=microlenses)
+    return replace(plain, main_lens_diffraction="fresnel", microlens_diffraction="fresnel" if microlenses else "off")
 
 
 def _relative(new: FloatArray, old: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
-from tradestudy.effects.models import OFF, Models
+from tradestudy.effects.models import OFF, Models, SlotName
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.optical_transfer import is_by_rays
 from tradestudy.imaging.picture import disparity_bound_px
@@ -48,31 +48,13 @@ def change_by_exact_paths(
     tuple
         Of the main lens and of the microlenses, over distance; zero without microlenses.
     """
-    return _of_main_lens(geometry, settings, models, error_px), _of_microlens(geometry, settings, models, error_px)
-
-
-def _of_main_lens(
-    geometry: PictureGeometry,
-    settings: PictureSettings,
-    models: PictureModels,
-    error_px: ErrorPx,
-) -> FloatArray:
-    stage = geometry.main_lens
-    moved = replace(geometry, main_lens=_aberrated(stage, settings, _obliquity(stage)))
-    return _of_stage(stage, moved, settings, models, error_px({}), error_px({"main_lens_diffraction": OFF}))
-
-
-def _of_microlens(
-    geometry: PictureGeometry,
-    settings: PictureSettings,
-    models: PictureModels,
-    error_px: ErrorPx,
-) -> FloatArray:
-    stage = geometry.microlens
-    if stage is None:
-        return np.zeros(geometry.distance.shape)
-    moved = replace(geometry, microlens=_aberrated(stage, settings, _obliquity(stage)))
-    return _of_stage(stage, moved, settings, models, error_px({}), error_px({"microlens_diffraction": OFF}))
+    main, microlens = geometry.main_lens, geometry.microlens
+    moved = replace(geometry, main_lens=_aberrated(main, settings))
+    by_main_lens = _of_stage(main, moved, settings, models, error_px, "main_lens_diffraction")
+    if microlens is None:
+        return by_main_lens, np.zeros(geometry.distance.shape)
+    moved = replace(geometry, microlens=_aberrated(microlens, settings))
+    return by_main_lens, _of_stage(microlens, moved, settings, models, error_px, "microlens_diffraction")
 
 
 def _of_stage(
@@ -80,9 +62,10 @@ def _of_stage(
     aberrated: PictureGeometry,
     settings: PictureSettings,
     models: PictureModels,
-    error: FloatArray,
-    without_diffraction: FloatArray,
+    error_px: ErrorPx,
+    slot: SlotName,
 ) -> FloatArray:
+    error, without_diffraction = error_px({}), error_px({slot: OFF})
     with np.errstate(invalid="ignore", divide="ignore"):
         by_diffraction = np.minimum(1.0, np.abs(without_diffraction / error - 1.0))
         blurred = disparity_bound_px(aberrated, settings, with_models(models, {"defocus_blur": "disc"}))
@@ -90,7 +73,7 @@ def _of_stage(
     return np.asarray(_MARGIN * (by_paths + _obliquity(stage) * by_diffraction) + _TRANSFER_ERROR)
 
 
-def _aberrated(stage: LensStage, settings: PictureSettings, obliquity: FloatArray) -> LensStage:
+def _aberrated(stage: LensStage, settings: PictureSettings) -> LensStage:
     """The lens with as much more blur as exact paths and angles make of its own, or as they take from it.
 
     Light that falls off by ε = sin² θ towards the rim makes a disc of rays that is narrower by about half of that.
@@ -100,7 +83,7 @@ def _aberrated(stage: LensStage, settings: PictureSettings, obliquity: FloatArra
     """
     # So far out of focus that both laws take the disc of rays itself, they differ by diffraction alone.
     by_waves = ~is_by_rays(stage.blur_diameter, settings.wavelength, stage.f_number)
-    blur = stage.blur_diameter * (1.0 + _NARROWER * obliquity * by_waves)
+    blur = stage.blur_diameter * (1.0 + _NARROWER * _obliquity(stage) * by_waves)
     if settings.lens_phase == "parabolic":
         rim = (stage.aperture_diameter / 2.0) ** 4 / 8.0
         path = rim * (np.abs(1.0 / stage.plane_distance**3) + np.abs(1.0 / stage.object_distance**3))

@@ -10,7 +10,7 @@ from typing import Final
 from tradestudy.accuracy import Quantity
 from tradestudy.analysis.spot_images import RAYS, SpotModels
 from tradestudy.effects.choice import Change, Changes, Piece, Slot
-from tradestudy.effects.models import OFF, Models, SlotName, models_of
+from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.errors import OutOfRangeError
 from tradestudy.plan.pieces.light_trial import TOLERANCE, LightTrial
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
@@ -29,7 +29,6 @@ METHODS: Final[Mapping[tuple[str, str], MethodName]] = {
     ("kirchhoff", "fresnel"): "kirchhoff-fresnel",
     ("kirchhoff", "kirchhoff"): "kirchhoff",
 }
-_LEGS: Final[tuple[SlotName, SlotName]] = ("main_lens_diffraction", "microlens_diffraction")
 # Of a trial, for a few points do not see all of a picture: set beforehand, and looked at on twelve cases of seed 1 of
 # `tests.campaigns.light_cases`, where a trial of Fresnel to the array came to half of its change at the least.
 MARGIN: Final = 1.3
@@ -70,7 +69,7 @@ class LightSpotPiece(Piece):
                 models=(OFF,) if one_line else (OFF, "weighted"),
                 reason="light of one wavelength" if one_line else "",
             ),
-            *(Slot(name=leg, models=self._laws(leg, coherent=coherent)) for leg in _LEGS),
+            *(Slot(name=leg, models=self._laws(leg, coherent=coherent)) for leg in LENSES),
             Slot(name="crosstalk", models=(OFF, "coherent"), saves_time=False),
             Slot(name="pixel_integration", models=(OFF, "square"), saves_time=False),
             Slot(name="sampling", models=tuple(f"{100.0 * tolerance:.6g} %" for tolerance in TOLERANCES)),
@@ -132,16 +131,16 @@ class LightSpotPiece(Piece):
 
     def _models(self, models: Models) -> SpotModels | None:
         """None for models that cannot stand together; rays on one leg mean both, unless another law is forced."""
-        rays = [leg for leg in _LEGS if models[leg] == OFF]
-        if rays and all(self._forced.get(leg, OFF) == OFF for leg in _LEGS):
-            models = {**models, **dict.fromkeys(_LEGS, OFF)}
-        if (models[_LEGS[0]], models[_LEGS[1]]) not in METHODS:
+        rays = [leg for leg in LENSES if models[leg] == OFF]
+        if rays and all(self._forced.get(leg, OFF) == OFF for leg in LENSES):
+            models = {**models, **dict.fromkeys(LENSES, OFF)}
+        if (models[LENSES[0]], models[LENSES[1]]) not in METHODS:
             return None
         found = spot_models(models)
         if found.method in RAYS and not found.integrated:
             return None
         # Fresnel's law behind Kirchhoff's takes as long as Kirchhoff's on both legs.
-        return None if found.method == "kirchhoff-fresnel" and _LEGS[1] not in self._forced else found
+        return None if found.method == "kirchhoff-fresnel" and LENSES[1] not in self._forced else found
 
 
 def spot_models(models: Models) -> SpotModels:

@@ -11,8 +11,8 @@ import xarray as xr
 
 from tradestudy.accuracy import IN_WORDS, QUANTITIES
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, say
+from tradestudy.report.words import in_words, share
 from tradestudy.results.views.groups import group, records
-from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import distance
 
 _HOW: Final = {"computed": "computed", "bound": "upper bound", "trial": "tried at a few places"}
@@ -103,12 +103,12 @@ def _cells(row: Mapping[str, Any], *, marked: bool = False) -> tuple[str, ...]:
     model = f"{mark}{row['model']}" + (", named by the study" if row["forced"] else "")
     quantity = IN_WORDS[row["quantity"]]
     if row["forced"]:
-        return str(row["title"]), _words(str(row["slot"])), model, "see above", "—", "—"
+        return str(row["title"]), in_words(str(row["slot"])), model, "see above", "—", "—"
     if row["change"] == 0.0:
-        return str(row["title"]), _words(str(row["slot"])), model, _FULL, "—", "—"
+        return str(row["title"]), in_words(str(row["slot"])), model, _FULL, "—", "—"
     at = "" if math.isnan(row["at"]) else f", at {distance(row['at'])}"
     known = "not known" if math.isinf(row["change"]) else f"{_HOW[str(row['evidence'])]}{at}"
-    return str(row["title"]), _words(str(row["slot"])), model, _share(row["change"]), quantity, known
+    return str(row["title"]), in_words(str(row["slot"])), model, _share(row["change"]), quantity, known
 
 
 def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
@@ -117,7 +117,7 @@ def _nothing(rows: list[dict[str, Any]]) -> Iterator[str]:
     for row in rows:
         if row["reason"] and not row["forced"]:
             of = by_reason.setdefault(str(row["reason"]), {})
-            of.setdefault(str(row["title"]), []).append(_words(str(row["slot"])))
+            of.setdefault(str(row["title"]), []).append(in_words(str(row["slot"])))
     for reason, of in by_reason.items():
         effects = ", ".join(dict.fromkeys(effect for names in of.values() for effect in names))
         yield f"Not simulated for {'; '.join(of)}: {effects}, because {reason}."
@@ -146,11 +146,7 @@ def _together(tree: xr.DataTree) -> Iterator[str]:
             yield f"The models that the study names change it by up to {_share(worst)}, {more} is allowed."
 
 
-def _words(slot: str) -> str:
-    return slot.replace("_", " ")
-
-
 def _share(value: float) -> str:
     if math.isinf(value):
         return "an unknown amount"
-    return pretty(value, FRACTION, digits=2).replace(" ", "\N{NO-BREAK SPACE}")
+    return share(value, digits=2)

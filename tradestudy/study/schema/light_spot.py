@@ -27,7 +27,7 @@ from tradestudy.declarations.quantities import (
     quantity,
 )
 from tradestudy.declarations.words import Seed
-from tradestudy.effects.models import SlotName
+from tradestudy.effects.models import LENSES
 from tradestudy.light_methods import legs_of
 from tradestudy.study.schema.accuracy import EffectsPart
 from tradestudy.study.schema.wave_optics import LensPhaseName
@@ -297,9 +297,8 @@ def law_mistakes(spot: LightSpotPart, effects: EffectsPart) -> list[MistakeAt]:
     """Laws that effects force on a spot or an array which does not have them."""
     forced = effects.forced()
     if spot.spot.coherent:
-        slots: tuple[SlotName, ...] = ("main_lens_diffraction", "microlens_diffraction")
         words = {"off": _NO_RAYS, "boundary_wave": _NO_EDGE}
-        return [MistakeAt(("effects", slot), words[name]) for slot in slots if (name := forced.get(slot, "")) in words]
+        return [MistakeAt(("effects", slot), words[name]) for slot in LENSES if (name := forced.get(slot, "")) in words]
     if spot.microlenses.aperture == "square" and forced.get("microlens_diffraction") == "boundary_wave":
         return [MistakeAt(("effects", "microlens_diffraction"), _NO_SQUARE_EDGE)]
     return []
