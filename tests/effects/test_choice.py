@@ -29,7 +29,7 @@ class Known(Piece):
 
     def changes(self, models: Models) -> Changes:
         total = math.fsum(self._of[slot][model] for slot, model in models.items())  # type: ignore[index]
-        return {"depth_uncertainty": Change(relative=total * self.wide, least=total / self.wide, evidence="bound")}
+        return {"depth_uncertainty": Change(relative=total * self.wide, least=total / self.wide, evidence="rule")}
 
     def try_out(self, models: Models) -> bool:
         self.tried += 1

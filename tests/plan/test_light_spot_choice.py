@@ -184,7 +184,7 @@ def test_tolerances_are_their_own_bounds() -> None:
     complete = {slot.name: slot.models[-1] for slot in piece.slots}
     for model, tolerance in zip(piece.slots[-1].models, TOLERANCES, strict=True):
         change = piece.changes({**complete, "sampling": model})["pixel_intensity"]
-        assert (change.relative, change.evidence) == (pytest.approx(tolerance), "bound")
+        assert (change.relative, change.evidence) == (pytest.approx(tolerance), "rule")
 
 
 def test_images_of_points_keep_kirchhoff_unless_fresnel_is_forced() -> None:

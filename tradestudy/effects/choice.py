@@ -15,8 +15,8 @@ from tradestudy.errors import OutOfRangeError, UnaffordableError
 from tradestudy.units import FRACTION, pretty
 
 NAMED: Final = "the study names the model"
-Evidence = Literal["computed", "bound", "trial"]
-"""How a change is known: by computing it everywhere, by a rule that it cannot exceed, or at a few places."""
+Evidence = Literal["computed", "rule", "trial"]
+"""How a change is known: by computing it everywhere, by a closed rule with a margin, or at a few places."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class Change:
     least
         What it is known to be at least, so that no trial can bring it below.
     evidence
-        How it is known. A trial is evidence, not a bound; its margin is in the number.
+        How it is known. A rule and a trial are evidence, not bounds; their margins are in the number.
     at
         Distance at which it is the largest [m]; NaN where it belongs to none.
     """

@@ -105,6 +105,7 @@ def kirchhoff_transfers(
     plane_distance: FloatArray,
     defocus_waves: FloatArray,
     lens_phase: LensPhase,
+    interpolated: bool = True,
 ) -> tuple[FloatArray, FloatArray]:
     """Transfer by Kirchhoff's integral, ``2π ∫ I(r) J₀(2π ν r) r dr``, interpolated between planes or defoci.
 
@@ -122,6 +123,8 @@ def kirchhoff_transfers(
         Path error at the rim ``A²/8 (1/a + 1/b − 1/f)/λ``, signed; its object distance is where the point stands. 0 is
         the point that the plane is in focus for. A negative object distance is that of light that converges towards a
         point behind the lens; beyond 1000 km a point counts as infinitely far away.
+    interpolated
+        Whether the lattice is used, which many distances share; a few are quicker each by itself.
 
     Returns
     -------
@@ -140,6 +143,17 @@ def kirchhoff_transfers(
     if not known.any():
         return value, error
     nu, (_, plane, waves) = frequency[known], lengths[:, known]
+    N = plane[:, np.newaxis] / aperture_diameter
+    fresnel = fresnel_transfer(nu, wavelength, N, 8.0 * wavelength * N * np.abs(waves)[:, np.newaxis])
+    share = wavelength * N * nu
+    if not interpolated:
+        own = [
+            kirchhoff_correction(*_point(wavelength, aperture_diameter, f, b, w, lens_phase))
+            for f, b, w in lengths[:, known].T.tolist()
+        ]
+        value[known] = fresnel + correction_at(np.array([table for table, _ in own]), share)
+        error[known] = [off for _, off in own]
+        return value, error
     found = [
         [kirchhoff_correction(*point) for point in _points_around(wavelength, aperture_diameter, f, b, w, lens_phase)]
         for f, b, w in lengths[:, known].T.tolist()
@@ -149,9 +163,7 @@ def kirchhoff_transfers(
     since_first = place - np.floor(place) + 1.0
     cubic = np.einsum("dp,dps->ds", _lagrange(since_first, _POINTS), tables)
     parabola = np.einsum("dp,dps->ds", _lagrange(since_first, _POINTS - 1), tables[:, :-1])
-    N = plane[:, np.newaxis] / aperture_diameter
-    blur = 8.0 * wavelength * N * np.abs(waves)[:, np.newaxis]
-    value[known] = fresnel_transfer(nu, wavelength, N, blur) + correction_at(cubic, wavelength * N * nu)
+    value[known] = fresnel + correction_at(cubic, share)
     error[known] = np.array([max(off for _, off in around) for around in found]) + np.max(
         np.abs(cubic - parabola), axis=1
     )
@@ -185,10 +197,17 @@ def _points_around(
     found = []
     for j in range(first, first + _POINTS):
         b, w = (plane, j * _WAVES) if _is_fixed(np.asarray(waves)) else (math.exp(j * _LOG_PLANE), 0.0)
-        inverse = 1.0 / focal_length - 1.0 / b + 8.0 * wavelength * w / aperture**2
-        distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
-        found.append((wavelength, aperture, focal_length, distance, b, lens_phase))
+        found.append(_point(wavelength, aperture, focal_length, b, w, lens_phase))
     return tuple(found)
+
+
+def _point(
+    wavelength: float, aperture: float, focal_length: float, plane: float, waves: float, lens_phase: LensPhase
+) -> LatticePoint:
+    """Arguments of `kirchhoff_correction` in a plane that is so many waves out of focus."""
+    inverse = 1.0 / focal_length - 1.0 / plane + 8.0 * wavelength * waves / aperture**2
+    distance = math.copysign(1.0 / max(abs(inverse), 1.0 / FARTHEST), inverse)
+    return wavelength, aperture, focal_length, distance, plane, lens_phase
 
 
 def _is_fixed(defocus_waves: FloatArray) -> BoolArray:

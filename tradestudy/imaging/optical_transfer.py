@@ -33,12 +33,15 @@ class LensTransfers:
     always
         For so many of the first frequencies a transfer is given in any case; of the others only for those below the
         cut-off, beyond which it is exactly 0.
+    interpolated
+        As of `kirchhoff_transfers`.
     """
 
     geometry: PictureGeometry
     settings: PictureSettings
     frequency_px: FloatArray
     always: int
+    interpolated: bool = True
     _products: dict[tuple[str, ...], tuple[FloatArray, FloatArray]] = field(default_factory=dict, init=False)
     _known: dict[tuple[LensStage, float, DiffractionModel, DefocusModel], tuple[FloatArray, FloatArray]] = field(
         default_factory=dict, init=False
@@ -88,7 +91,9 @@ class LensTransfers:
         if key not in self._known:
             columns = self.frequency_px.size if model == "off" else self._below_cutoff(stage, wavelength)
             frequency = self.frequency_px[:columns] / self.geometry.sample_pitch
-            self._known[key] = _stage_transfer(stage, model, defocus, self.settings, wavelength, frequency)
+            self._known[key] = _stage_transfer(
+                stage, model, defocus, self.settings, wavelength, frequency, interpolated=self.interpolated
+            )
         return self._known[key]
 
     def _below_cutoff(self, stage: LensStage, wavelength: float) -> int:
@@ -107,6 +112,8 @@ def _stage_transfer(
     settings: PictureSettings,
     wavelength: float,
     frequency: FloatArray,
+    *,
+    interpolated: bool,
 ) -> tuple[FloatArray, FloatArray]:
     """Of one lens at frequencies on the sensor [cycles/m], and its error over distance.
 
@@ -134,6 +141,7 @@ def _stage_transfer(
                 plane_distance=stage.plane_distance,
                 defocus_waves=_waves(stage, wavelength, defocus),
                 lens_phase=settings.lens_phase,
+                interpolated=interpolated,
             )
         case _:
             assert_never(model)

@@ -103,12 +103,15 @@ class TextureBand:
         Side of the window that is matched [samples], over distance.
     rules
         Nodes of the band, of falling order.
+    interpolated
+        As of `kirchhoff_transfers`.
     """
 
     geometry: PictureGeometry
     settings: PictureSettings
     window: FloatArray
     rules: tuple[BandNodes, ...]
+    interpolated: bool = True
     _shares: dict[bool, FloatArray] = field(default_factory=dict, init=False)
 
     def passed(self, models: PictureModels, brighter: ArrayLike = 1.0) -> PassedTexture:
@@ -173,7 +176,11 @@ class TextureBand:
     @cached_property
     def _lenses(self) -> LensTransfers:
         return LensTransfers(
-            geometry=self.geometry, settings=self.settings, frequency_px=self._frequency, always=self._ends[-1]
+            geometry=self.geometry,
+            settings=self.settings,
+            frequency_px=self._frequency,
+            always=self._ends[-1],
+            interpolated=self.interpolated,
         )
 
 

@@ -136,10 +136,13 @@ class WeighedPicture:
     ----------
     geometry, settings
         As for `disparity_error_px`.
+    interpolated
+        As of `kirchhoff_transfers`.
     """
 
     geometry: PictureGeometry
     settings: PictureSettings
+    interpolated: bool = True
 
     def bound_px(self, models: PictureModels) -> FloatArray:
         """The value of `disparity_error_px` [samples], over the distances of the geometry.
@@ -159,7 +162,7 @@ class WeighedPicture:
     @cached_property
     def _bands(self) -> tuple[tuple[IndexArray, TextureBand], ...]:
         return tuple(
-            (chosen, _band(self.geometry.at(chosen), self.settings, (_rule(along),)))
+            (chosen, _band(self.geometry.at(chosen), self.settings, (_rule(along),), interpolated=self.interpolated))
             for chosen, along in _by_blur(self.geometry)
         )
 
@@ -193,8 +196,11 @@ def window_px(geometry: PictureGeometry, settings: PictureSettings) -> FloatArra
     return np.minimum(asked, geometry.widest_window_px)
 
 
-def _band(geometry: PictureGeometry, settings: PictureSettings, rules: tuple[BandNodes, ...]) -> TextureBand:
-    return TextureBand(geometry=geometry, settings=settings, window=window_px(geometry, settings), rules=rules)
+def _band(
+    geometry: PictureGeometry, settings: PictureSettings, rules: tuple[BandNodes, ...], *, interpolated: bool = True
+) -> TextureBand:
+    window = window_px(geometry, settings)
+    return TextureBand(geometry=geometry, settings=settings, window=window, rules=rules, interpolated=interpolated)
 
 
 def _require_possible(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> None:

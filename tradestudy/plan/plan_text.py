@@ -111,7 +111,7 @@ def _decisions(one: Chosen) -> Iterator[str]:
 
 
 def share(change: Change) -> str:
-    """A change with how it is known: "0.22 %", "at most 1.3 %", "about 0.02 %, trial"."""
+    """A change with how it is known: "0.22 %", "up to about 1.3 %", "about 0.02 %, tried at a few places"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
@@ -123,7 +123,7 @@ def _amount(change: Change) -> str:
         return "an unknown amount"
     if change.relative == 0.0:
         return "0 %"
-    known: dict[Evidence, str] = {"computed": "", "bound": "at most ", "trial": "about "}
+    known: dict[Evidence, str] = {"computed": "", "rule": "up to about ", "trial": "about "}
     return f"{known[change.evidence]}{pretty(change.relative, FRACTION, digits=2)}"
 
 

@@ -9,7 +9,7 @@ from tradestudy.results.variable import Variable
 
 _DECISION, _CHANGE = ("decision",), ("decision", "quantity")
 _PIECE, _TOGETHER = ("piece",), ("piece", "quantity")
-_HOW = "computed, bound (a rule that it cannot exceed) or trial (a dearer model at a few places, with a margin)"
+_HOW = "computed, rule (a closed rule, with a margin) or trial (a more expensive model at a few places, with a margin)"
 _KNOWN_AS = "as its evidence says: computed with a margin for the places between, a bound, or a trial with a margin"
 
 

@@ -102,8 +102,9 @@ class DepthPiece(Piece):
         if not variant.places.size or math.isinf(line.relative):
             return {"depth_uncertainty": line, "usable_range": line}
         left_out = self._paths_left_out(variant, models)
-        known = variant.moved(models)
-        moved = variant.moved(models, 0.0 if left_out is None else left_out, line.relative)
+        known = moved = variant.moved(models)
+        if left_out is not None or line.relative > 0.0:
+            moved = variant.moved(models, 0.0 if left_out is None else left_out, line.relative)
         evidence = self._evidence(left_out, drawn=line.relative > 0.0)
         whole = _largest(variant, moved.uncertainty, known.uncertainty, evidence, line)
         if models["calibration"] == OFF and variant.camera.calibration.groups and variant.fields:
@@ -127,7 +128,7 @@ class DepthPiece(Piece):
     def _evidence(self, left_out: FloatArray | None, *, drawn: bool) -> Evidence:
         if drawn or (left_out is not None and self._exact_paths is not None):
             return "trial"
-        return "computed" if left_out is None else "bound"
+        return "computed" if left_out is None else "rule"
 
     def _line(self, models: Models) -> Change:
         """What a line misses beside what is computed by it, be it taken or held against leaving calibration out."""
@@ -170,8 +171,8 @@ def _largest(variant: DepthVariant, moved: FloatArray, known: FloatArray, eviden
     )
 
 
-_UNKNOWN: Final = Change(relative=math.inf, least=math.inf, evidence="bound")
-_TO_BE_TRIED: Final = Change(relative=math.inf, evidence="bound")
+_UNKNOWN: Final = Change(relative=math.inf, least=math.inf, evidence="rule")
+_TO_BE_TRIED: Final = Change(relative=math.inf, evidence="rule")
 
 
 def depth_pieces(definition: StudyDefinition, forced: Models) -> tuple[DepthPiece, ...]:
@@ -213,6 +214,7 @@ def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVar
 def _same(one: DepthVariant, other: DepthVariant) -> bool:
     return (
         one.camera == other.camera
+        and one.fields == other.fields
         and one.criteria == other.criteria
         and np.array_equal(one.distance, other.distance)
         and np.array_equal(one.asked, other.asked)

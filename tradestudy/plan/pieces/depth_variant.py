@@ -297,7 +297,7 @@ class DepthVariant:
 
     @cached_property
     def by_exact_paths(self) -> tuple[FloatArray, FloatArray]:
-        """Upper bounds on what Kirchhoff's exact paths add to Fresnel's disparity error, of either lens, everywhere."""
+        """What Kirchhoff's paths add to Fresnel's disparity error at either lens, by a rule with a margin."""
         law = self.law
         assert law is not None  # as above
         return change_by_exact_paths(
@@ -307,22 +307,24 @@ class DepthVariant:
     def tried_by_exact_paths(self) -> float:
         """The largest relative change by Kirchhoff's transfer of all lenses at two places.
 
-        Where its bound, weighted with the share of noise in the uncertainty, is the largest, and where the picture is
+        Where the rule, weighted with the share of noise in the uncertainty, is the largest, and where the picture is
         the sharpest.
         """
         law = self.law
         assert law is not None  # as above
-        bound = self._split(sum(self.by_exact_paths, np.zeros(self._everywhere.shape)))[0]
+        by_rule = self._split(sum(self.by_exact_paths, np.zeros(self._everywhere.shape)))[0]
         share = 1.0 / (1.0 + self._split(self._calibration_over_noise)[0] ** 2)
         blur = self.reference.picture_geometry(self.places).blur_px
-        index = np.unique([int(np.nanargmax(share * bound)), int(np.nanargmin(blur))])
-        exact = replace(law.models, main_lens_diffraction="kirchhoff")
+        index = np.unique([int(np.nanargmax(share * by_rule)), int(np.nanargmin(blur))])
+        # In the light of the mean wavelength: both laws are averaged over the spectrum alike.
+        plain = replace(law.models, spectrum=OFF)
+        exact = replace(plain, main_lens_diffraction="kirchhoff")
         if law.models.microlens_diffraction != OFF:
             exact = replace(exact, microlens_diffraction="kirchhoff")
         geometry = self.reference.picture_geometry(self.places[index])
-        weighed = WeighedPicture(geometry=geometry, settings=law.settings)
+        weighed = WeighedPicture(geometry=geometry, settings=law.settings, interpolated=False)
         with np.errstate(invalid="ignore"):
-            return float(np.nanmax(np.abs(weighed.bound_px(exact) / weighed.bound_px(law.models) - 1.0), initial=0.0))
+            return float(np.nanmax(np.abs(weighed.bound_px(exact) / weighed.bound_px(plain) - 1.0), initial=0.0))
 
     def linear_error(self) -> tuple[float, float]:
         """The largest departure of the line from the exact distribution, and where it is [m].

@@ -30,7 +30,7 @@ def change_by_exact_paths(
     models: PictureModels,
     error_px: ErrorPx,
 ) -> tuple[FloatArray, FloatArray]:
-    """Bound the relative change of the disparity error by Kirchhoff's law in place of Fresnel's, for either lens.
+    """Estimate how far Kirchhoff's law in place of Fresnel's at either lens moves the disparity error, with a margin.
 
     Fresnel leaves out a path at the rim, which balanced is a defocus; and what the angle θ of the rays at the rim does:
     amplitude falls by ε = sin² θ towards it, and the cutoff is 2 sin θ/λ, ε/2 below 1/(λ N). Together they take ε more,

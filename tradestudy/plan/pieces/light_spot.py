@@ -100,7 +100,7 @@ class LightSpotPiece(Piece):
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
         whole = replace(found, tolerance=TOLERANCES[-1])
         if whole == self._complete:
-            return {"pixel_intensity": Change(relative=found.tolerance, evidence="bound")}
+            return {"pixel_intensity": Change(relative=found.tolerance, evidence="rule")}
         if whole not in self._found and whole.point and self._complete.method != whole.method and not self._forced:
             # A trial takes as long as the picture of a point.
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
