@@ -51,7 +51,7 @@ class PictureDisparityError:
 
     def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """The bound [samples] at distances [m]; NaN where the camera forms no picture or that shows nothing."""
-        value = self._bound(camera, distance)
+        value = self.bound_px(camera, distance)
         return np.where(np.isinf(value), np.nan, value).reshape(np.shape(distance))
 
     def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
@@ -64,7 +64,7 @@ class PictureDisparityError:
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Where a matcher can reach the bound: all of its conditions hold, not only that on the value shown."""
-        value, shape = self._bound(camera, distance), np.shape(distance)
+        value, shape = self.bound_px(camera, distance), np.shape(distance)
         broken = violated_conditions(camera.picture_geometry(np.ravel(distance)), self.settings, value)
         met = ~np.any(list(broken.values()), axis=0)
         return Limit(value=value.reshape(shape), bound=LARGEST_ERROR_PX, met=met.reshape(shape))
@@ -83,8 +83,8 @@ class PictureDisparityError:
         share = filled_share(camera.picture_geometry(np.asarray(distance)), self.settings, self.models)
         return Limit(value=share, bound=1.0, met=share <= 1.0)
 
-    def _bound(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """In one row; infinite where the picture shows nothing."""
+    def bound_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+        """`error_px` in one row, but infinite where the picture shows nothing."""
         a = np.ascontiguousarray(distance, dtype=np.float64)
         return _bound_px(camera.as_pictured(), self.settings, self.models, a.tobytes())
 
