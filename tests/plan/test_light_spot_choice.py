@@ -86,7 +86,7 @@ def test_a_trial_tells_what_the_whole_picture_changes() -> None:
         replace(complete, integrated=False),
     ):
         change = relative(spot_picture(part, simpler).pixels, truth)
-        squares = [trial.squares(number, simpler, complete) for number in range(trial.count)]
+        squares = [trial.squares(number, simpler, complete) for number in trial.numbers(simpler, complete)]
         tried = math.sqrt(sum(one for one, _ in squares) / sum(own for _, own in squares))
         assert change / 2.0 < tried < 3.0 * change, simpler
 

@@ -29,6 +29,7 @@ _NEAR_A_STEEP_BOUND: Final = 2.0  # the same of a failed fraction, which is seve
 _LARGEST_SHIFT: Final = 0.3  # of a distance, beyond which a slope says nothing
 _FINE: Final = 10  # places between two distances, where the focus is looked for
 _FIELD_DISTANCES: Final = 5
+_OTHER_BLUR: Final = 0.05  # relative difference of blurs whose transfers have little in common
 _CLEARLY: Final = 0.15  # of the half width: above most tolerances
 _MOST_ASKED: Final = 4  # distances of the study's questions at which the line is held against draws
 
@@ -307,24 +308,29 @@ class DepthVariant:
         )
 
     def tried_by_exact_paths(self) -> float:
-        """The largest relative change by Kirchhoff's transfer of all lenses at two places.
-
-        Where the rule, weighted with the share of noise in the uncertainty, is the largest, and where the picture is
-        the sharpest.
-        """
+        """The largest relative change by Kirchhoff's transfer of all lenses at up to three places."""
         law = self.law
         assert law is not None  # as above
-        by_rule = self._split(sum(self.by_exact_paths, np.zeros(self._everywhere.shape)))[0]
-        share = 1.0 / (1.0 + self._split(self._calibration_over_noise)[0] ** 2)
-        blur = self.reference.picture_geometry(self.places).blur_px
-        index = np.unique([int(np.nanargmax(share * by_rule)), int(np.nanargmin(blur))])
         exact = replace(law.models, main_lens_diffraction="kirchhoff")
         if law.models.microlens_diffraction != OFF:
             exact = replace(exact, microlens_diffraction="kirchhoff")
-        geometry = self.reference.picture_geometry(self.places[index])
+        geometry = self.reference.picture_geometry(self._tried_places())
         weighed = WeighedPicture(geometry=geometry, settings=law.settings, interpolated=False)
         with np.errstate(invalid="ignore"):
             return float(np.nanmax(np.abs(weighed.bound_px(exact) / weighed.bound_px(law.models) - 1.0), initial=0.0))
+
+    def _tried_places(self) -> FloatArray:
+        """Where the rule, weighted with the share of noise in the uncertainty, is the largest, and the sharpest place.
+
+        Changes oscillate with defocus, so the largest is also looked for at another blur.
+        """
+        by_rule = np.nan_to_num(self._split(np.sum(self.by_exact_paths, axis=0))[0], posinf=1.0)
+        weight = by_rule / (1.0 + self._split(self._calibration_over_noise)[0] ** 2)
+        blur = self.reference.picture_geometry(self.places).blur_px
+        first = int(np.argmax(weight))
+        elsewhere = np.abs(blur - blur[first]) > _OTHER_BLUR * blur[first]
+        second = int(np.argmax(np.where(elsewhere, weight, -1.0)))
+        return self.places[np.unique([first, second, int(np.nanargmin(blur))])]
 
     def linear_error(self) -> tuple[float, float]:
         """The largest departure of the line from the exact distribution, and where it is [m].

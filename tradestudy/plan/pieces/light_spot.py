@@ -5,13 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import Final
 
 from tradestudy.accuracy import Quantity
-from tradestudy.analysis.spot_images import RAYS, SpotModels
+from tradestudy.analysis.spot_images import RAYS, SpotModels, light_path, light_source
 from tradestudy.effects.choice import Change, Changes, Piece, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
-from tradestudy.errors import OutOfRangeError
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.chain import ChainAccuracy, DiscSource
+from tradestudy.optics.chain.sources import source_nodes
+from tradestudy.optics.chain.spot_image import followed_points, source_density
 from tradestudy.plan.pieces.light_trial import TOLERANCE, LightTrial
 from tradestudy.study.schema.light_spot import LightSpotPart, MethodName
 
@@ -32,6 +36,8 @@ METHODS: Final[Mapping[tuple[str, str], MethodName]] = {
 # Of a trial, for a few points do not see all of a picture: set beforehand, and looked at on twelve cases of seed 1 of
 # `tests.campaigns.light_cases`, where a trial of Fresnel to the array came to half of its change at the least.
 MARGIN: Final = 1.3
+# Trials of three laws compute each probe some ten times: for pictures of few points that takes longer than it saves.
+_WORTH_TRYING: Final = 30.0
 _FREE: Final = 0.25  # of what models leave out, that the sampling may miss beside it: nodes need be no finer
 
 
@@ -59,7 +65,7 @@ class LightSpotPiece(Piece):
         self.title = "Picture of the light spot"
         self.asked: tuple[Quantity, ...] = ("pixel_intensity",)
         self._forced = {slot: name for slot, name in forced.items() if name in models_of(slot, "spot")}
-        self._trial = LightTrial(part)
+        self._part, self._trial = part, LightTrial(part)
         self._found: dict[SpotModels, list[tuple[float, float]]] = {}
         coherent, point, one_line = part.spot.coherent, part.spot.is_point, len(part.lines) == 1
         slots = (
@@ -101,21 +107,38 @@ class LightSpotPiece(Piece):
         whole = replace(found, tolerance=TOLERANCES[-1])
         if whole == self._complete:
             return {"pixel_intensity": Change(relative=found.tolerance, evidence="rule")}
-        if whole not in self._found and whole.point and self._complete.method != whole.method and not self._forced:
-            # A trial takes as long as the picture of a point.
+        if whole not in self._found and whole.method != self._complete.method and self._is_quick(whole):
             return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
         if whole not in self._found:
             return {"pixel_intensity": Change(relative=math.inf, evidence="trial")}
         done = self._found[whole]
         changed, own = (math.fsum(one) for one in zip(*done, strict=True))
         tried = math.sqrt(changed / own) if own > 0.0 else math.inf
-        if len(done) < self._trial.count:
+        count = len(self._trial.numbers(whole, self._complete))
+        if len(done) < count:
             # What is left of it if the other points change nothing, and hold up to four times the light squared.
-            least = 0.5 * tried * math.sqrt(len(done) / self._trial.count)
+            least = 0.5 * tried * math.sqrt(len(done) / count)
             return {"pixel_intensity": Change(relative=math.inf, least=least, evidence="trial")}
         change = MARGIN * tried + TOLERANCE
         relative = math.hypot(change, max(found.tolerance, _FREE * change))
         return {"pixel_intensity": Change(relative=relative, evidence="trial")}
+
+    def _is_quick(self, models: SpotModels) -> bool:
+        """Whether trials of laws take about as long as the picture, so that only forced laws are tried."""
+        return not self._forced and (models.point or self._points < _WORTH_TRYING * self._trial.size)
+
+    @cached_property
+    def _points(self) -> float:
+        """Source points that the picture follows at the coarsest sampling; infinite for too many to be followed."""
+        path, source = light_path(self._part), light_source(self._part)
+        if not isinstance(source, DiscSource) or source.coherent:
+            return 1.0
+        density = source_density(ChainAccuracy(tolerance=TOLERANCES[0]))
+        try:
+            nodes = source_nodes(path, source, wavelength=self._part.mean_wavelength, density=density)
+        except UnaffordableError:
+            return math.inf
+        return followed_points(path, source, nodes)
 
     def try_out(self, models: Models) -> bool:
         """Compare the image of one more point of the spot with that by the most complete models."""
@@ -124,9 +147,10 @@ class LightSpotPiece(Piece):
         if whole is None or whole == self._complete:
             return False
         done = self._found.setdefault(whole, [])
-        if len(done) == self._trial.count:
+        numbers = self._trial.numbers(whole, self._complete)
+        if len(done) == len(numbers):
             return False
-        done.append(self._trial.squares(len(done), whole, self._complete))
+        done.append(self._trial.squares(numbers[len(done)], whole, self._complete))
         return True
 
     def _models(self, models: Models) -> SpotModels | None:

@@ -28,6 +28,7 @@ from tradestudy.study.schema.light_spot import LightSpotPart
 
 TOLERANCE: Final = 2e-3  # of the images of points
 _RAYS: Final = 2**15  # of a point; disc and pixel average their errors
+_AROUND: Final = 3  # points that stand for a disc: their mean is exact to the second order of its radius
 _PARTS: Final = 3  # along a pixel, so that one of them is its middle
 _MOST_LINES: Final = 4
 _AZIMUTHS: Final = 16
@@ -45,7 +46,7 @@ class Probe:
     point
         Source point.
     middle, around
-        Middle of the disc, and four points at 1/√2 of its radius.
+        Middle of the disc, and three points at 1/√2 of its radius.
     spread
         Radius of the ray image of the disc on the detector [m], 0 for a point.
     coherent_radius
@@ -72,12 +73,7 @@ def probes(part: LightSpotPart) -> tuple[Probe, ...]:
     middle = source.centre if isinstance(source, DiscSource) else source
     radius = source.diameter / 2.0 if isinstance(source, DiscSource) else 0.0
     coherent = isinstance(source, DiscSource) and source.coherent
-    aside = radius / 2.0
-    around = tuple(
-        PointSource(x=middle.x + i * aside, y=middle.y + j * aside, distance=middle.distance)
-        for i in (-1.0, 1.0)
-        for j in (-1.0, 1.0)
-    )
+    around = tuple(_on_circle(middle, radius / math.sqrt(2.0), _AROUND))
     found = []
     for index, places in _places(path, middle, 0.0 if coherent else radius, np.unique(owner)):
         apart = np.linalg.norm(path.microlenses.centres - path.microlenses.centres[index], axis=1)
@@ -133,16 +129,20 @@ def _places(
 
 def _ray_image(path: LightPath, middle: PointSource, radius: float) -> tuple[float, float]:
     """Radius of the disc's image behind a microlens [m], and the share of its edge that no edge of the pupil cuts."""
-    angle = 2.0 * math.pi * np.arange(_AZIMUTHS) / _AZIMUTHS
-    edge = [
-        PointSource(x=middle.x + radius * math.cos(a), y=middle.y + radius * math.sin(a), distance=middle.distance)
-        for a in angle.tolist()
-    ]
+    edge = _on_circle(middle, radius, _AZIMUTHS)
     x, y = np.array([ray_reach(path, one).image[0] for one in edge]).T
     area = abs(float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))) / 2.0
     lit = blur_radius(path, middle)
     away = [float(np.linalg.norm(path.microlenses.centres[0] - path.chief_point(one))) for one in edge]
     return math.sqrt(area / math.pi), float(np.mean(np.asarray(away) <= lit))
+
+
+def _on_circle(middle: PointSource, radius: float, count: int) -> list[PointSource]:
+    """Points evenly around another."""
+    return [
+        PointSource(x=middle.x + radius * math.cos(a), y=middle.y + radius * math.sin(a), distance=middle.distance)
+        for a in (2.0 * math.pi * np.arange(count) / count).tolist()
+    ]
 
 
 class LightTrial:
@@ -154,9 +154,15 @@ class LightTrial:
         self._images: dict[tuple[int, PointSource, SpotModels, float], FloatArray] = {}
 
     @property
-    def count(self) -> int:
+    def size(self) -> int:
         """Number of probes."""
         return len(self._probes)
+
+    def numbers(self, models: SpotModels, complete: SpotModels) -> tuple[int, ...]:
+        """Probes that tell models apart: one behind each microlens where the source is a point, else all."""
+        if not models.point or complete.point:
+            return tuple(range(len(self._probes)))
+        return tuple({id(one.alone): number for number, one in reversed(list(enumerate(self._probes)))}.values())
 
     def squares(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
         """Squared L2 change of one probe's pixels by models in place of the most complete, and the pixels' own.
@@ -180,9 +186,9 @@ class LightTrial:
         return probe.held * changes[0] + (1.0 - probe.held) * changes[-1], float(np.sum(whole**2))
 
     def _against_points_around(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
-        """The middle of a small disc against four points that stand for all of it, where each of them really lands.
+        """The middle of a small disc against three points that stand for all of it, where each of them really lands.
 
-        They light a microlens unevenly, which no blur tells. Their mean is exact to the third order of the disc.
+        They light a microlens unevenly, which no blur tells.
         """
         probe, line = self._probes[number], self._part.mean_wavelength
         middle = self._image(number, models, line, pair=models.separate, point=probe.middle)
