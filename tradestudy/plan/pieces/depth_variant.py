@@ -330,7 +330,7 @@ class DepthVariant:
         first = int(np.argmax(weight))
         elsewhere = np.abs(blur - blur[first]) > _OTHER_BLUR * blur[first]
         second = int(np.argmax(np.where(elsewhere, weight, -1.0)))
-        return self.places[np.unique([first, second, int(np.nanargmin(blur))])]
+        return np.asarray(self.places[np.unique([first, second, int(np.nanargmin(blur))])])
 
     def linear_error(self) -> tuple[float, float]:
         """The largest departure of the line from the exact distribution, and where it is [m].

@@ -170,33 +170,42 @@ class LightTrial:
         Infinite where the models refuse.
         """
         probe = self._probes[number]
+        if models.point and not complete.point and probe.coherent_radius == 0.0:
+            return self._as_point(number, models, complete)
         try:
             fine, reference = (self._fine(number, one, pair=models.separate) for one in (models, complete))
         except TradestudyError:
             return math.inf, 1.0
         whole = _on_pixels(reference, integrated=complete.integrated)
-        if models.point and not complete.point:
-            blurred = float(np.sum((_on_pixels(fine, integrated=models.integrated) - whole) ** 2))
-            own = float(np.sum(whole**2))
-            if probe.coherent_radius > 0.0 or blurred > _BLURRED**2 * own:
-                return blurred, own
-            return self._against_points_around(number, models, complete)
-        shifted = [fine] if probe.held == 1.0 else [fine, _aligned(fine, reference)]
+        shifted = [fine] if probe.held == 1.0 or models.point else [fine, _aligned(fine, reference)]
         changes = [float(np.sum((_on_pixels(one, integrated=models.integrated) - whole) ** 2)) for one in shifted]
         return probe.held * changes[0] + (1.0 - probe.held) * changes[-1], float(np.sum(whole**2))
 
-    def _against_points_around(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
-        """The middle of a small disc against three points that stand for all of it, where each of them really lands.
+    def _as_point(self, number: int, models: SpotModels, complete: SpotModels) -> tuple[float, float]:
+        """The middle of a disc against its blur, or three points that stand for a small disc where each of them lands.
 
         They light a microlens unevenly, which no blur tells.
         """
         probe, line = self._probes[number], self._part.mean_wavelength
-        middle = self._image(number, models, line, pair=models.separate, point=probe.middle)
+        try:
+            fine, middle = (
+                self._image(number, one, line, pair=models.separate, point=probe.middle) for one in (models, complete)
+            )
+        except TradestudyError:
+            return math.inf, 1.0
+        whole = _on_pixels(
+            _spread_out(middle, probe.spread / probe.alone.pixels.pitch, point=False), integrated=complete.integrated
+        )
+        padded = _spread_out(fine, probe.spread / probe.alone.pixels.pitch, point=True)
+        changed = float(np.sum((_on_pixels(padded, integrated=models.integrated) - whole) ** 2))
+        own = float(np.sum(whole**2))
+        if changed > _BLURRED**2 * own:
+            return changed, own
         around = np.mean(
             [self._image(number, complete, line, pair=models.separate, point=one) for one in probe.around], axis=0
         )
         whole = _on_pixels(around, integrated=complete.integrated)
-        change = _on_pixels(middle, integrated=models.integrated) - whole
+        change = _on_pixels(fine, integrated=models.integrated) - whole
         return float(np.sum(change**2)), float(np.sum(whole**2))
 
     def _fine(self, number: int, models: SpotModels, *, pair: bool) -> FloatArray:
