@@ -21,6 +21,7 @@ from tradestudy.errors import StudyError
 from tradestudy.plan.choice import choose_models
 from tradestudy.plan.pieces.depth import depth_pieces
 from tradestudy.plan.pieces.depth_variant import DepthVariant
+from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -254,12 +255,27 @@ def test_errors_that_a_line_does_not_see_are_not_left_out(
     assert fields or piece.models["calibration"] == "exact"
 
 
-def test_one_reading_that_no_line_describes_makes_the_whole_camera_draw() -> None:
-    """It takes the yaw for a uniform one."""
-    study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml")
-    whole, part = (one.plan() for one in (study, study.with_values({"readings": None, "claims": None, "solve": None})))
-    assert whole.models("stereo-65-across")["calibration"] == "exact"
-    assert part.models("stereo-65-across")["calibration"] == "linear"
+def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() -> None:
+    """The one takes the yaw for a uniform one, the other tries yaws of up to 5°."""
+    plan = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml").plan()
+    assert plan.models("stereo-65-across")["calibration"] == "linear"
+    definition = plan.definition
+
+    def model(one: StudyDefinition) -> str:
+        return one.case.cameras["stereo-65-across"].propagation.model
+
+    drawn = {name for name, one in definition.readings.items() if model(one) == "exact"}
+    assert drawn == {"yaw-uniform"}
+    assert model(definition.of_question("yaw-at-half-metre")) == "exact"
+    assert {model(definition), model(definition.readings["yaw-tenth"])} == {"linear"}
+    assert "exact under yaw-uniform, yaw-at-half-metre" in plan.text()
+
+
+def test_what_a_study_forces_acts_under_every_reading() -> None:
+    override = ["effects.calibration=linear"]
+    definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", override).plan().definition
+    cases = [definition, *definition.readings.values(), definition.of_question("yaw-at-half-metre")]
+    assert {one.case.cameras["stereo-65-across"].propagation.model for one in cases} == {"linear"}
 
 
 def test_a_tolerance_that_no_line_keeps_calls_for_draws() -> None:

@@ -100,6 +100,10 @@ class Piece(ABC):
     def changes(self, models: Models) -> Changes:
         """How far a set of models moves each asked quantity, by what is known so far."""
 
+    def elsewhere(self, models: Models) -> Mapping[str, Models]:  # noqa: ARG002  # most pieces are the same everywhere
+        """Readings and inverse questions that take other models than these, by name."""
+        return {}
+
     def unasked(self, models: Models) -> Changes:  # noqa: ARG002  # most pieces have nothing else to show
         """The same of quantities that are shown and decide nothing."""
         return {}
@@ -152,6 +156,11 @@ class Choice:
     def changes(self) -> Changes:
         """What all that is left out changes together, in quantities that are asked for and in others that are shown."""
         return {**self.piece.changes(self.models), **self.piece.unasked(self.models)}
+
+    @cached_property
+    def elsewhere(self) -> Mapping[str, Models]:
+        """Readings and inverse questions that take other models, by name."""
+        return self.piece.elsewhere(self.models)
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:

@@ -66,7 +66,11 @@ def plan_of(definition: StudyDefinition) -> Plan:
     watch = Stopwatch()
     accuracy = definition.file.accuracy.asked()
     pieces = choose_models(definition)
-    acting = definition.with_models({one.name: one.models for one in pieces})
+    elsewhere: dict[str, dict[str, Models]] = {}
+    for one in pieces:
+        for reading, models in one.choice.elsewhere.items():
+            elsewhere.setdefault(reading, {})[one.name] = models
+    acting = definition.with_models({one.name: one.models for one in pieces}, elsewhere)
     plan = Plan(definition=acting, accuracy=accuracy, pieces=pieces, steps=predicted_steps(acting, watch))
     if plan.seconds > accuracy.time_limit:
         raise UnaffordableError(

@@ -47,7 +47,8 @@ def _simulated(one: Chosen) -> str:
     if not parts:
         parts = ["no diffraction"] if pictured else []
     if "calibration" in models:
-        parts.append(MODEL["calibration", models["calibration"]])
+        drawn = ", ".join(one.choice.elsewhere)
+        parts.append(MODEL["calibration", models["calibration"]] + f" (exact under {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
     words = ", ".join(parts) or "geometry"

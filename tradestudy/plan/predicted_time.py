@@ -245,23 +245,32 @@ class _Prediction:
 
     def _decision(self) -> Iterator[PredictedStep]:
         file = self.definition.file
-        verdicts = 1 + len(file.readings) if file.decision is not None else 0
-        trials = _TRIALS_OF_A_ROOT * len(file.solve)
-        pair = self._pair_of(file.decision.between) if file.decision is not None else 0.0
+        cases = [self.definition, *self.definition.readings.values()] if file.decision is not None else []
+        every = tuple(self.cameras)
+        tables = math.fsum(self._tables_of(every, self.definition.of_question(name)) for name in file.solve)
+        pairs_of_cases = (
+            math.fsum(self._tables_of(file.decision.between, one) for one in cases) if file.decision else 0.0
+        )
         yield PredictedStep(
             name="decision",
-            seconds=verdicts * _TABLES_OF_A_VERDICT * pair
-            + (trials * (self.design + _TABLES_OF_A_TRIAL * self.all_tables) if trials else 0.0)
+            seconds=_TABLES_OF_A_VERDICT * pairs_of_cases
+            + _TRIALS_OF_A_ROOT * (len(file.solve) * self.design + _TABLES_OF_A_TRIAL * tables if file.solve else 0.0)
             + (self.all_tables if file.sweep else 0.0),
-            work=f"{counted(verdicts, 'verdict')} on a pair, {counted(len(file.solve), 'inverse question')}",
+            work=f"{counted(len(cases), 'verdict')} on a pair, {counted(len(file.solve), 'inverse question')}",
         )
         if file.decision is not None:
             pairs = file.decision.compare or (file.decision.between,)
-            seconds = _TABLES_OF_RANKS * math.fsum(map(self._pair_of, pairs))
+            seconds = _TABLES_OF_RANKS * math.fsum(self._tables_of(pair, self.definition) for pair in pairs)
             yield PredictedStep(name="ranks", seconds=seconds, work=counted(len(pairs), "pair"))
 
-    def _pair_of(self, names: tuple[str, ...]) -> float:
-        return math.fsum(self.cameras[name][0] for name in names)
+    def _tables_of(self, names: tuple[str, ...], case: StudyDefinition) -> float:
+        """Seconds of cameras' tables where other models may act, such as under a reading."""
+        return math.fsum(
+            self.cameras[name][0]
+            if case.models.get(name) == self.definition.models.get(name)
+            else self.table(case.case.cameras[name])[0]
+            for name in names
+        )
 
     def _fresnel_validity(self) -> Iterator[PredictedStep]:
         part = self.definition.file.fresnel_validity

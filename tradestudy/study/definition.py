@@ -74,6 +74,8 @@ class StudyDefinition:
         What the schema made of it.
     models
         The model that acts in each slot of effects, by camera, lens or light path; what is not in it acts as declared.
+    elsewhere
+        Models that act in place of these under a reading or for an inverse question, by its name.
     tolerance
         The one tolerance for every quantity, in place of what is declared; None where that counts.
     posteriors
@@ -85,6 +87,7 @@ class StudyDefinition:
     document: Document
     declared: StudyFile
     models: Mapping[str, Models] = field(default_factory=dict)
+    elsewhere: Mapping[str, Mapping[str, Models]] = field(default_factory=dict)
     tolerance: str | None = None
     posteriors: Mapping[str, Calibration] = field(default_factory=dict, repr=False)
     before: StudyDefinition | None = field(default=None, repr=False, compare=False)
@@ -371,9 +374,23 @@ class StudyDefinition:
             raise StudyError([replace(one, file="--tolerance") for one in own]) from None
         return asked
 
-    def with_models(self, models: Mapping[str, Models]) -> StudyDefinition:
-        """The same study, its readings and designs too, with models that act in its slots of effects."""
-        return replace(self, models=models, before=self)
+    def with_models(
+        self, models: Mapping[str, Models], elsewhere: Mapping[str, Mapping[str, Models]] | None = None
+    ) -> StudyDefinition:
+        """The same study, its readings and designs too, with models that act in its slots of effects.
+
+        Parameters
+        ----------
+        models
+            By camera, lens or light path.
+        elsewhere
+            Others under a reading or for an inverse question, by its name and then likewise.
+        """
+        return replace(self, models=models, elsewhere=elsewhere or {}, before=self)
+
+    def of_question(self, name: str) -> StudyDefinition:
+        """The study with the models that act for an inverse question."""
+        return replace(self, models={**self.models, **self.elsewhere.get(name, {})}, before=self)
 
     @cached_property
     def readings(self) -> Mapping[str, StudyDefinition]:
@@ -391,9 +408,10 @@ class StudyDefinition:
             values = self.document.entry(written_at)
             assert isinstance(values, MappingEntry)  # it is valid
             try:
-                found[name] = self.with_values(
+                changed = self.with_values(
                     {path: member.entry for path, member in values.members.items()}, written_at=written_at
                 )
+                found[name] = changed.of_question(name)
             except StudyError as error:
                 problems += [
                     replace(problem, what=f"in reading '{name}': {problem.what}") for problem in error.problems

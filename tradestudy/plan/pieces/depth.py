@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -45,13 +45,22 @@ class DepthPiece(Piece):
         Quantities that decide.
     forced
         Models that the study insists on.
+    drawn_above
+        What a line may miss in a form that only readings or inverse questions have, before that form alone is drawn.
     """
 
     def __init__(
-        self, name: str, title: str, variants: Sequence[DepthVariant], asked: tuple[Quantity, ...], forced: Models
+        self,
+        name: str,
+        title: str,
+        variants: Sequence[DepthVariant],
+        asked: tuple[Quantity, ...],
+        forced: Models,
+        drawn_above: float = math.inf,
     ) -> None:
         self.name, self.title, self.asked = name, title, asked
-        self._variants = tuple(variants)
+        self._variants, self._drawn_above = tuple(variants), drawn_above
+        self._drawn: frozenset[DepthVariant] = frozenset()
         self._pictured = tuple(one for one in variants if one.law is not None and one.places.size)
         self.slots = _slots(variants[0].camera, forced, pictured=bool(self._pictured))
         self._linear: Change | None = None
@@ -67,14 +76,20 @@ class DepthPiece(Piece):
         }
         return worst | (self._noise(models) if "depth_noise" in self.asked else {})
 
+    def elsewhere(self, models: Models) -> Mapping[str, Models]:
+        """Readings and inverse questions that a line does not serve, where it serves the study as declared."""
+        if models["calibration"] == "exact":
+            return {}
+        return {name: {**models, "calibration": "exact"} for one in self._drawn for name in one.only_in}
+
     def unasked(self, models: Models) -> Changes:
         """What happens to noise alone, where that is not asked for."""
         return {} if "depth_noise" in self.asked else self._noise(models)
 
     def try_out(self, models: Models) -> bool:
-        """Draw where the line could be enough, or use Kirchhoff's transfer where Fresnel's could be."""
+        """See what the line misses where it could do, or what Kirchhoff's transfer changes where Fresnel's could."""
         if models["calibration"] != "exact" and self._linear is None and self._is_line:
-            self._linear = self._tried_line()
+            self._try_line()
             return True
         if self._exact_paths is None and self._pictured and self._leaves_out_paths(models):
             worst = max(self._pictured, key=lambda one: float(np.nanmax(np.sum(one.by_exact_paths, axis=0))))
@@ -94,10 +109,16 @@ class DepthPiece(Piece):
     @property
     def _free_lenses(self) -> list[SlotName]:
         """Lenses of the picture whose diffraction the study leaves open."""
-        return [slot.name for slot in self.slots if slot.name in LENSES and len(slot.models) > 1]
+        return [name for name in LENSES if self._is_free(name)]
+
+    def _is_free(self, name: SlotName) -> bool:
+        """Whether the study leaves open which model an effect has."""
+        return any(slot.name == name and len(slot.models) > 1 for slot in self.slots)
 
     def _changes_of(self, variant: DepthVariant, models: Models) -> Changes:
         """Of the whole uncertainty and of the ends of usable ranges, for one form of the camera."""
+        if variant in self._drawn:
+            models = {**models, "calibration": "exact"}
         line = self._line(models)
         if not variant.places.size or math.isinf(line.relative):
             return {"depth_uncertainty": line, "usable_range": line}
@@ -140,10 +161,14 @@ class DepthPiece(Piece):
             return Change(relative=0.0)
         return _TO_BE_TRIED if self._linear is None else self._linear
 
-    def _tried_line(self) -> Change:
-        found = [one.linear_error() for one in self._variants if one.camera.calibration.groups]
-        error, at = max(found, default=(0.0, math.nan))
-        return Change(relative=error, least=error / TRIAL_MARGIN, evidence="trial", at=at)
+    def _try_line(self) -> None:
+        """Find what the line misses at most, and the forms that it does not serve though it serves the study."""
+        found = {one: one.linear_error() for one in self._variants if one.camera.calibration.groups}
+        beyond = frozenset(one for one, (error, _) in found.items() if error > self._drawn_above)
+        if all(one.only_in for one in beyond) and self._is_free("calibration"):
+            self._drawn = beyond
+        error, at = max((missed for one, missed in found.items() if one not in self._drawn), default=(0.0, math.nan))
+        self._linear = Change(relative=error, least=error / TRIAL_MARGIN, evidence="trial", at=at)
 
     def _paths_left_out(self, variant: DepthVariant, models: Models) -> FloatArray | None:
         """Relative change of the disparity error by Kirchhoff's law of the lenses that are not by it, everywhere."""
@@ -179,18 +204,36 @@ def depth_pieces(definition: StudyDefinition, forced: Models) -> tuple[DepthPiec
     """One piece for each camera that measures depth."""
     variants = tuple(every_variant(definition))
     tolerances = definition.file.accuracy.asked().tolerances
-    pieces = []
-    for name in definition.case.cameras:
-        own: list[DepthVariant] = []
-        for variant in variants:
-            one = _variant(variant, name, forced)
-            if one is not None and not any(_same(one, other) for other in own):
-                own.append(one)
-        asked: list[Quantity] = ["depth_uncertainty", "usable_range"]
-        if "depth_noise" in tolerances:
-            asked.append("depth_noise")
-        pieces.append(DepthPiece(name, definition.file.cameras[name].title, own, tuple(asked), forced))
-    return tuple(pieces)
+    asked: tuple[Quantity, ...] = ("depth_uncertainty", "usable_range")
+    if "depth_noise" in tolerances:
+        asked = (*asked, "depth_noise")
+    strictest = min(tolerances[one] for one in asked[:2])
+    return tuple(
+        DepthPiece(
+            name,
+            definition.file.cameras[name].title,
+            _distinct(variants, name, forced),
+            asked,
+            forced,
+            strictest,
+        )
+        for name in definition.case.cameras
+    )
+
+
+def _distinct(variants: Sequence[tuple[str, StudyDefinition]], name: str, forced: Models) -> list[DepthVariant]:
+    """Forms of a camera, each once; those that the study as declared and its designs lack know who has them."""
+    found: list[DepthVariant] = []
+    for reading, definition in variants:
+        one = _variant(definition, name, forced)
+        if one is None:
+            continue
+        known = next((k for k, other in enumerate(found) if _same(one, other)), None)
+        if known is None:
+            found.append(replace(one, only_in=(reading,) if reading else ()))
+        elif found[known].only_in:
+            found[known] = replace(found[known], only_in=(*found[known].only_in, reading) if reading else ())
+    return found
 
 
 def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVariant | None:

@@ -68,6 +68,8 @@ class DepthVariant:
         Models that the study insists on.
     fields
         Places in the field that the study asks for, beside the axis.
+    only_in
+        Readings and inverse questions that have it, where neither the study as declared nor a design does.
     """
 
     camera: DepthCamera
@@ -76,6 +78,7 @@ class DepthVariant:
     asked: FloatArray
     forced: Models
     fields: tuple[float, ...] = ()
+    only_in: tuple[str, ...] = ()
     _errors_px: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False)
 
     @cached_property

@@ -22,17 +22,20 @@ _ENDS: Final = 2
 _OF_QUESTIONS: Final = 5
 
 
-def every_variant(definition: StudyDefinition) -> Iterator[StudyDefinition]:
-    """The study, its readings, the designs of its sweep, and some between the ends of its inverse questions."""
-    yield definition
-    yield from definition.readings.values()
+def every_variant(definition: StudyDefinition) -> Iterator[tuple[str, StudyDefinition]]:
+    """The study, its readings, the designs of its sweep, and some between the ends of its inverse questions.
+
+    With the name of the reading or the question, which can take models of their own.
+    """
+    yield "", definition
+    yield from definition.readings.items()
     axes = sweep_axes(definition)
     for values in _designs(axes) if axes else ():
-        yield definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
-    for question in definition.file.solve.values():
+        yield "", definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
+    for name, question in definition.file.solve.items():
         dimension, low, high = question_ends(question)
         for value in np.linspace(low, high, _OF_QUESTIONS):
-            yield definition.with_values(dict.fromkeys(question.paths, quantity_entry(float(value), dimension)))
+            yield name, definition.with_values(dict.fromkeys(question.paths, quantity_entry(float(value), dimension)))
 
 
 def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:

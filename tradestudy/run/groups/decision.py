@@ -81,8 +81,8 @@ def decision_group(
         attributes |= {"first": pair[0], "second": pair[1]}
     if file.solve:
         solved = []
-        for question in file.solve.values():
-            solved.append(solve(definition, question))
+        for name, question in file.solve.items():
+            solved.append(solve(definition.of_question(name), question))
             tell()
         values |= {
             "solved_value": [answer.value for answer in solved],
