@@ -80,7 +80,8 @@ class DepthPiece(Piece):
         """Readings and inverse questions that a line does not serve, where it serves the study as declared."""
         if models["calibration"] == "exact":
             return {}
-        return {name: {**models, "calibration": "exact"} for one in self._drawn for name in one.only_in}
+        drawn = [one for one in self._variants if one in self._drawn]  # in the order of the study
+        return {name: {**models, "calibration": "exact"} for one in drawn for name in one.only_in}
 
     def unasked(self, models: Models) -> Changes:
         """What happens to noise alone, where that is not asked for."""
