@@ -146,12 +146,12 @@ def test_a_forced_model_is_obeyed_and_what_it_does_is_told(model: str) -> None:
         assert law.models.main_lens_diffraction == model
         assert (piece.by_forcing == {}) == (model == "kirchhoff")
         told = plan.text()
-    assert (f"main lens diffraction: {model}, as the study names, changes the" in told) == (model != "kirchhoff")
+    assert (f"main lens diffraction: {model}, as the study requires, changes the" in told) == (model != "kirchhoff")
 
 
 def test_a_model_that_acts_nowhere_is_a_mistake_with_a_position() -> None:
     study = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", ["effects.main_lens_diffraction=fresnel"])
-    with pytest.raises(StudyError, match=r"'fresnel' acts nowhere in this study.*disparity_error is derived"):
+    with pytest.raises(StudyError, match=r"'fresnel' acts nowhere in this study.*only if it is derived"):
         study.plan()
 
 
@@ -268,7 +268,7 @@ def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() ->
     assert drawn == {"yaw-uniform"}
     assert model(definition.of_question("yaw-at-half-metre")) == "exact"
     assert {model(definition), model(definition.readings["yaw-tenth"])} == {"linear"}
-    assert "exact under yaw-uniform, yaw-at-half-metre" in plan.text()
+    assert "drawn at random for yaw-uniform, yaw-at-half-metre" in plan.text()
 
 
 def test_what_a_study_forces_acts_under_every_reading() -> None:

@@ -33,7 +33,7 @@ def test_a_plan_is_one_line_for_each_piece_and_one_for_the_run(close_plan: Plan)
     wide = next(line for line in lines if line.startswith("pair-f5.6"))
     assert "leaving out the exact path (Kirchhoff) at the main lens changes the" in wide
     assert "5 % allowed" in wide.replace("\N{NO-BREAK SPACE}", " ")
-    assert "nothing of note left out" in next(line for line in lines if line.startswith("pair-declared"))
+    assert "nothing significant left out" in next(line for line in lines if line.startswith("pair-declared"))
 
 
 def test_every_decision_and_every_step_stand_in_the_verbose_plan(close_plan: Plan) -> None:

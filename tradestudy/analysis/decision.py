@@ -100,7 +100,7 @@ def best_cameras(
     errors = np.stack([np.nan_to_num(error[name]) for name in names])
     best = np.argmin(table, axis=0)
     lowest, of_lowest = (np.take_along_axis(rows, best[None], axis=0) for rows in (table, errors))
-    with np.errstate(invalid="ignore"):  # infinite less infinite: neither is usable
+    with np.errstate(invalid="ignore", over="ignore"):  # infinite less infinite: neither is usable
         tied = table - lowest <= np.hypot(errors, of_lowest)
     tied[best, np.arange(best.size)] = True
     return [

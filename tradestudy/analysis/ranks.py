@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Final
+
+import numpy as np
 
 from tradestudy.analysis.depth_draws import outcome_model, uncertain_groups
 from tradestudy.cameras.depth_camera import DepthCamera
@@ -54,6 +57,11 @@ def _model(camera: DepthCamera, prefix: str, groups: tuple[Group, ...], distance
     alone = outcome_model(camera, distance)
 
     def evaluate(values: Mapping[str, FloatArray]) -> Outcome:
-        return alone({name: values[prefix + name] if prefix + name in values else values[name] for name in names})
+        own = {name: values[prefix + name] if prefix + name in values else values[name] for name in names}
+        found = alone(own)
+        if own:
+            return found
+        draws = len(next(iter(values.values())))  # of the other camera alone: this one reads the same in each
+        return replace(found, values=np.repeat(found.values, draws, axis=0))
 
     return evaluate

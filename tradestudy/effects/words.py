@@ -30,14 +30,14 @@ MODEL: Final[Mapping[tuple[SlotName, str], str]] = {
     ("microlens_diffraction", "fresnel"): "Fresnel diffraction at the microlenses",
     ("microlens_diffraction", "kirchhoff"): "Kirchhoff diffraction at the microlenses",
     ("calibration", "off"): "calibration errors left out",
-    ("calibration", "linear"): "linear calibration",
-    ("calibration", "exact"): "exact calibration",
+    ("calibration", "linear"): "calibration errors propagated linearly",
+    ("calibration", "exact"): "calibration errors drawn at random",
 }
 _LEFT_OUT: Final[Mapping[str, str]] = {
     "airy": "defocus and diffraction acting together",
     "boundary_wave": "all but the leading term of the wave from the rim",
     "fresnel": "the exact path (Kirchhoff)",
-    "linear": "the curvature of the reading",
+    "linear": "the nonlinearity of depth",
     "shot": "read and rounding noise",
     "shot+read": "rounding noise",
 }

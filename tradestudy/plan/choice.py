@@ -119,12 +119,17 @@ def _check_forced(definition: StudyDefinition, found: tuple[Piece, ...], forced:
     """Refuse a named model that nothing in the study has: it would be ignored."""
     problems = []
     for effect, name in forced.items():
-        offered = [model for one in found for slot in one.slots if slot.name == effect for model in slot.models]
-        if name not in offered:
-            known = ", ".join(dict.fromkeys(offered)) or "nothing"
-            what = f"'{name}' acts nowhere in this study, which offers {known} for this effect"
-            if set(offered) == {OFF}:
-                what += "; what happens in a picture reaches depth only where disparity_error is derived"
-            problems.append(definition.document.locate(("effects", effect)).problem(("effects", effect), what))
+        slots = [slot for one in found for slot in one.slots if slot.name == effect]
+        offered = dict.fromkeys(model for slot in slots for model in slot.models)
+        # Every camera that measures depth propagates its errors, be there any or none.
+        if name in offered or (effect == "calibration" and slots):
+            continue
+        what = f"'{name}' acts nowhere in this study"
+        if set(offered) - {OFF}:
+            what += f", which offers {', '.join(offered)} for this effect"
+        else:
+            reasons = "; ".join(dict.fromkeys(slot.reason for slot in slots if slot.reason))
+            what += f": {reasons}" if reasons else ": no part of it has this effect"
+        problems.append(definition.document.locate(("effects", effect)).problem(("effects", effect), what))
     if problems:
         raise StudyError(problems)

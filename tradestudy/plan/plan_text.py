@@ -27,7 +27,7 @@ def plan_lines(pieces: Sequence[Chosen], steps: Sequence[PredictedStep], *, verb
         yield f"{one.name:<{width}}  {summary(one)}{takes}"
         if verbose:
             yield from (f"{'':<{width}}    {line}" for line in _decisions(one))
-    yield f"{'run':<{width}}  in all about {_seconds(steps)}, report included"
+    yield f"{'run':<{width}}  about {_seconds(steps)} in total, report included"
     if verbose:
         names = max(len(step.name) for step in steps)
         for step in steps:
@@ -46,13 +46,15 @@ def _simulated(one: Chosen) -> str:
     pictured = "microlens_diffraction" in models and one.reasons.get("defocus_blur", "") in ("", NAMED)
     if not parts:
         parts = ["no diffraction"] if pictured else []
-    if "calibration" in models:
+    if one.reasons.get("calibration") and models["calibration"] == OFF and "calibration" not in one.choice.forced:
+        parts.append(one.reasons["calibration"])
+    elif "calibration" in models:
         drawn = ", ".join(one.choice.elsewhere)
-        parts.append(MODEL["calibration", models["calibration"]] + f" (exact under {drawn})" * bool(drawn))
+        parts.append(MODEL["calibration", models["calibration"]] + f" (drawn at random for {drawn})" * bool(drawn))
     if "sampling" in models:
         parts.append(f"sampled to {models['sampling']}")
-    words = ", ".join(parts) or "geometry"
-    return words if pictured or "calibration" not in models else f"geometry, {words}"
+    words = ", ".join(parts) or "geometry only"
+    return words if pictured or "calibration" not in models else f"geometry only, {words}"
 
 
 def _left_out(one: Chosen) -> str:
@@ -65,12 +67,15 @@ def _left_out(one: Chosen) -> str:
         if quantity in one.asked and change.relative > 0.0
     ]
     if not omitted or max(omitted, key=lambda found: found[0])[0] < _OF_NOTE:
-        return "nothing of note left out"
-    _, quantity, change, decision = max(omitted, key=lambda found: found[0])
-    how = "tried at a few places; " if change.evidence == "trial" else ""
+        return "nothing significant left out"
+    _, quantity, _, decision = max(omitted, key=lambda found: found[0])
+    change = one.choice.changes[quantity]  # of all that is left out, which can be less than that of a part
+    how = "estimated at a few distances; " if change.evidence == "trial" else ""
+    of_note = {id(found[3]) for found in omitted if found[0] >= _OF_NOTE}
+    beside = " and what matters less" if len(of_note) > 1 else ""
     return (
-        f"leaving out {left_out(decision.slot, decision.model)} changes the {IN_WORDS[quantity]} by {_amount(change)} "
-        f"({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
+        f"leaving out {left_out(decision.slot, decision.model)}{beside} changes the {IN_WORDS[quantity]} by "
+        f"{_amount(change)} ({how}{pretty(one.asked[quantity], FRACTION)} allowed)"
     )
 
 
@@ -80,12 +85,14 @@ def _forced(one: Chosen) -> str:
     quantity, change = max(
         ((q, c) for q, c in one.by_forcing.items() if q in one.asked), key=lambda found: found[1].relative
     )
+    if change.relative == 0.0:
+        return ""
     named = ", ".join(
         f"{slot.replace('_', ' ')}: {model}" for slot, model in one.choice.forced.items() if slot in one.models
     )
     more = "more than" if change.relative > one.asked[quantity] else "within"
     return (
-        f"{named}, as the study names, changes the {IN_WORDS[quantity]} by {share(change)}, {more} the "
+        f"{named}, as the study requires, changes the {IN_WORDS[quantity]} by {share(change)}, {more} the "
         f"{pretty(one.asked[quantity], FRACTION)} allowed"
     )
 
@@ -99,6 +106,7 @@ def _decisions(one: Chosen) -> Iterator[str]:
         if quantity not in one.asked:
             yield f"not asked for: {IN_WORDS[quantity]}, {share(total)}"
     told: set[str] = set()
+    yield "● used, ○ compared; each with what it alone would change"
     for decision in one.choice.decisions:
         mark, name = "●" if decision.chosen else "○", f"{decision.slot.replace('_', ' ')}: {decision.model}"
         if reason := one.reasons.get(decision.slot):
@@ -112,11 +120,11 @@ def _decisions(one: Chosen) -> Iterator[str]:
 
 
 def share(change: Change) -> str:
-    """A change with how it is known: "0.22 %", "up to about 1.3 %", "about 0.02 %, tried at a few places"."""
+    """A change with how it is known: "0.22 %", "up to about 1.3 %", "about 0.02 %, estimated at a few distances"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
-    return f"{_amount(change)}{at}{', tried at a few places' if change.evidence == 'trial' else ''}"
+    return f"{_amount(change)}{at}{', estimated at a few distances' if change.evidence == 'trial' else ''}"
 
 
 def _amount(change: Change) -> str:

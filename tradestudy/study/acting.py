@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.effects.models import Models, SlotName
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.models import PictureModels
+from tradestudy.imaging.models import PictureModels, closed_form_models
 
 
 def with_models(models: PictureModels, chosen: Models) -> PictureModels:
@@ -22,11 +22,21 @@ def in_closed_form(chosen: Models) -> dict[SlotName, str]:
     return {slot: "fresnel" if name == "kirchhoff" else name for slot, name in chosen.items()}
 
 
+def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:
+    """The most complete models of a picture that are closed forms: Fresnel's defocused pupils."""
+    microlenses = law.models.microlens_diffraction != "off"
+    plain = closed_form_models(law.settings, microlenses=microlenses)
+    return replace(plain, main_lens_diffraction="fresnel", microlens_diffraction="fresnel" if microlenses else "off")
+
+
 def acting(camera: DepthCamera, chosen: Models) -> DepthCamera:
     """The camera with the chosen models in place of what it declares; nothing chosen leaves it as it is."""
     law = camera.disparity_error_px
     if isinstance(law, PictureDisparityError):
-        camera = replace(camera, disparity_error_px=replace(law, models=with_models(law.models, chosen)))
+        acting_models = with_models(law.models, chosen)
+        if not law.settings.spectrum:  # a reading may take it back
+            acting_models = replace(acting_models, spectrum="off")
+        camera = replace(camera, disparity_error_px=replace(law, models=acting_models))
     match chosen.get("calibration"):
         case "off" | "linear" | "exact" as model:
             return replace(camera, propagation=replace(camera.propagation, model=model))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -16,9 +16,11 @@ from tradestudy.effects.choice import Change, Changes, Evidence, Piece, Slot
 from tradestudy.effects.models import LENSES, OFF, Models, SlotName, models_of
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.plan.pieces.depth_variant import DepthVariant, complete_in_closed_form
+from tradestudy.plan.pieces.depth_variant import DepthVariant
 from tradestudy.plan.pieces.variants import every_variant
+from tradestudy.study.acting import complete_in_closed_form
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.root import StudyFile
 
 # Models are compared at so many of the study's distances; what they change goes slowly from one to the next.
 _MOST_DISTANCES: Final = 101
@@ -62,7 +64,11 @@ class DepthPiece(Piece):
         self._variants, self._drawn_above = tuple(variants), drawn_above
         self._drawn: frozenset[DepthVariant] = frozenset()
         self._pictured = tuple(one for one in variants if one.law is not None and one.places.size)
-        self.slots = _slots(variants[0].camera, forced, pictured=bool(self._pictured))
+        slots = _slots(variants[0].camera, [one.camera for one in self._pictured], forced)
+        bare = not any(one.camera.calibration.groups or not one.camera.calibration.inferred for one in variants)
+        self.slots = tuple(
+            _NO_ERRORS if bare and one.name == "calibration" and not one.reason else one for one in slots
+        )
         self._linear: Change | None = None
         self._exact_paths: float | None = None
 
@@ -197,6 +203,7 @@ def _largest(variant: DepthVariant, moved: FloatArray, known: FloatArray, eviden
     )
 
 
+_NO_ERRORS: Final = Slot(name="calibration", models=(OFF,), reason="no calibration errors are declared")
 _UNKNOWN: Final = Change(relative=math.inf, least=math.inf, evidence="rule")
 _TO_BE_TRIED: Final = Change(relative=math.inf, evidence="rule")
 
@@ -243,22 +250,39 @@ def _variant(definition: StudyDefinition, name: str, forced: Models) -> DepthVar
         return None
     distance, file = definition.case.distance, definition.file
     step = max(1, -(-distance.size // _MOST_DISTANCES))
-    asked = [*(() if file.decision is None else file.decision.at), *(one.at for one in file.solve.values())]
-    asked += [end for one in file.requirements.values() for end in one.depth_uncertainty.over]
     return DepthVariant(
         camera=camera,
         criteria=definition.case.criteria,
         distance=np.unique(np.append(distance[::step], distance[-1:])),
-        asked=np.unique(asked),
+        asked=np.unique(list(_distances_asked(file))),
+        ways=_ways_asked(file),
         fields=tuple(file.propagation.field_places),
         forced=applicable(camera, forced),
     )
+
+
+def _distances_asked(file: StudyFile) -> Iterator[float]:
+    """Distances [m] at which the study's questions are answered, wherever they lie."""
+    yield from () if file.decision is None else file.decision.at
+    yield from () if file.sensitivity is None else file.sensitivity.at
+    yield from (one.at for one in file.solve.values())
+    for requirement in file.requirements.values():
+        yield from requirement.depth_uncertainty.over
+    for claim in file.claims.values():
+        yield from getattr(claim, "over", None) or ()
+
+
+def _ways_asked(file: StudyFile) -> tuple[str, ...]:
+    """Which errors the answers are about: all, and calibration alone where a question names it."""
+    named = {getattr(one, "errors", "") for one in (*file.solve.values(), *file.claims.values())}
+    return ("both", "calibration") if "calibration" in named else ("both",)
 
 
 def _same(one: DepthVariant, other: DepthVariant) -> bool:
     return (
         one.camera == other.camera
         and one.fields == other.fields
+        and one.ways == other.ways
         and one.criteria == other.criteria
         and np.array_equal(one.distance, other.distance)
         and np.array_equal(one.asked, other.asked)
@@ -279,13 +303,16 @@ def applicable(camera: DepthCamera, forced: Models) -> dict[SlotName, str]:
     return found
 
 
-def _slots(camera: DepthCamera, forced: Models, *, pictured: bool) -> tuple[Slot, ...]:
-    """Every effect of depth; one model alone where the camera or the study leaves no choice."""
-    own, why = applicable(camera, forced), _why_no_picture(camera, pictured=pictured)
+def _slots(camera: DepthCamera, pictured: Sequence[DepthCamera], forced: Models) -> tuple[Slot, ...]:
+    """Every effect of depth; one model alone where the camera, in all its forms, or the study leaves no choice."""
+    own: dict[SlotName, str] = {}
+    for one in (camera, *pictured):
+        own |= applicable(one, forced)
+    why = _why_no_picture(camera, pictured=bool(pictured))
     found = []
     for name in (*_SAVING, *_OTHERS):
         models, reason = models_of(name, "depth"), ""
-        if name != "calibration" and (why or (reason := _absent(camera, name))):
+        if name != "calibration" and (why or (reason := _absent(pictured, name))):
             models, reason = (OFF,), why or reason
         slot = Slot(name=name, models=models, saves_time=name in _SAVING, reason=reason)
         found.append(slot if slot.reason else slot.under(own))
@@ -304,11 +331,12 @@ def _why_no_picture(camera: DepthCamera, *, pictured: bool) -> str:
     return "the camera forms no picture at any distance of the study"
 
 
-def _absent(camera: DepthCamera, slot: SlotName) -> str:
-    """Why a pictured effect is not there at all; empty where it is."""
-    law = camera.disparity_error_px
-    assert isinstance(law, PictureDisparityError)  # asked where there is a picture
-    complete = complete_in_closed_form(law)
-    if slot in ("microlens_diffraction", "crosstalk") and complete.microlens_diffraction == OFF:
+def _absent(pictured: Sequence[DepthCamera], slot: SlotName) -> str:
+    """Why a pictured effect is not there at all; empty where some form of the camera has it."""
+    laws = [one.disparity_error_px for one in pictured]
+    complete = [complete_in_closed_form(law) for law in laws if isinstance(law, PictureDisparityError)]
+    if slot in ("microlens_diffraction", "crosstalk") and all(one.microlens_diffraction == OFF for one in complete):
         return "no microlenses blur this picture"
-    return "the study declares one wavelength" if slot == "spectrum" and complete.spectrum == OFF else ""
+    if slot == "spectrum" and all(one.spectrum == OFF for one in complete):
+        return "the study declares one wavelength"
+    return ""

@@ -16,11 +16,16 @@ from tradestudy.analysis.usable import Boundary, all_met, evaluate_limits, usabl
 from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.effects.models import OFF, Models
 from tradestudy.imaging.derived_error import PictureDisparityError
-from tradestudy.imaging.models import PictureModels, closed_form_models
+from tradestudy.imaging.models import PictureModels
 from tradestudy.imaging.picture import LARGEST_ERROR_PX, WeighedPicture
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
+from tradestudy.plan.pieces.failed_fraction import (
+    missed_by_the_line,
+    shift_without_calibration,
+    verdict_changed_without_calibration,
+)
 from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths
-from tradestudy.study.acting import acting, in_closed_form, with_models
+from tradestudy.study.acting import acting, complete_in_closed_form, in_closed_form, with_models
 
 _ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance: their shift is found from the slope there
 _BESIDE_AN_END: Final = 1e-2  # of its distance, for that slope
@@ -31,7 +36,7 @@ _FINE: Final = 10  # places between two distances, where the focus is looked for
 _FIELD_DISTANCES: Final = 5
 _OTHER_BLUR: Final = 0.05  # relative difference of blurs whose transfers have little in common
 _CLEARLY: Final = 0.15  # of the half width: above most tolerances
-_MOST_ASKED: Final = 4  # distances of the study's questions at which the line is held against draws
+_MOST_ASKED: Final = 8  # distances of the study's questions at which the line is held against draws
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,6 +73,8 @@ class DepthVariant:
         Models that the study insists on.
     fields
         Places in the field that the study asks for, beside the axis.
+    ways
+        Which errors the answers are about: ``both``, and ``calibration`` alone where that is asked.
     only_in
         Readings and inverse questions that have it, where neither the study as declared nor a design does.
     """
@@ -78,6 +85,7 @@ class DepthVariant:
     asked: FloatArray
     forced: Models
     fields: tuple[float, ...] = ()
+    ways: tuple[str, ...] = ("both",)
     only_in: tuple[str, ...] = ()
     _errors_px: dict[PictureModels, FloatArray] = field(default_factory=dict, init=False)
 
@@ -190,6 +198,8 @@ class DepthVariant:
         law = self.law
         assert law is not None  # as above
         own = with_models(law.models, in_closed_form(models))
+        if not law.settings.spectrum:  # which other forms of the camera may have
+            own = replace(own, spectrum=OFF)
         if own == law.models:  # remembered, for readings of depth at these places ask for it too
             return law.bound_px(self.reference, self._everywhere)
         if own not in self._errors_px:
@@ -237,7 +247,7 @@ class DepthVariant:
             new = self._half_width(factor, beside)
         return Moved(
             uncertainty=self._split(_relative(new, self._whole))[0],
-            ends=self._shift_of_ends(factor, new, missed),
+            ends=self._shift_of_ends(factor, new, missed, off=off),
         )
 
     def moved_noise(self, models: Models, more_noise: float | FloatArray = 0.0) -> FloatArray:
@@ -246,7 +256,7 @@ class DepthVariant:
         factor = factor * np.where(factor >= 1.0, 1.0 + more_noise, 1.0 - np.asarray(more_noise))
         return self._split(_relative(self._half_width(factor, none), self._by_noise))[0]
 
-    def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray, missed: float) -> float:
+    def _shift_of_ends(self, factor: FloatArray, half_width: FloatArray, missed: float, *, off: bool) -> float:
         """The largest relative shift of an end that the depth uncertainty or the matcher decides, to first order."""
         by_depth, by_matching = self._decided_by
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -258,8 +268,10 @@ class DepthVariant:
                 of_matching = np.log(self._split(factor)[2][:, 1]) / self._slope(self.disparity_error_px({}))
                 shifts = np.maximum(shifts, np.where(by_matching, np.abs(of_matching), 0.0))
         largest = float(np.max(np.where(np.isnan(shifts), np.inf, shifts), initial=0.0))
+        if off and (bound := self.criteria.failed_fraction) is not None and self.ends.size:
+            largest = max(largest, shift_without_calibration(self.reference, bound, self.ends))
         either = (half_width * (1.0 + missed), half_width / (1.0 + missed))
-        anew = any(self._range_appears_or_vanishes(factor, one, largest) for one in either)
+        anew = any(self._range_appears_or_vanishes(factor, one, largest, off=off) for one in either)
         return np.inf if largest > _LARGEST_SHIFT or anew else largest
 
     def _slope(self, values: FloatArray) -> FloatArray:
@@ -284,7 +296,9 @@ class DepthVariant:
         by_depth = near("relative_uncertainty", _NEAR_ITS_BOUND) | near("failed_fraction", _NEAR_A_STEEP_BOUND)
         return by_depth, near("matching", _NEAR_ITS_BOUND)
 
-    def _range_appears_or_vanishes(self, factor: FloatArray, half_width: FloatArray, shift: float) -> bool:
+    def _range_appears_or_vanishes(
+        self, factor: FloatArray, half_width: FloatArray, shift: float, *, off: bool
+    ) -> bool:
         """Whether a limit is kept or broken anew somewhere else than beside an end."""
         changed = np.zeros(self._imaged.shape, dtype=bool)
         bound = self.criteria.relative_uncertainty
@@ -295,7 +309,11 @@ class DepthVariant:
             error = self.disparity_error_px({})
             new, old = (self._split(one)[1] <= LARGEST_ERROR_PX for one in (error * factor, error))
             changed |= new != old
-        others = {name: one for name, one in self.limits.items() if name not in ("relative_uncertainty", "matching")}
+        compared = ["relative_uncertainty", "matching"]
+        if off and (bound := self.criteria.failed_fraction) is not None:
+            changed |= verdict_changed_without_calibration(self.reference, bound, self._imaged)
+            compared.append("failed_fraction")
+        others = {name: one for name, one in self.limits.items() if name not in compared}
         could_be = all_met(others, self.distance.shape)[self.reference.images(self.distance)]
         for end in self.ends:
             changed &= np.abs(np.log(self._imaged / end)) > 2.0 * (shift + _ENDS_ARE_KNOWN_TO)
@@ -344,8 +362,9 @@ class DepthVariant:
         if not has_covariance(self.camera):
             return np.inf, np.nan
         camera, places = acting(self.reference, {"calibration": "linear"}), self.distance[self.usable]
-        asked = self.asked[:_MOST_ASKED]
-        tried = asked[camera.images(asked)]
+        asked = self.asked[camera.images(self.asked)]
+        some = np.linspace(0, max(0, asked.size - 1), _MOST_ASKED).round().astype(int)  # the farthest among them
+        tried = asked[np.unique(some)] if asked.size else asked
         if places.size:
             whole = self._split(self._whole)[1] / self._imaged
             relative = np.where(self.usable[self.reference.images(self.distance)] & np.isfinite(whole), whole, 0.0)
@@ -355,13 +374,18 @@ class DepthVariant:
         tried = np.unique(tried)
         found = [self._linear_error_at(camera, tried, place) for place in (0.0, *self.fields)]
         error = np.max(found, axis=0)
-        return float(error.max()), float(tried[int(np.argmax(error))])
+        largest, at = float(error.max()), float(tried[int(np.argmax(error))])
+        if (bound := self.criteria.failed_fraction) is not None and not largest > _CLEARLY:
+            largest = max(
+                largest, missed_by_the_line(camera, bound, self._imaged[:: max(1, self._imaged.size // 9)], self.ends)
+            )
+        return largest, at
 
     def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: float) -> FloatArray:
         """At a place in the field; 0 where nothing is measured, infinite where only the line says how it is."""
         error = np.zeros(tried.shape) if all_normal(camera) else clear_departure(camera, tried, field)
         if not np.any(error > _CLEARLY):  # else no draws are needed to tell that a line will not do
-            error = model_error(camera, tried, "both", field).intervals
+            error = np.fmax.reduce([model_error(camera, tried, way, field).intervals for way in self.ways])
         measured = ~np.isnan(distribution(camera, tried, "both", field).half_width)
         return np.where(measured, np.where(np.isnan(error), np.inf, error), 0.0)
 
@@ -376,13 +400,6 @@ class DepthVariant:
             with np.errstate(invalid="ignore", divide="ignore"):
                 largest = max(largest, float(np.nanmax(1.0 - noise / both, initial=0.0)))
         return largest
-
-
-def complete_in_closed_form(law: PictureDisparityError) -> PictureModels:
-    """The most complete models of a picture that are closed forms: Fresnel's defocused pupils."""
-    microlenses = law.models.microlens_diffraction != OFF
-    plain = closed_form_models(law.settings, microlenses=microlenses)
-    return replace(plain, main_lens_diffraction="fresnel", microlens_diffraction="fresnel" if microlenses else "off")
 
 
 def _relative(new: FloatArray, old: FloatArray) -> FloatArray:

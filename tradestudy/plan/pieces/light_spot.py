@@ -65,6 +65,8 @@ class LightSpotPiece(Piece):
         self.title = "Picture of the light spot"
         self.asked: tuple[Quantity, ...] = ("pixel_intensity",)
         self._forced = {slot: name for slot, name in forced.items() if name in models_of(slot, "spot")}
+        if part.spot.is_point:  # it has no extent, whatever the study names
+            self._forced.pop("source_extent", None)
         self._part, self._trial = part, LightTrial(part)
         self._found: dict[SpotModels, list[tuple[float, float]]] = {}
         coherent, point, one_line = part.spot.coherent, part.spot.is_point, len(part.lines) == 1

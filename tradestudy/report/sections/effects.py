@@ -15,7 +15,7 @@ from tradestudy.report.words import in_words, share
 from tradestudy.results.views.groups import group, records
 from tradestudy.wording import distance
 
-_HOW: Final = {"computed": "computed", "rule": "closed rule, with a margin", "trial": "tried at a few places"}
+_HOW: Final = {"computed": "computed", "rule": "closed rule, with a margin", "trial": "estimated at a few distances"}
 _FULL: Final = "nothing"
 _COLUMNS: Final = (
     Column(title="Camera or picture", weight=4),

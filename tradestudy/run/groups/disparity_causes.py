@@ -17,10 +17,9 @@ from tradestudy.imaging.passed_texture import picture_electrons
 from tradestudy.imaging.picture import CHANGES, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.pieces.depth import applicable
-from tradestudy.plan.pieces.depth_variant import complete_in_closed_form
 from tradestudy.results import dataset
 from tradestudy.results.depth import distances_without_decision
-from tradestudy.study.acting import in_closed_form, with_models
+from tradestudy.study.acting import complete_in_closed_form, in_closed_form, with_models
 from tradestudy.study.definition import StudyDefinition
 
 STEP: Final = "pictures"

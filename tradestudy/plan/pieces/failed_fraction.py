@@ -1,0 +1,79 @@
+"""What leaving calibration out, or propagating it along a line, does to a usable range that failures limit."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.depth import DepthErrors, model_error
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.effects.models import OFF
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.study.acting import acting
+
+_BESIDE: Final = 1e-2  # of the distance of an end, for the slope there
+_AT_AN_END: Final = 0.05  # as near to an end a fraction is as good as at its limit
+
+
+def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Share of measurements beyond infinity, by the model of propagation that acts."""
+    return DepthErrors.of(camera, distance).failed_fraction
+
+
+def verdict_changed_without_calibration(camera: DepthCamera, bound: float, distance: FloatArray) -> BoolArray:
+    """Where a limit of the failed fraction is kept by noise alone and broken by all errors, or the reverse."""
+    without = failed_fraction(acting(camera, {"calibration": OFF}), distance)
+    return np.asarray((without <= bound) != (failed_fraction(camera, distance) <= bound))
+
+
+def shift_without_calibration(camera: DepthCamera, bound: float, ends: FloatArray) -> float:
+    """The largest relative shift, to first order, of ends that the failed fraction sets; infinite if none fail."""
+    own = failed_fraction(camera, ends)
+    by_failures = np.abs(np.log(np.maximum(own, _TINY) / bound)) < _NEAR
+    if not by_failures.any():
+        return 0.0
+    without = failed_fraction(acting(camera, {"calibration": OFF}), ends[by_failures])
+    with np.errstate(divide="ignore"):
+        moved = np.abs(np.log(without / own[by_failures]))
+    return float(np.max(moved / _slope(camera, ends[by_failures])))
+
+
+def missed_by_the_line(camera: DepthCamera, bound: float, places: FloatArray, ends: FloatArray) -> float:
+    """What a line may move an end that failures set, relative; infinite where it cannot tell whether a limit is kept.
+
+    Parameters
+    ----------
+    camera
+        With the line acting.
+    bound
+        Largest failed fraction.
+    places, ends
+        Where the line is held against draws, and the ends of usable ranges [m].
+    """
+    apart = np.ones(places.shape, dtype=bool)
+    for end in ends:
+        apart &= np.abs(np.log(places / end)) > _AT_AN_END
+    away = places[apart]
+    if away.size:
+        error = model_error(camera, away).failed_fraction
+        if np.any((error > 0.0) & (np.abs(failed_fraction(camera, away) - bound) <= error)):
+            return np.inf
+    own = failed_fraction(camera, ends)
+    set_here = ends[np.abs(np.log(np.maximum(own, _TINY) / bound)) < _NEAR]
+    if not set_here.size:
+        return 0.0
+    error = np.nan_to_num(model_error(camera, set_here).failed_fraction)
+    return float(np.max(np.log1p(error / failed_fraction(camera, set_here)) / _slope(camera, set_here)))
+
+
+_TINY: Final = 1e-300
+_NEAR: Final = 1.0  # of a logarithm: an end is known to a hundredth, over which a fraction changes manifold
+
+
+def _slope(camera: DepthCamera, ends: FloatArray) -> FloatArray:
+    """Of the logarithm of the failed fraction over that of distance, its size."""
+    above, below = (failed_fraction(camera, ends * (1.0 + sign * _BESIDE)) for sign in (1.0, -1.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slope = np.abs(np.log(above / below)) / (2.0 * _BESIDE)
+    return np.where(np.isfinite(slope) & (slope > 0.0), slope, _TINY)
