@@ -376,9 +376,8 @@ class DepthVariant:
         error = np.max(found, axis=0)
         largest, at = float(error.max()), float(tried[int(np.argmax(error))])
         if (bound := self.criteria.failed_fraction) is not None and not largest > _CLEARLY:
-            largest = max(
-                largest, missed_by_the_line(camera, bound, self._imaged[:: max(1, self._imaged.size // 9)], self.ends)
-            )
+            failed = self.limits["failed_fraction"].value[self.reference.images(self.distance)]
+            largest = max(largest, missed_by_the_line(camera, bound, self._imaged, failed, self.ends))
         return largest, at
 
     def _linear_error_at(self, camera: DepthCamera, tried: FloatArray, field: float) -> FloatArray:

@@ -39,7 +39,9 @@ def shift_without_calibration(camera: DepthCamera, bound: float, ends: FloatArra
     return float(np.max(moved / _slope(camera, ends[by_failures])))
 
 
-def missed_by_the_line(camera: DepthCamera, bound: float, places: FloatArray, ends: FloatArray) -> float:
+def missed_by_the_line(
+    camera: DepthCamera, bound: float, places: FloatArray, failed: FloatArray, ends: FloatArray
+) -> float:
     """What a line may move an end that failures set, relative; infinite where it cannot tell whether a limit is kept.
 
     Parameters
@@ -48,17 +50,20 @@ def missed_by_the_line(camera: DepthCamera, bound: float, places: FloatArray, en
         With the line acting.
     bound
         Largest failed fraction.
-    places, ends
-        Where the line is held against draws, and the ends of usable ranges [m].
+    places, failed, ends
+        Distances [m], the failed fraction there by the line, and the ends of usable ranges [m].
     """
     apart = np.ones(places.shape, dtype=bool)
     for end in ends:
         apart &= np.abs(np.log(places / end)) > _AT_AN_END
-    away = places[apart]
-    if away.size:
-        error = model_error(camera, away).failed_fraction
-        if np.any((error > 0.0) & (np.abs(failed_fraction(camera, away) - bound) <= error)):
+    close = np.flatnonzero(apart & (failed > bound / _FAR) & (failed < bound * _FAR))  # else no error reaches it
+    if close.size:
+        close = close[np.unique(np.linspace(0, close.size - 1, _PLACES).round().astype(int))]
+        error = model_error(camera, places[close]).failed_fraction
+        if np.any((error > 0.0) & (np.abs(failed[close] - bound) <= error)):
             return np.inf
+    if not ends.size:
+        return 0.0
     own = failed_fraction(camera, ends)
     set_here = ends[np.abs(np.log(np.maximum(own, _TINY) / bound)) < _NEAR]
     if not set_here.size:
@@ -68,6 +73,8 @@ def missed_by_the_line(camera: DepthCamera, bound: float, places: FloatArray, en
 
 
 _TINY: Final = 1e-300
+_FAR: Final = 30.0
+_PLACES: Final = 9
 _NEAR: Final = 1.0  # of a logarithm: an end is known to a hundredth, over which a fraction changes manifold
 
 
