@@ -53,7 +53,7 @@ def ran(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         progress("report", 0.0)
         if seen["ends"] is not None:
             raise seen["ends"]
-        return SimpleNamespace(unmet_requirements=seen["unmet"])
+        return SimpleNamespace(unmet_requirements=seen["unmet"], lines=lambda: ("Best: a rig",))
 
     monkeypatch.setattr(api, "run", run)
     return seen
@@ -99,7 +99,7 @@ class TestRun:
         assert callable(ran["options"].pop("planned"))
         assert ran["options"] == {"fresh": True, "pdf": False, "with_cost": False, "executor": None}
         assert ran["study"].file.cameras["rig"].baseline == 0.09
-        assert result.stdout == f"{tmp_path / 'here' / 'report.html'}\n"
+        assert result.stdout == f"Best: a rig\nReport: {tmp_path / 'here' / 'report.html'}\n"
 
     def test_by_default_goes_where_the_study_is_named(self, ran: dict[str, Any]) -> None:
         assert invoke("run", RIGHT).exit_code == 0

@@ -39,7 +39,10 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("run")
     done = tradestudy("run", HEADLINE, cwd=folder)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.strip() == "reports/plenoptic-vs-stereo/report.html"
+    *told, last = done.stdout.splitlines()
+    assert last == "Report: reports/plenoptic-vs-stereo/report.html"
+    assert told[0].startswith("Best: ")
+    assert len(told) <= 5
     return folder / "reports" / "plenoptic-vs-stereo"
 
 

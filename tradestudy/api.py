@@ -77,6 +77,22 @@ class Study:
         """Name of the study and of its report folder."""
         return self.file.study
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Values that are possible and hardly ever meant, as ``FILE:LINE:COLUMN: path: what``; a basis silences one."""
+        from tradestudy.study.plausibility import implausible
+
+        return tuple(map(str, implausible(self.definition)))
+
+    @property
+    def folder_name(self) -> str:
+        """Of the report: the study's name, and what was set for this run, so that no variant overwrites the study."""
+        document, tolerance = self.definition.document, self.definition.tolerance
+        said = [f"{'.'.join(map(str, one.path))}={one.text or 'none'}" for one in document.overrides]
+        said += [] if tolerance is None else [f"tolerance={tolerance}"]
+        found = "--".join([self.name, *(_folder_text(one) for one in said)])
+        return found if len(found) <= _LONGEST_FOLDER else f"{self.name}--{provenance.study_hash({'set': said})[:12]}"
+
     def __repr__(self) -> str:
         return f"<Study {self.check_summary()}>"
 
@@ -258,9 +274,12 @@ class Result:
         """What the study requires and no camera gives, and calibrations that were inferred and did not converge."""
         missed = []
         if "requirements" in self.data.children:
-            table = self.data["requirements"].to_dataset().to_dataframe()
-            unmet = table[~table["met"].astype(bool)]
-            missed += [f"{name}: {row['says']} ({row['camera']}: {row['reason']})" for name, row in unmet.iterrows()]
+            columns = ["says", "priority", "met", "camera_deciding", "reason"]
+            table = self.data["requirements"].to_dataset()[columns].to_dataframe()
+            unmet = table[(table["met"] != 1) & (table["priority"] == "must")]
+            missed += [
+                f"{name}: {row['says']} ({row['camera_deciding']}: {row['reason']})" for name, row in unmet.iterrows()
+            ]
         if "calibration" in self.data.children and "posterior_converged" in self.data["calibration"].data_vars:
             chains = self.data["calibration"].to_dataset()
             for name, converged in zip(chains["posterior"].values, chains["posterior_converged"].values, strict=True):
@@ -268,6 +287,33 @@ class Result:
                     why = str(chains["posterior_verdict"].sel(posterior=name).item())
                     missed.append(f"{name}: its calibration did not converge ({why})")
         return missed
+
+    def lines(self, most: int = 5) -> tuple[str, ...]:
+        """The conclusions as a terminal shows them: the best cameras, requirements, what the answers rest on."""
+        from tradestudy.results.views.conclusions import terminal_lines
+
+        return tuple(terminal_lines(self.data, most))
+
+    def conclusions(self, directory: str | Path | None = None) -> dict[str, Any]:
+        """The conclusions as ``--json`` prints them, numbers in SI.
+
+        - ``format`` counts up when a key changes its meaning; ``study``, ``title``, ``question`` are the study's own.
+        - ``best``: for each stretch of distance ``near``, ``far`` [m] and ``cameras`` (titles; none where none is
+          usable).
+        - ``requirements``: ``name``, ``says``, ``priority``, ``met`` (null where undecided), ``camera``, ``margin``
+          (share by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``; in a
+          sweep ``designs_met`` and ``designs``; of one swept number ``met_with``: ``parameter``, ``from``, ``to``,
+          ``error``, ``cameras``.
+        - ``rests_on``: the inputs that decide the answers, in words.
+        - ``measure_first``: what to measure next, in words, empty where nothing says so; ``assumptions``: what knowing
+          each is worth, the most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error``
+          (shares of the distance).
+        - ``report``: where the report is.
+        """
+        from tradestudy.results.views.conclusions import conclusions_as_json
+
+        found = conclusions_as_json(self.data)
+        return found if directory is None else {**found, "report": str(Path(directory) / "report.html")}
 
     @property
     def figure_names(self) -> list[str]:
@@ -324,6 +370,17 @@ class Result:
             f"<table><tr><th>distance</th><th>most certain usable camera</th></tr>{rows}</table>"
             f"<p>{escape(', '.join(self.data.children))}</p>"
         )
+
+
+_LONGEST_SETTING, _LONGEST_FOLDER = 60, 150
+
+
+def _folder_text(text: str) -> str:
+    """A setting as part of a folder's name; a long one is cut and told apart by its hash."""
+    plain = re.sub(r"[^\w.+=%-]+", "-", text).strip("-")
+    if len(plain) <= _LONGEST_SETTING and plain == text.replace(" ", "-"):
+        return plain
+    return f"{plain[:_LONGEST_SETTING]}-{provenance.study_hash({'set': text})[:8]}"
 
 
 def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
@@ -453,7 +510,7 @@ def cost(
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:
-    """Finished runs side by side: inputs that differ, results that moved against the first run.
+    """Finished runs side by side: conclusions and inputs that differ, results that moved against the first run.
 
     Raises
     ------

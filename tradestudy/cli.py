@@ -24,6 +24,7 @@ from tradestudy.errors import RequirementsNotMetError, TradestudyError
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
+    from tradestudy.api import Study
     from tradestudy.execution import Executor
 
 INTERRUPTED = 130
@@ -40,7 +41,10 @@ app = typer.Typer(
 StudyArgument = Annotated[Path, typer.Argument(metavar="STUDY", help="The study file.", show_default=False)]
 DirectoryArgument = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of a finished run.", show_default=False)]
 OutOption = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study>")
+    Path | None,
+    typer.Option(
+        "--out", metavar="DIR", help="Where to.", show_default="reports/<name of the study, and what was set>"
+    ),
 ]
 SetOption = Annotated[
     list[str] | None,
@@ -83,19 +87,24 @@ def run(
     ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Compute again what an earlier run has computed.")] = False,
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf out.")] = False,
-    strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 if a requirement is not met.")] = False,
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Exit with 3 if a requirement that must hold is not met or undecided.")
+    ] = False,
     with_cost: Annotated[
         bool, typer.Option("--with-cost", help="Measure what accuracy costs, too, and show it in the report.")
+    ] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the conclusions as one JSON object instead of lines.")
     ] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
-    """Compute a study and write its report."""
+    """Compute a study, write its report and print what it concludes."""
     with _answering(debug=debug):
         from tradestudy import api
 
-        loaded = api.load(study, set_ or (), tolerance=tolerance)
-        directory = out if out is not None else Path("reports") / loaded.name
+        loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
+        directory = out if out is not None else Path("reports") / loaded.folder_name
         executor = _executor(jobs=jobs, threads=threads, dask=dask)
         with _shown_progress(quiet=quiet) as progress:
             result = api.run(
@@ -108,8 +117,10 @@ def run(
                 executor=executor,
                 planned=lambda plan: progress.expect({step.name: step.seconds for step in plan.steps}),
             )
-        if not quiet:
-            typer.echo(f"{directory / 'report.html'}")
+        if as_json:
+            typer.echo(json.dumps(result.conclusions(directory), indent=2, ensure_ascii=False))
+        elif not quiet:
+            typer.echo("\n".join([*result.lines(), f"Report: {directory / 'report.html'}"]))
         if strict and result.unmet_requirements:
             raise RequirementsNotMetError("requirements not met", value=", ".join(result.unmet_requirements))
 
@@ -128,7 +139,7 @@ def plan(
     with _answering(debug=debug):
         from tradestudy import api
 
-        typer.echo(api.load(study, set_ or (), tolerance=tolerance).plan().text(verbose=verbose))
+        typer.echo(_warned(api.load(study, set_ or (), tolerance=tolerance)).plan().text(verbose=verbose))
 
 
 @app.command()
@@ -148,7 +159,7 @@ def cost(
     with _answering(debug=debug):
         from tradestudy import api
 
-        loaded = api.load(study, set_ or (), tolerance=tolerance)
+        loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
         directory = out if out is not None else Path("reports") / loaded.name
         with _shown_progress(quiet=quiet, is_predicted=False) as progress:  # what fits shows only as it is measured
             told = api.cost(loaded, directory, budget=budget, progress=progress)
@@ -162,7 +173,7 @@ def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = Fal
     with _answering(debug=debug):
         from tradestudy import api
 
-        typer.echo(api.load(study, set_ or ()).check())
+        typer.echo(_warned(api.load(study, set_ or ())).check())
 
 
 @app.command()
@@ -206,7 +217,7 @@ def compare(
     ],
     debug: DebugOption = False,
 ) -> None:
-    """Show runs side by side: inputs that differ, results that moved."""
+    """Show runs side by side: conclusions that changed, inputs that differ, results that moved."""
     with _answering(debug=debug):
         from tradestudy import api
 
@@ -220,6 +231,13 @@ def schema(debug: DebugOption = False) -> None:
         from tradestudy import api
 
         typer.echo(json.dumps(api.schema(), indent=2, ensure_ascii=False))
+
+
+def _warned(study: Study) -> Study:
+    """The same study, after its warnings have been told."""
+    for warning in study.warnings:
+        typer.echo(f"warning: {warning}", err=True)
+    return study
 
 
 def _executor(*, jobs: int | None, threads: int | None, dask: str | None) -> Executor | None:

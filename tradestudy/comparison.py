@@ -1,4 +1,4 @@
-"""Two or more runs side by side: inputs that differ, results that moved."""
+"""Two or more runs side by side: conclusions that changed, inputs that differ, results that moved."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.results.views.conclusions import best_stretches, requirement_conclusions, usable_words
 from tradestudy.wording import counted, listed
 
 ABSENT: Final = "—"
@@ -37,9 +38,13 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What differs between runs, in their order, and how many declared values and computed variables do not."""
+    """What differs between runs, in their order, and how many declared values and computed variables do not.
+
+    Conclusions are verdicts of requirements, best cameras and usable ranges, in words.
+    """
 
     names: tuple[str, ...]
+    conclusions: tuple[Difference, ...]
     inputs: tuple[Difference, ...]
     results: tuple[Difference, ...]
     same_inputs: int
@@ -52,6 +57,9 @@ class Comparison:
     def _lines(self) -> Iterator[str]:
         """What differs, grouped, and how much does not."""
         yield " → ".join(self.names)
+        yield f"Conclusions that changed: {len(self.conclusions) or 'none'}"
+        for difference in self.conclusions:
+            yield from self._told(difference.what, difference.values, indent="  ")
         yield f"Inputs that differ: {len(self.inputs)}, {counted(self.same_inputs, 'other')} the same"
         for difference in self.inputs:
             yield from self._told(difference.what, difference.values, indent="  ")
@@ -97,12 +105,29 @@ def compare_runs(
     moved = len(compared & {difference.what.split(" at ")[0] for difference in results})
     return Comparison(
         names=tuple(names),
+        conclusions=tuple(_conclusions(trees)),
         inputs=inputs,
         results=results,
         same_inputs=len({path for one in declared for path in one}) - len(inputs),
         moved_results=moved,
         same_results=len(compared) - moved,
     )
+
+
+def _conclusions(trees: Sequence[xr.DataTree]) -> Iterator[Difference]:
+    """Verdicts of requirements, best cameras and usable ranges that are not the same in every run."""
+    if not all("cameras" in tree.children for tree in trees):
+        return
+    requirements = [{one.name: one for one in requirement_conclusions(tree)} for tree in trees]
+    says = {name: one.says for found in reversed(requirements) for name, one in found.items()}
+    verdicts = [{says[name]: f"{one.verdict}, {one.camera}" for name, one in found.items()} for found in requirements]
+    best = [{"best camera": "; ".join(one.words for one in best_stretches(tree)) or ABSENT} for tree in trees]
+    ranges = [{f"{title} usable": words for title, words in usable_words(tree).items()} for tree in trees]
+    for found in (verdicts, best, ranges):
+        for what in dict.fromkeys(name for one in found for name in one):
+            values = tuple(one.get(what, ABSENT) for one in found)
+            if len(set(values)) > 1:
+                yield Difference(what=what, values=values)
 
 
 def _variables(tree: xr.DataTree) -> Iterator[str]:

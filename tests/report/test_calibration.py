@@ -103,7 +103,7 @@ def test_a_handover_carries_its_error(make_tree: MakeTree) -> None:
     decision["change_error"][0] = 0.02
     tree["decision"] = xr.DataTree(decision)
     assert list(handovers(decision.isel(reading=0).sel(way="both"))) == [(0.391, 0.02)]
-    assert any("changes hands at 0.391 m ± 20 mm;" in text for text in texts(report_of(tree)))
+    assert any("switches at 0.391 m ± 20 mm;" in text for text in texts(report_of(tree)))
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,7 @@ def test_headings_stand_on_their_pages_in_order(pages: list[str]) -> None:
     body = " ".join(pages[1:]).partition("Assumptions register")[2]  # behind the contents
     names = [
         "Method",
+        "What each source of error favours",
         "Results",
         "Calibration",
         "Claims",

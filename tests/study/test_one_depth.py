@@ -152,7 +152,7 @@ def test_answer_and_requirements_follow_from_the_posterior(before: Result, after
     assert [str(one.sel(distance=10.0).item()) for one in best] == ["", RIG]
     met = [one.data["requirements"].to_dataset()["met"].sel(requirement="mid-range") for one in (before, after)]
     assert [bool(one) for one in met] == [False, True]
-    named = after.data["requirements"].to_dataset()["camera"].sel(requirement="mid-range")
+    named = after.data["requirements"].to_dataset()["camera_deciding"].sel(requirement="mid-range")
     assert str(named.item()) == RIG
     # The same numbers everywhere: the ratio of the decision is that of /depth_at_places.
     widths = depth_of(after, "depth_at_places")["depth_uncertainty"].sel(distance=1.0)

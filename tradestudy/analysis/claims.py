@@ -1,14 +1,13 @@
-"""Claims and requirements of a study, answered by what was computed."""
+"""Claims of a study, answered by what was computed."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from tradestudy.analysis.decision import is_usable
-from tradestudy.analysis.depth import depth_uncertainty, evaluate_depth
+from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.analysis.focus_claims import (
     depth_of_field_ratio,
     depth_of_field_ratio_words,
@@ -25,7 +24,6 @@ from tradestudy.study.schema.questions import (
     ExpectPart,
     LimitDistanceClaim,
     RelativeUncertaintyDistanceClaim,
-    RequirementPart,
     ShareBetterClaim,
     UncertaintyRatioClaim,
 )
@@ -193,49 +191,3 @@ def verdict_over_readings(met: dict[str, bool | None]) -> tuple[str, str]:
 
 def _the_other(count: int) -> str:
     return "the other reading" if count == 1 else f"the other {count} readings"
-
-
-@dataclass(frozen=True, kw_only=True)
-class RequirementAnswer:
-    """Whether a requirement is met, by which camera and by what margin.
-
-    The margin is the bound over the worst value, less one; and the distance of the two over the value's estimated
-    error, NaN where that has no estimate.
-    """
-
-    met: bool
-    camera: str
-    margin_percent: float
-    margin_sigma: float
-    reason: str
-
-
-def answer_requirement(requirement: RequirementPart, case: Case) -> RequirementAnswer:
-    """Hold depth uncertainty, noise and calibration together, against a bound over a range of distances."""
-    names = list(case.cameras) if requirement.camera == "any" else [requirement.camera]
-    answers = [_requirement_of(requirement, case, name) for name in names]
-    return max(answers, key=lambda answer: answer.margin_percent)
-
-
-def _requirement_of(requirement: RequirementPart, case: Case, name: str) -> RequirementAnswer:
-    bound, camera = requirement.depth_uncertainty, case.cameras[name]
-    points = _span(bound.over)
-    scale = points if bound.is_relative else np.ones_like(points)
-    dimension = FRACTION if bound.is_relative else LENGTH
-    values = depth_uncertainty(camera, points) / scale
-    worst = int(np.argmax(np.where(np.isnan(values), np.inf, values)))
-    value = float(values[worst])
-    error = float(evaluate_depth(camera, points[worst : worst + 1]).uncertainty_error[-1, 0] / scale[worst])
-    usable = is_usable(case, name, points)
-    certain = bool(usable.all()) and error > 0.0 and math.isfinite(value)
-    reason = f"worst {pretty(value, dimension)} at {pretty(float(points[worst]), LENGTH)}"
-    if not usable.all():
-        reason = f"not usable at {pretty(float(points[np.argmin(usable)]), LENGTH)}; {reason}"
-    return RequirementAnswer(
-        met=bool(usable.all() and value < bound.limit),
-        camera=name,
-        # A camera that cannot be used misses by all of the bound.
-        margin_percent=(bound.limit / value - 1.0) * 100.0 if usable.all() else -100.0,
-        margin_sigma=(bound.limit - value) / error if certain else math.nan,
-        reason=reason,
-    )

@@ -16,7 +16,6 @@ from tradestudy.analysis.linear_depth import (
     linear_distribution,
     linear_reading,
     noise_distribution,
-    scaled_noise,
 )
 from tradestudy.analysis.second_order import second_order
 from tradestudy.cameras.calibration import ONE_SIGMA
@@ -165,35 +164,20 @@ class DepthErrors:
         """Share of measurements that end beyond infinity."""
         return self._distribution.failed_fraction
 
-    def largest_change(self, change: float) -> FloatArray:
-        """Upper bound on the relative change of the uncertainty if the noise changes by up to this share, either way.
-
-        Calibration is taken as linear. More noise changes the uncertainty by more than less noise does, because depth
-        rises ever more steeply towards the far end of its interval. Infinite where only some of these noises leave the
-        far end finite; NaN where none does, and where no image is formed.
-        """
-        wide, known, narrow = (self._scaled(factor) for factor in (1.0 + change, 1.0, max(0.0, 1.0 - change)))
-        lost = np.isinf(wide)
-        bounded = np.where(~lost & (known > 0.0), known, np.nan)
-        return np.where(lost & np.isfinite(narrow), np.inf, wide / bounded - 1.0)
-
-    @cached_property
-    def _beside_noise(self) -> tuple[float, FloatArray]:
-        """Whether noise acts, and what calibration does in deviations of the noise, shape (distance,)."""
-        noise, calibration = (
-            linear_reading(self.camera, self.distance, 0.0, way).standard_deviation for way in ("noise", "calibration")
-        )
-        acts = self.way != "noise" and self.camera.propagation.model != "off"
-        return float(self.way != "calibration"), calibration / noise if acts else np.zeros_like(noise)
-
-    def _scaled(self, factor: float) -> FloatArray:
-        acts, beside = self._beside_noise
-        return scaled_noise(self.camera, self.distance, 0.0, np.hypot(factor * acts, beside)).half_width
-
 
 def depth_uncertainty(camera: DepthCamera, distance: FloatArray, way: str = "both") -> FloatArray:
     """Half the central 68.27 % interval of depth [m], and nothing else: for root finding."""
     return distribution(camera, _imaged(camera, distance), way).half_width
+
+
+def depth_uncertainty_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Estimated error of `depth_uncertainty` [m]: the standard error of draws, or what a cheaper model misses."""
+    distance = _imaged(camera, distance)
+    found = distribution(camera, distance, "both")
+    if camera.propagation.model == "exact":
+        return found.half_width_error
+    known = np.where(np.isinf(found.half_width), np.nan, found.half_width)
+    return np.asarray(model_error(camera, distance).half_width * known)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

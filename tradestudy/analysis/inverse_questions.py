@@ -1,9 +1,9 @@
-"""Inverse questions: which value of an input makes a camera as certain as another, or as its distance asks."""
+"""Inverse questions: which values of an input make a camera as certain as another, or as its distance asks."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -20,27 +20,47 @@ from tradestudy.study.document import Entry
 from tradestudy.study.expectations import question_ends
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.sweep import quantity_entry
-from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
+from tradestudy.units import FRACTION, LENGTH, Dimension, pretty, significant
+from tradestudy.wording import listed
 
 _ROOT_TOLERANCE: Final = 1e-10
+_PLACES: Final = 9  # between the ends of a question, at which its answer is looked for
 _BEYOND_ALL: Final = 700.0  # a logarithm of two widths that stands for one that has no bound
 
 
 @dataclass(frozen=True, kw_only=True)
-class Solved:
-    """The answer to an inverse question and its standard error, in the SI unit of what was varied."""
+class Solution:
+    """A value that answers an inverse question, and its standard error, in the SI unit of what was varied."""
 
     value: float
     error: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solved:
+    """Every solution of an inverse question within its ends, ascending, and the answer in words."""
+
+    solutions: tuple[Solution, ...]
     dimension: Dimension
     answer: str
 
+    @property
+    def value(self) -> float:
+        """The first of them; NaN where there is none."""
+        return self.solutions[0].value if self.solutions else math.nan
+
+    @property
+    def error(self) -> float:
+        """Its standard error."""
+        return self.solutions[0].error if self.solutions else math.nan
+
 
 def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
-    """Find the value of an input that makes two cameras equally certain at a distance, or one as certain as asked.
+    """Find the values of an input that make two cameras equally certain at a distance, or one as certain as asked.
 
-    The ratio of the uncertainties is followed between the declared ends and its crossing of one is found by Brent's
-    method, on a logarithmic scale, in each scramble of the draws.
+    The ratio of the uncertainties is looked at in nine places between the declared ends; wherever it passes one between
+    two of them, the crossing is found by Brent's method, on a logarithmic scale, in each scramble of the draws. Two
+    crossings between neighbouring places are not seen.
 
     Raises
     ------
@@ -57,23 +77,23 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
             known[log_value] = _log_ratios(definition, question, quantity_entry(math.exp(log_value), dimension))
         return known[log_value]
 
-    logs = (math.log(low), math.log(high))
-    ends = [float(np.mean(log_ratios(log))) for log in logs]
-    if np.isnan(ends).any():
-        return Solved(value=math.nan, error=math.nan, dimension=dimension, answer=_undecided(question))
-    if ends[0] * ends[1] > 0.0:
-        between = f"{pretty(low, dimension)} and {pretty(high, dimension)}"
-        return Solved(
-            value=math.nan,
-            error=math.nan,
-            dimension=dimension,
-            answer=_nowhere(definition, question, between, ends[0] < 0.0),
-        )
-    count = max(len(log_ratios(log)) for log in logs)
-    roots = [_root(_one_scramble(log_ratios, k), logs, question.says) for k in range(count)]
-    value = float(np.mean(np.exp(roots)))
-    error = float(np.std(np.exp(roots), ddof=1) / math.sqrt(len(roots))) if len(roots) > 1 else 0.0
-    return Solved(value=value, error=error, dimension=dimension, answer=_answer(definition, question, value, error))
+    places = np.linspace(math.log(low), math.log(high), _PLACES).tolist()
+    means = np.array([float(np.mean(log_ratios(log))) for log in places])
+    if np.isnan(means).all():
+        return Solved(solutions=(), dimension=dimension, answer=_undecided(question))
+    found = []
+    for k in range(_PLACES - 1):
+        if not means[k] * means[k + 1] <= 0.0 or (means[k] == 0.0 and k > 0):  # a root on a place counts once
+            continue
+        logs = (places[k], places[k + 1])
+        count = max(len(log_ratios(log)) for log in logs)
+        roots = np.exp([_root(_one_scramble(log_ratios, scramble), logs, question.says) for scramble in range(count)])
+        error = float(np.std(roots, ddof=1) / math.sqrt(count)) if count > 1 else 0.0
+        found.append(Solution(value=float(np.mean(roots)), error=error))
+    if not found:
+        answer = _nowhere(definition, question, (low, high), means)
+        return Solved(solutions=(), dimension=dimension, answer=answer)
+    return Solved(solutions=tuple(found), dimension=dimension, answer=_answer(definition, question, found))
 
 
 def _one_scramble(log_ratios: Callable[[float], FloatArray], scramble: int) -> Callable[[float], float]:
@@ -103,8 +123,7 @@ def _log_ratios(definition: StudyDefinition, question: SolvePart, value: Entry) 
         first, second = (_widths(cameras[name], question) for name in question.equal)
     else:
         assert question.camera is not None  # the schema lets no other through
-        assert question.relative is not None
-        first, second = _widths(cameras[question.camera], question), np.array([question.relative * question.at])
+        first, second = _widths(cameras[question.camera], question), np.array([question.goal])
     with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
         found = np.log(first) - np.log(second)
     return np.asarray(np.clip(found, -_BEYOND_ALL, _BEYOND_ALL))
@@ -124,21 +143,41 @@ def _undecided(question: SolvePart) -> str:
     return f"cannot be told: at {where} nothing is measured"
 
 
-def _nowhere(definition: StudyDefinition, question: SolvePart, between: str, first_is_certain: bool) -> str:
-    titles = {name: part.title for name, part in definition.file.cameras.items()}
-    if question.equal is not None:
-        certain = question.equal[0 if first_is_certain else 1]
-        return f"nowhere between {between}: {titles[certain]} is more certain throughout"
-    wanted = f"{pretty(question.relative or 0.0, FRACTION)} at {pretty(question.at, LENGTH)}"
-    met = "certain enough" if first_is_certain else "not certain enough"
-    return f"nowhere between {between}: {titles[question.camera or '']} is {met} throughout for {wanted}"
-
-
-def _answer(definition: StudyDefinition, question: SolvePart, value: float, error: float) -> str:
+def _nowhere(
+    definition: StudyDefinition, question: SolvePart, ends: tuple[float, float], log_ratios: FloatArray
+) -> str:
+    """Who is more certain throughout, and whether an answer may lie beyond an end."""
     dimension = question_ends(question)[0]
-    answer = pretty(value, dimension, digits=3)
-    if error > 0.0:
-        answer += f" ± {pretty(error, dimension, digits=1)}"
+    titles = {name: part.title for name, part in definition.file.cameras.items()}
+    between = " and ".join(pretty(end, dimension) for end in ends)
+    first_is_certain = bool(np.nanmean(log_ratios) < 0.0)
+    if question.equal is not None:
+        told = f"{titles[question.equal[0 if first_is_certain else 1]]} is more certain throughout"
+    else:
+        met = "certain enough" if first_is_certain else "not certain enough"
+        told = f"{titles[question.camera or '']} is {met} throughout for {_goal_words(question)}"
+    away = np.abs(log_ratios)
+    steps = np.diff(away)
+    for towards, end, left in ((np.all(steps < 0.0), ends[1], away[-1]), (np.all(steps > 0.0), ends[0], away[0])):
+        if towards and left < _BEYOND_ALL:
+            factor = significant(math.exp(float(left)), 2)
+            told += f"; it may lie beyond {pretty(end, dimension)}, where the two still differ by a factor of {factor}"
+    return f"nowhere between {between}: {told}"
+
+
+def _goal_words(question: SolvePart) -> str:
+    goal = pretty(question.uncertainty, LENGTH) if question.uncertainty is not None else ""
+    return f"{goal or pretty(question.relative or 0.0, FRACTION)} at {pretty(question.at, LENGTH)}"
+
+
+def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[Solution]) -> str:
+    """Every solution with its error, and the declared value."""
+    dimension = question_ends(question)[0]
+    told = []
+    for one in found:
+        words = pretty(one.value, dimension, digits=3)
+        told.append(words + (f" ± {pretty(one.error, dimension, digits=1)}" if one.error > 0.0 else ""))
+    answer = listed(told) if len(told) == 1 else f"{len(told)} solutions: {listed(told)}"
     path = question.paths[0]
     if definition.document.entry(path) is not None:
         answer += f" (declared: {definition.document.text_of(path)})"

@@ -23,7 +23,9 @@ from tradestudy.figures.calibration_gallery import calibration_drawings
 from tradestudy.figures.cost import cost_drawing
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
+from tradestudy.figures.requirement_margins import margins_drawing
 from tradestudy.figures.style import CameraTrace, traces
+from tradestudy.figures.worths import worths_drawing
 from tradestudy.results.views.decision import answer_title, candidates, has_winners, told_winners
 from tradestudy.results.views.depth import field_words, largest_part, nominal, of_camera, swept, where_usable
 from tradestudy.results.views.groups import camera_titles
@@ -49,7 +51,11 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
         if "depth_field" in tree.children:
             yield _off_axis(tree)
         if swept(tree["depth"].to_dataset()):
+            if (margins := margins_drawing(tree)) is not None:
+                yield margins
             yield from _sweeps(tree)
+    if (worth := worths_drawing(tree)) is not None:
+        yield worth
     if "decision" in tree.children and "uncertainty_ratio" in tree["decision"]:
         yield _readings(tree)
     yield from calibration_drawings(tree)

@@ -57,15 +57,15 @@ def moved_cameras(tree: xr.DataTree) -> tuple[CameraTrace, ...]:
 
 
 # SI unit: factor and unit on axes.
-_AXIS_UNITS = {"m": (MM, "mm"), "rad": (180.0 / np.pi, "°"), "px": (1.0, "px")}
+AXIS_UNITS = {"m": (MM, "mm"), "rad": (180.0 / np.pi, "°"), "px": (1.0, "px")}
 
 
-def _axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, list[str], str]:
+def axis_values(coordinate: xr.DataArray) -> tuple[FloatArray, list[str], str]:
     """Places of the values of a swept coordinate on an axis, their names, and the label; choices stand side by side."""
     name = printable(str(coordinate.attrs.get("long_name", coordinate.name)))
     if coordinate.dtype.kind not in "fiu":
         return np.arange(coordinate.size, dtype=np.float64), [shortened(str(v), 20) for v in coordinate.values], name
-    factor, unit = _AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+    factor, unit = AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
     values = np.asarray(coordinate.values, dtype=np.float64) * factor
     return values, [plain_number(value) for value in values], f"{name} [{unit}]" if unit else name
 
@@ -74,7 +74,7 @@ def shown_value(coordinate: xr.DataArray, value: float | str) -> str:
     """One value of a swept coordinate with its unit."""
     if isinstance(value, str):
         return value
-    factor, unit = _AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+    factor, unit = AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
     return f"{plain_number(value * factor)} {unit}".rstrip()
 
 
@@ -96,7 +96,7 @@ def draw_sweep_map(tree: xr.DataTree) -> StudyFigure:
 def _curves(uncertainty: xr.DataArray, moved: tuple[CameraTrace, ...], dim: str, place: float) -> StudyFigure:
     figure = new_figure(3.0)
     axes = figure.subplots()
-    x, names, label = _axis_values(uncertainty[dim])
+    x, names, label = axis_values(uncertainty[dim])
     for camera in moved:
         y = np.asarray(uncertainty.sel(camera=camera.key).values, dtype=float) * MM
         style = camera.style
@@ -123,7 +123,7 @@ def _maps(
     finite = everything[np.isfinite(everything) & (everything > 0)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (1.0, 10.0)
     norm = LogNorm(vmin=low, vmax=max(high, 1.01 * low))
-    (x, x_names, x_label), (y, y_names, y_label) = (_axis_values(uncertainty[dim]) for dim in dims)
+    (x, x_names, x_label), (y, y_names, y_label) = (axis_values(uncertainty[dim]) for dim in dims)
     for axes, camera in zip(panels.flat, moved, strict=False):
         _map(axes, arrays[camera.key], norm)
         axes.set_xticks(np.arange(len(x)) + 0.5, x_names)

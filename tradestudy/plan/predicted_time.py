@@ -40,6 +40,7 @@ _TABLES_OF_A_CLAIM: Final = 0.4
 _TABLES_OF_A_SOURCE: Final = 0.35  # whose share of the uncertainty is found
 _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
+_TABLES_OF_A_DRAW: Final = 0.3
 _TABLES_OF_A_TRIAL: Final = 0.05
 _PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are known
 # Neither drawing nor typesetting can be tried without the libraries that are half of it. Both are mixed work of the
@@ -231,6 +232,11 @@ class _Prediction:
                 work=f"{counted(places, 'place')} of {cameras} at {distances}",
             )
         yield from self._decision()
+        if (part := file.value_of_information) is not None:
+            each = self.design + _TABLES_OF_A_DRAW * self.all_tables * (1 + len(file.requirements))
+            yield PredictedStep(
+                name="value of information", seconds=part.draws * each, work=counted(part.draws, "combination")
+            )
         if file.sensitivity is not None:
             fields = 1 + len(file.propagation.field_places)
             sources = sum(2 + len(camera.calibration.groups) for camera in case.cameras.values()) * fields

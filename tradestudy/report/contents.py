@@ -9,9 +9,10 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Contents, PageBreak, Report
-from tradestudy.report.sections.answer import describe_answer
+from tradestudy.report.sections.answer import describe_answer, describe_verdicts
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.cost import describe_cost
+from tradestudy.report.sections.datasheet import describe_datasheet
 from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
 from tradestudy.report.sections.effects import describe_effects, list_decisions
 from tradestudy.report.sections.fresnel_validity import describe_fresnel_answer, describe_fresnel_validity
@@ -28,6 +29,7 @@ from tradestudy.report.sections.registers import (
     describe_requirements,
 )
 from tradestudy.report.sections.results import describe_results
+from tradestudy.report.sections.value_of_information import describe_value_of_information
 
 
 def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[str, Drawing]) -> Report:
@@ -54,6 +56,8 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_assumptions(tree),
         *describe_method(tree),
         *describe_effects(tree),
+        *describe_verdicts(tree),
+        *describe_value_of_information(tree, drawings),
         *describe_results(tree, drawings),
         *describe_calibration(tree, run, drawings),
         *describe_depth_of_field(tree, drawings),
@@ -65,6 +69,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_claims(tree),
         *describe_requirements(tree),
         *describe_contradictions(tree),
+        *describe_datasheet(tree),
         *list_decisions(tree),
         *describe_provenance(run),
     )

@@ -12,12 +12,14 @@ import numpy as np
 
 from tradestudy.results.calibration import CALIBRATION, RANKS, SENSITIVITY
 from tradestudy.results.cost import COST
+from tradestudy.results.datasheet import DATASHEET
 from tradestudy.results.depth import DEPTH, DEPTH_FIELD, DISPARITY_CAUSES
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.results.effects import EFFECTS
 from tradestudy.results.hard_cases import HARD_CASES
 from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
 from tradestudy.results.registers import ASSUMPTIONS, CAMERAS, CONTRADICTIONS, CRITERIA
+from tradestudy.results.value_of_information import VALUE_OF_INFORMATION
 from tradestudy.results.variable import PAPER, Variable
 from tradestudy.results.wave_optics import FRESNEL_VALIDITY, IMAGES, POINT_SPREAD
 
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FORMAT_VERSION", "GROUPS", "PAPER", "Variable", "dataset"]
 
-FORMAT_VERSION: Final = 4
+FORMAT_VERSION: Final = 5
 
 GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "cameras": CAMERAS,
@@ -46,7 +48,9 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "effects": EFFECTS,
     "cost": COST,
     "claims": CLAIMS,
+    "datasheet": DATASHEET,
     "requirements": REQUIREMENTS,
+    "value_of_information": VALUE_OF_INFORMATION,
     "assumptions": ASSUMPTIONS,
     "contradictions": CONTRADICTIONS,
 }

@@ -80,11 +80,26 @@ DECISION: Final[Mapping[str, Variable]] = {
     "crossover_nearer": Variable(
         dims=("reading", "way", "crossing"), units="", long_name="camera that is more certain nearer than the crossing"
     ),
+    "cause": Variable(
+        dims=("camera",),
+        units="",
+        long_name="the uncertain input that contributes most of the variance, on average over the usable distances, "
+        "and its basis",
+    ),
+    "cause_share": Variable(
+        dims=("camera",),
+        units="1",
+        long_name="share of the variance that this input contributes alone, on the line in inverse depth",
+        error="that of the line",
+    ),
+    "solution_count": Variable(
+        dims=("question",), units="1", long_name="how many values between the declared ends answer it", error="exact"
+    ),
     "solved_value": Variable(
         dims=("question",),
         units="mixed",
-        long_name="value of the varied input that makes two cameras equally certain, or one as certain as asked, in "
-        "solved_units",
+        long_name="least value of the varied input that makes two cameras equally certain, or one as certain as asked, "
+        "in solved_units",
         error="solved_error",
     ),
     "solved_error": Variable(
@@ -124,27 +139,96 @@ CLAIMS: Final[Mapping[str, Variable]] = {
     ),
 }
 
+_OF_REQUIREMENT: Final = ("requirement",)
+_OF_CAMERA: Final = ("requirement", "camera")
 REQUIREMENTS: Final[Mapping[str, Variable]] = {
-    "says": Variable(dims=("requirement",), units="", long_name="the requirement"),
-    "met": Variable(dims=("requirement",), units="1", long_name="whether it is met"),
-    "camera": Variable(dims=("requirement",), units="", long_name="camera that comes nearest to it"),
+    "says": Variable(dims=_OF_REQUIREMENT, units="", long_name="the requirement"),
+    "priority": Variable(dims=_OF_REQUIREMENT, units="", long_name="must, which --strict insists on, or should"),
+    "quantity": Variable(dims=_OF_REQUIREMENT, units="", long_name="what is held against the bound"),
+    "of": Variable(dims=_OF_REQUIREMENT, units="", long_name="the camera that it concerns, any or all"),
+    "met": Variable(dims=_OF_REQUIREMENT, units="1", long_name="1 met, 0 not met, −1 cannot be decided"),
+    "camera_deciding": Variable(
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="camera that comes nearest to the requirement or keeps it best; of all, the one that keeps it worst",
+    ),
+    "value": Variable(
+        dims=_OF_REQUIREMENT, units="mixed", long_name="worst value over the distances, in SI", error="value_error"
+    ),
+    "value_error": Variable(
+        dims=_OF_REQUIREMENT, units="mixed", long_name="estimated error of that value", error="an estimate of an error"
+    ),
+    "bound": Variable(dims=_OF_REQUIREMENT, units="mixed", long_name="what it is held against, in SI", error="exact"),
+    "place": Variable(
+        dims=_OF_REQUIREMENT, units="m", long_name="distance of the worst value", error="a hundredth of a hundredth"
+    ),
     "margin_percent": Variable(
-        dims=("requirement",),
+        dims=_OF_REQUIREMENT,
         units="percent",
-        long_name="bound over worst value, less one; negative when missed",
-        error=SEE_ERROR,
+        long_name="share by which the worst value keeps its bound; negative when missed, by at least the share of the "
+        "distances, on a logarithmic scale, where the camera is not usable",
+        error="as that of the value",
     ),
     "margin_sigma": Variable(
-        dims=("requirement",),
+        dims=_OF_REQUIREMENT,
         units="1",
         long_name="bound less worst value, over the estimated error of that value; NaN where it has none",
         error="as good as that estimate",
     ),
+    "conformity": Variable(
+        dims=_OF_REQUIREMENT,
+        units="1",
+        long_name="probability that the true worst value keeps the bound, its error taken as normal",
+        error="as good as the estimate of that error",
+    ),
     "within_tolerance": Variable(
-        dims=("requirement",),
+        dims=_OF_REQUIREMENT,
         units="1",
         long_name="whether a change of the worst value by as much as the tolerance could overturn the answer",
         error="exact",
     ),
-    "reason": Variable(dims=("requirement",), units="", long_name="the worst value and where it lies"),
+    "reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="the worst value and where it lies"),
+    "rests_on": Variable(
+        dims=_OF_REQUIREMENT,
+        units="",
+        long_name="the uncertain input that contributes most of the variance at the worst place, and its basis",
+    ),
+    "rests_on_share": Variable(
+        dims=_OF_REQUIREMENT,
+        units="1",
+        long_name="share of the variance that this input contributes alone, on the line in inverse depth",
+        error="that of the line",
+    ),
+    "camera_met": Variable(
+        dims=_OF_CAMERA, units="1", long_name="1 met by this camera, 0 not met, −1 cannot be decided or not asked"
+    ),
+    "camera_margin_percent": Variable(
+        dims=_OF_CAMERA, units="percent", long_name="margin_percent of this camera", error="as that of its value"
+    ),
+    "camera_reason": Variable(dims=_OF_CAMERA, units="", long_name="its worst value and where it lies"),
+    "design_met": Variable(
+        dims=_OF_REQUIREMENT, units="1", long_name="1 met in this design, 0 not met, −1 cannot be decided"
+    ),
+    "design_camera": Variable(dims=_OF_REQUIREMENT, units="", long_name="camera that decides in this design"),
+    "design_margin_percent": Variable(
+        dims=_OF_REQUIREMENT, units="percent", long_name="margin_percent in this design", error="as that of the value"
+    ),
+    "met_from": Variable(
+        dims=("requirement", "stretch"),
+        units="mixed",
+        long_name="where a stretch of the one swept parameter begins in which the requirement is met, in its SI unit",
+        error="met_to_within",
+    ),
+    "met_to": Variable(
+        dims=("requirement", "stretch"), units="mixed", long_name="where it ends", error="met_to_within"
+    ),
+    "met_to_within": Variable(
+        dims=("requirement", "stretch"),
+        units="mixed",
+        long_name="error of those ends: half of what the root is bracketed by; 0 at an end of the sweep",
+        error="an estimate of an error",
+    ),
+    "met_camera": Variable(
+        dims=("requirement", "stretch"), units="", long_name="cameras that decide in this stretch, by growing parameter"
+    ),
 }

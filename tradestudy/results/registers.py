@@ -23,6 +23,7 @@ ASSUMPTIONS: Final[Mapping[str, Variable]] = {
     "basis": Variable(dims=("path",), units="", long_name="paper, datasheet, measured, assumed or derived"),
     "note": Variable(dims=("path",), units="", long_name="note"),
     "cameras": Variable(dims=("path",), units="", long_name="cameras that the value belongs to; empty for the study"),
+    "warning": Variable(dims=("warned",), units="", long_name="what is possible and hardly ever meant, with its path"),
 }
 
 CONTRADICTIONS: Final[Mapping[str, Variable]] = {

@@ -9,13 +9,16 @@ from tradestudy.execution import Steps
 from tradestudy.execution.steps import Seconds
 from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
-from tradestudy.run.groups.decision import claims_group, decision_group, requirements_group
+from tradestudy.run.groups.datasheet import datasheet_group
+from tradestudy.run.groups.decision import claims_group, decision_group
 from tradestudy.run.groups.depth import depth_at_places_group, depth_field_group, depth_group
 from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
 from tradestudy.run.groups.effects import effects_group
 from tradestudy.run.groups.ranks import ranks_group
 from tradestudy.run.groups.registers import assumptions_group, cameras_group, contradictions_group
+from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.run.inference import infer_calibrations
+from tradestudy.study.sweep import sweep_axes, sweep_points
 
 NOMINAL = "as declared"
 
@@ -47,6 +50,7 @@ def compute(
     progress = steps.progress
     seconds = {} if seconds is None else seconds
     readings = {NOMINAL: definition, **definition.readings}
+    designs = sweep_points(definition, sweep_axes(definition))
     groups: dict[str, xr.Dataset] = {
         "/": xr.Dataset(
             attrs={
@@ -69,18 +73,23 @@ def compute(
         groups["/effects"] = effects_group(plan)
     if definition.case.cameras:
         compute_kirchhoff_pictures(definition, progress)
-        groups["/depth"] = depth_group(definition, steps)
+        groups["/depth"] = depth_group(definition, designs, steps)
         if file.propagation.field_places:
             groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
         if file.decision is not None:
             groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
         if (causes := disparity_causes_group(definition)) is not None:
             groups["/disparity_causes"] = causes
+        groups["/datasheet"] = datasheet_group(definition)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"], progress)
         progress("decision", 1.0)
         if file.decision is not None:
             groups["/decision"] = groups["/decision"].merge(ranks_group(definition, progress))
     # What few studies ask for is imported where they do.
+    if file.value_of_information is not None:
+        from tradestudy.run.groups.value_of_information import value_of_information_group
+
+        groups["/value_of_information"] = value_of_information_group(definition, file.value_of_information, progress)
     if file.sensitivity is not None:
         from tradestudy.run.groups.sensitivity import sensitivity_group
 
@@ -118,6 +127,6 @@ def compute(
     if file.claims:
         groups["/claims"] = claims_group(definition, readings, progress)
     if file.requirements:
-        groups["/requirements"] = requirements_group(definition)
+        groups["/requirements"] = requirements_group(definition, designs, steps)
     progress("claims", 1.0)
     return xr.DataTree.from_dict(groups)

@@ -182,7 +182,7 @@ class StudyDefinition:
             distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
         )
         asked = {float(one) for one in some} | set(() if file.decision is None else file.decision.at)
-        asked |= {end for one in file.requirements.values() for end in one.depth_uncertainty.over}
+        asked |= {end for one in file.requirements.values() for end in one.required.over}
         return replace(
             file.propagation.propagation(file.accuracy.asked().tolerances["depth_uncertainty"]),
             judged=tuple(sorted(asked)),

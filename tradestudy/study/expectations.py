@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Protocol
 
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.schema.questions import (
@@ -17,7 +18,6 @@ from tradestudy.study.schema.questions import (
     PsfErrorClaim,
     RelativeUncertaintyDistanceClaim,
     ShareBetterClaim,
-    SolvePart,
     UncertaintyRatioClaim,
 )
 from tradestudy.study.sweep import common_dimension
@@ -50,8 +50,20 @@ def expectation_bounds(claim: ClaimPart) -> float:
     return parse(text, claim_dimension(claim))
 
 
-def question_ends(question: SolvePart) -> tuple[Dimension, float, float]:
-    """What an inverse question varies between, in SI.
+class Varied(Protocol):
+    """What varies a value between two ends."""
+
+    @property
+    def low(self) -> str:
+        """With its unit."""
+
+    @property
+    def high(self) -> str:
+        """Likewise."""
+
+
+def question_ends(question: Varied) -> tuple[Dimension, float, float]:
+    """What an inverse question or an assumption varies between, in SI.
 
     Raises
     ------
@@ -60,12 +72,10 @@ def question_ends(question: SolvePart) -> tuple[Dimension, float, float]:
     """
     dimension = common_dimension(question.low, question.high)
     if dimension is None:
-        raise OutOfRangeError(
-            "the ends of an inverse question have no common unit", value=f"{question.low} … {question.high}"
-        )
+        raise OutOfRangeError("the ends have no common unit", value=f"{question.low} … {question.high}")
     low, high = parse(question.low, dimension), parse(question.high, dimension)
     if not 0.0 < low < high < math.inf:
         raise OutOfRangeError(
-            "the ends of an inverse question", value=f"{question.low} … {question.high}", limit="0 < low < high"
+            "the ends of what is varied", value=f"{question.low} … {question.high}", limit="0 < low < high"
         )
     return dimension, low, high

@@ -11,6 +11,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, Value
 from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
+from tradestudy.study.schema.value_of_information import AssumptionPart
 from tradestudy.study.sweep import sweep_axes
 
 _INFERRED_ANEW = (
@@ -53,19 +54,20 @@ def _problems_of_changes(definition: StudyDefinition) -> Iterator[Problem]:
         except StudyError as error:
             yield from (place.problem(where, f"{problem.path}: {problem.what}") for problem in error.problems)
             continue
-        if where[0] == "solve":
+        if where[0] in ("solve", "value_of_information"):
             for name in definition.posterior_keys.items() - changed.posterior_keys.items():
                 yield place.problem(where, _INFERRED_ANEW.format(name[0]))
 
 
 def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
     """Expectations of claims and ends of inverse questions that do not read as what they are held against."""
-    checks: list[tuple[tuple[str, str, str], Callable[[], object]]] = [
+    checks: list[tuple[tuple[str, ...], Callable[[], object]]] = [
         *(
             (("claims", name, "expect"), partial(expectation_bounds, claim))
             for name, claim in definition.file.claims.items()
         ),
         *((("solve", name, "low"), partial(question_ends, one)) for name, one in definition.file.solve.items()),
+        *(((*where, "low"), partial(question_ends, one)) for where, one in _assumptions(definition)),
     ]
     for where, check in checks:
         try:
@@ -85,3 +87,12 @@ def _changes(definition: StudyDefinition) -> Iterator[Change]:
     for name, question in definition.file.solve.items():
         for value in (question.low, question.high):
             yield ("solve", name, "vary"), dict.fromkeys(question.paths, value)
+    for where, one in _assumptions(definition):
+        for value in (one.low, one.high):
+            yield (*where, "vary"), dict.fromkeys(one.paths, value)
+
+
+def _assumptions(definition: StudyDefinition) -> Iterator[tuple[tuple[str, str, str], AssumptionPart]]:
+    if (part := definition.file.value_of_information) is not None:
+        for name, one in part.assumptions.items():
+            yield ("value_of_information", "assumptions", name), one

@@ -12,9 +12,26 @@ from tradestudy.errors import UnaffordableError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, ScalarEntry, text_of
 from tradestudy.study.schema.questions import SweepRangePart
-from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse
+from tradestudy.units import (
+    ANGLE,
+    DURATION,
+    ELECTRONS,
+    EXPANSION,
+    FRACTION,
+    LENGTH,
+    NUMBER,
+    PIXELS,
+    PRESSURE,
+    TEMPERATURE_DIFFERENCE,
+    Dimension,
+    UnitError,
+    parse,
+)
 
-_DIMENSIONS: tuple[Dimension, ...] = (LENGTH, ANGLE, PIXELS, FRACTION, NUMBER)
+# A number without a unit is a plain number before it is anything else.
+_DIMENSIONS: tuple[Dimension, ...] = (
+    LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
+)  # fmt: skip
 MOST_POINTS = 20_000
 
 
@@ -23,7 +40,7 @@ class SweepAxis:
     """One swept value: its dotted path, each value, and labels (SI floats, or text for choices).
 
     ``declared`` is the value that the study has without the sweep, as one of the labels; empty text where it has none.
-    Numbers stand in increasing order.
+    Numbers stand in increasing order, in SI, and have a dimension.
     """
 
     path: str
@@ -31,6 +48,7 @@ class SweepAxis:
     labels: tuple[float, ...] | tuple[str, ...]
     units: str
     declared: float | str
+    dimension: Dimension | None = None
 
 
 def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
@@ -120,6 +138,7 @@ def _axis(path: str, values: tuple[ScalarEntry, ...], definition: StudyDefinitio
         labels=tuple(ordered),
         units=dimension.unit or "1",
         declared=next((label for label in labels if math.isclose(label, own, rel_tol=1e-12)), ""),
+        dimension=dimension,
     )
 
 

@@ -267,7 +267,7 @@ def _distances_asked(file: StudyFile) -> Iterator[float]:
     yield from () if file.sensitivity is None else file.sensitivity.at
     yield from (one.at for one in file.solve.values())
     for requirement in file.requirements.values():
-        yield from requirement.depth_uncertainty.over
+        yield from requirement.required.over
     for claim in file.claims.values():
         yield from getattr(claim, "over", None) or ()
 

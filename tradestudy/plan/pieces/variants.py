@@ -36,6 +36,16 @@ def every_variant(definition: StudyDefinition) -> Iterator[tuple[str, StudyDefin
         dimension, low, high = question_ends(question)
         for value in np.linspace(low, high, _OF_QUESTIONS):
             yield name, definition.with_values(dict.fromkeys(question.paths, quantity_entry(float(value), dimension)))
+    for variant in _assumed(definition):
+        yield "value_of_information", variant
+
+
+def _assumed(definition: StudyDefinition) -> Iterator[StudyDefinition]:
+    """Each assumption at either end, the others as declared."""
+    part = definition.file.value_of_information
+    for one in part.assumptions.values() if part is not None else ():
+        for value in (one.low, one.high):
+            yield definition.with_values(dict.fromkeys(one.paths, value))
 
 
 def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:

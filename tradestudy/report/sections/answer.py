@@ -14,6 +14,7 @@ from tradestudy.report.document import (
     Callout,
     Column,
     Heading,
+    Paragraph,
     Spans,
     Table,
     Text,
@@ -21,6 +22,13 @@ from tradestudy.report.document import (
     say,
 )
 from tradestudy.report.words import in_words, length, share, with_error
+from tradestudy.results.views.conclusions import (
+    RequirementConclusion,
+    measure_first,
+    requirement_conclusions,
+    requirement_details,
+    rests_on,
+)
 from tradestudy.results.views.decision import (
     Flips,
     answer_title,
@@ -34,22 +42,72 @@ from tradestudy.results.views.decision import (
 from tradestudy.results.views.depth import largest_part, nominal, nominal_is_declared
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
-from tradestudy.wording import counted, distance, span
+from tradestudy.wording import counted, distance, listed, span
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
-    """Say which camera for which distance, how sure, what decides it, and what would turn it over."""
+    """Say which camera for which distance, which requirements are met, what decides that, and what would reverse it."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         return
     solved = (say("{says} **{answer}**.", says=says, answer=answer) for says, answer in solved_questions(tree))
     yield Heading(text="The answer", anchor="answer")
     yield Callout(
         title="Which camera for which distance",
-        blocks=(Bullets((*_stretches(tree), *_changes(tree), *_ways(tree), *solved)),),
+        blocks=(Bullets((*_stretches(tree), *_changes(tree), *solved)),),
         tone="answer",
     )
-    yield from pictures_of(drawings, "whole_range")
-    yield from _stability(tree)
+    requirements = requirement_conclusions(tree)
+    if requirements:
+        missed = any(one.met is not True and one.priority == "must" for one in requirements)
+        yield Callout(
+            title="Requirements",
+            blocks=(Bullets(tuple(map(_requirement, requirements))),),
+            tone="warning" if missed else "answer",
+        )
+    yield from (Paragraph(text) for text in (*_rests_on(tree), *_reversed(tree), *_measure_first(tree)))
+    yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
+
+
+def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
+    """What noise and calibration favour by themselves, and how the verdict on the pair fares under other readings."""
+    ways, table = tuple(_ways(tree)), tuple(_stability(tree))
+    if table:
+        yield Heading(text="What each source of error favours, and under which readings", anchor="verdicts")
+        yield Bullets(ways)
+        yield from table
+
+
+def _requirement(one: RequirementConclusion) -> Spans:
+    """A requirement with its verdict first."""
+    return say("**{verdict}**: {rest}.", verdict=one.verdict.capitalize(), rest=requirement_details(one))
+
+
+def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
+    """What decides the answers most, and on what that rests."""
+    told = rests_on(tree)
+    if told:
+        yield say("**This rests on** {inputs}.", inputs="; ".join(told))
+
+
+def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
+    """Which assumption to replace by a measurement."""
+    if first := measure_first(tree):
+        head, _, rest = first.partition(": ")
+        yield say("**{head}:** {rest}.", head=head, rest=rest) if rest else say("{head}.", head=head)
+
+
+def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
+    """Readings under which another of the pair wins, by distance."""
+    found = tuple(flips(tree))
+    if not any(one.alternatives for one in found):
+        return
+    told = [
+        f"at {distance(one.place)} under {listed([name for name, _ in one.flipped])}" for one in found if one.flipped
+    ]
+    if told:
+        yield say("**Reversed** {told}; [](#verdict-table) has every reading.", told="; ".join(told))
+    else:
+        yield say("No reading that was tried reverses it.")
 
 
 def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
@@ -125,7 +183,7 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
         else ""
     )
     yield say(
-        "Between {first} and {second} the answer changes hands **{own}**{moved}.",
+        "Between {first} and {second} the preferred camera switches **{own}**{moved}.",
         first=first,
         second=second,
         own=own,

@@ -10,8 +10,8 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
-from tradestudy.report.words import in_words
+from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.words import in_words, or_dash
 from tradestudy.results.views.groups import camera_families, camera_titles, group, has, records
 from tradestudy.units import significant
 
@@ -59,10 +59,18 @@ def _properties(tree: xr.DataTree, family: str, keys: list[str]) -> Iterator[Blo
 
 def describe_assumptions(tree: xr.DataTree) -> Iterator[Block]:
     """Write the register of assumptions: every value with a basis, what is assumed first."""
-    rows = records(tree, "assumptions", "path")
-    if not rows:
+    rows, warned = records(tree, "assumptions", "path"), records(tree, "assumptions", "warned")
+    if not rows and not warned:
         return
     yield Heading(text="Assumptions", anchor="assumptions")
+    if warned:
+        yield Callout(
+            title="Unusual values",
+            blocks=(Bullets(tuple(str(row["warning"]) for row in warned)),),
+            tone="warning",
+        )
+    if not rows:
+        return
     counts = Counter(str(row["basis"]) for row in rows)
     known = [basis for basis in _BASES if counts[basis]] + sorted(set(counts) - set(_BASES))
     yield Paragraph(
@@ -229,11 +237,11 @@ def describe_requirements(tree: xr.DataTree) -> Iterator[Block]:
                 str(r["says"]),
                 say(
                     "**{met}**{near}",
-                    met="yes" if bool(r["met"]) else "no",
+                    met={1: "yes", 0: "no", -1: "cannot be decided"}[int(r["met"])],
                     near=_NEAR if r["within_tolerance"] else "",
                 ),
-                titles.get(str(r["camera"]), str(r["camera"])),
-                significant(float(r["margin_percent"]), 2),
+                titles.get(str(r["camera_deciding"]), str(r["camera_deciding"])),
+                or_dash(float(r["margin_percent"]), lambda percent: significant(percent, 2)),
                 significant(float(r["margin_sigma"]), 2) if math.isfinite(float(r["margin_sigma"])) else "—",
                 str(r["reason"]),
             )

@@ -26,6 +26,8 @@ def describe_results(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iter
     if has(tree, "depth"):
         yield Heading(text="Results", anchor="results")
         yield from _usable_range(tree)
+        if "requirement_margins" in drawings:  # which stands on the first page in its place
+            yield from pictures_of(drawings, "whole_range")
         yield Heading(text="Depth discrimination and uncertainty", anchor="depth", level=2)
         yield from pictures_of(drawings, "close_range", "mid_range")
         yield _values_at_places(tree)

@@ -1,4 +1,4 @@
-"""/decision, /claims and /requirements: the questions of a study, answered under every reading of the assumptions."""
+"""/decision and /claims: the questions of a study, answered under every reading of the assumptions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from tradestudy.analysis.causes import largest_cause
 from tradestudy.analysis.claims import (
-    answer_requirement,
     claim_quantity,
     claim_value,
     could_be_overturned,
@@ -26,6 +26,7 @@ from tradestudy.analysis.inverse_questions import solve
 from tradestudy.execution.steps import Progress, mixed
 from tradestudy.results import dataset
 from tradestudy.run.groups.depth import depth_as_declared
+from tradestudy.study.bases import input_words
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.expectations import claim_dimension
 from tradestudy.study.schema.questions import ClaimPart
@@ -68,6 +69,15 @@ def decision_group(
         ],
         axis=-1,
     )
+    causes = {}
+    for name, camera in case.cameras.items():
+        used = nominal["usable"].values[rows[name]]
+        causes[name] = largest_cause(camera, case.distance[used] if used.any() else case.distance)
+    values["cause"] = [
+        "" if one is None else input_words(definition, name, one.parameter) for name, one in causes.items()
+    ]
+    values["cause_share"] = [math.nan if one is None else one.share for one in causes.values()]
+    coordinates["camera"] = list(case.cameras)
     if file.decision is not None:
         pair = (file.decision.between[0], file.decision.between[1])
         places = np.array(file.decision.at)
@@ -85,6 +95,7 @@ def decision_group(
             solved.append(solve(definition.of_question(name), question))
             tell()
         values |= {
+            "solution_count": [len(answer.solutions) for answer in solved],
             "solved_value": [answer.value for answer in solved],
             "solved_error": [answer.error for answer in solved],
             "solved_units": [answer.dimension.unit for answer in solved],
@@ -191,23 +202,3 @@ def _readings_of(claim: ClaimPart, names: list[str]) -> tuple[str, ...]:
     """The readings under which a claim is answered, its own first."""
     own = claim.reading or names[0]
     return own, *([name for name in names if name != own] if claim.under == "all" else claim.under)
-
-
-def requirements_group(definition: StudyDefinition) -> xr.Dataset:
-    """/requirements: met or not, and by what margin."""
-    requirements = definition.file.requirements
-    answers = [answer_requirement(requirement, definition.case) for requirement in requirements.values()]
-    tolerance = 100.0 * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
-    return dataset(
-        "requirements",
-        {
-            "says": [requirement.says for requirement in requirements.values()],
-            "met": [answer.met for answer in answers],
-            "camera": [answer.camera for answer in answers],
-            "margin_percent": [answer.margin_percent for answer in answers],
-            "margin_sigma": [answer.margin_sigma for answer in answers],
-            "within_tolerance": [float(abs(answer.margin_percent) <= tolerance) for answer in answers],
-            "reason": [answer.reason for answer in answers],
-        },
-        {"requirement": list(requirements)},
-    )

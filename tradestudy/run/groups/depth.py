@@ -26,13 +26,13 @@ from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.sweep import point_labels, sweep_axes, sweep_points
+from tradestudy.study.sweep import point_labels, sweep_axes
 
 
-def depth_group(definition: StudyDefinition, steps: Steps) -> xr.Dataset:
-    """/depth over (swept parameters, camera, distance)."""
+def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> xr.Dataset:
+    """/depth over (swept parameters, camera, distance); the designs are those of `sweep_points`."""
     axes = sweep_axes(definition)
-    cases = [design.case for design in sweep_points(definition, axes)]
+    cases = [design.case for design in designs]
     distance = definition.case.distance
     asked = [(camera, case.criteria) for case in cases for camera in case.cameras.values()]
     names = [f"{name}, {label}" for case, label in zip(cases, point_labels(axes), strict=True) for name in case.cameras]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 
 import xarray as xr
@@ -13,6 +13,7 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Document, Place
+from tradestudy.study.plausibility import implausible
 
 SET_FOR_THIS_RUN = "set for this run"
 
@@ -48,7 +49,11 @@ def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
     """
     document = definition.under_tolerance
     rows = [*_set_for_this_run(document), *_declared(document)]
-    values = {name: [row[name] for row in rows] for name in ("value", "basis", "note", "cameras")}
+    values: dict[str, Sequence[str | None]] = {
+        name: [row[name] for row in rows] for name in ("value", "basis", "note", "cameras")
+    }
+    if warned := implausible(definition):
+        values["warning"] = [f"{one.path}: {one.what}" for one in warned]
     return dataset("assumptions", values, {"path": [row["path"] for row in rows]})
 
 

@@ -87,7 +87,7 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """An inverse question: which value makes two cameras equally certain at a distance, or one as certain as wanted?"""
+    """An inverse question: which values make two cameras equally certain at a distance, or one as certain as asked?"""
 
     says: Text
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
@@ -98,16 +98,25 @@ class SolvePart(Part):
     equal: Pair | None = Field(default=None, description="Cameras that are to be equally certain.")
     camera: CameraName | None = Field(default=None, description="Instead: the camera that is to be certain enough.")
     relative: PositiveFraction | None = Field(default=None, description="Its depth uncertainty over the distance.")
+    uncertainty: PositiveLength | None = Field(default=None, description="Its depth uncertainty, instead of relative.")
     at: ObjectDistance
     errors: Way = Field(default="both", description="Which errors count.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
         if (self.equal is None) == (self.camera is None):
-            raise MistakeAt((), "give either equal (two cameras), or camera and relative")
-        if (self.camera is None) != (self.relative is None):
-            raise MistakeAt((), "camera and relative (its uncertainty over the distance) belong together")
+            raise MistakeAt((), "give either equal (two cameras), or camera and relative or uncertainty")
+        goals = (self.relative is not None) + (self.uncertainty is not None)
+        if goals != (self.camera is not None):
+            raise MistakeAt(
+                (), "camera and one of relative (uncertainty over distance) and uncertainty belong together"
+            )
         return self
+
+    @property
+    def goal(self) -> float:
+        """Depth uncertainty that the one camera is to reach [m]."""
+        return self.uncertainty if self.uncertainty is not None else (self.relative or 0.0) * self.at
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -288,38 +297,6 @@ ClaimPart = Annotated[
     | LitPixelsClaim,
     Field(discriminator="quantity"),
 ]
-
-
-class BoundOverPart(Part):
-    """An upper bound, absolute or relative to the distance, that holds over a range of distances."""
-
-    below: PositiveLength | None = Field(default=None, description="Absolute bound.")
-    below_relative: PositiveFraction | None = Field(default=None, description="Bound as a share of the distance.")
-    over: Span
-
-    @model_validator(mode="after")
-    def _one_way(self) -> Self:
-        if (self.below is None) == (self.below_relative is None):
-            raise MistakeAt((), "give exactly one of below and below_relative")
-        return self
-
-    @property
-    def is_relative(self) -> bool:
-        """Whether the bound is a share of the distance."""
-        return self.below is None
-
-    @property
-    def limit(self) -> float:
-        """The bound, in metres or as a share."""
-        return self.below if self.below is not None else self.below_relative or 0.0
-
-
-class RequirementPart(Part):
-    """What a camera must do; ``any`` asks whether at least one camera does it."""
-
-    says: Text
-    camera: CameraName
-    depth_uncertainty: BoundOverPart
 
 
 SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)]

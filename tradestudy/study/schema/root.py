@@ -21,13 +21,14 @@ from tradestudy.study.schema.questions import (
     ClaimPart,
     DecisionPart,
     ReadingPart,
-    RequirementPart,
     SolvePart,
     SweepRangePart,
     SweepValues,
     UsableRangePart,
 )
+from tradestudy.study.schema.requirements import RequirementPart
 from tradestudy.study.schema.scene import ScenePart
+from tradestudy.study.schema.value_of_information import ValueOfInformationPart
 from tradestudy.study.schema.wave_claims import wave_claim_mistakes
 from tradestudy.study.schema.wave_optics import FresnelValidityPart, PointSpreadPart
 
@@ -63,6 +64,7 @@ class StudyFile(Part):
     solve: dict[Name, SolvePart] = {}
     claims: dict[Name, ClaimPart] = {}
     requirements: dict[Name, RequirementPart] = {}
+    value_of_information: ValueOfInformationPart | None = None
     sweep: dict[str, SweepValues | SweepRangePart] = {}
 
     @field_validator("format", mode="before")
@@ -109,6 +111,10 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
         if self.relief is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose scene it is worked out for"))
+        if self.value_of_information is not None and not any(
+            isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()
+        ):
+            mistakes.append(MistakeAt(("value_of_information",), "needs cameras that measure depth"))
         if self.sensitivity is not None and not any(
             isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()
         ):
@@ -151,8 +157,9 @@ def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
     for key, claim in _mapping(tree.get("claims")).items():
         named += [(("claims", key, word), _mapping(claim).get(word)) for word in ("camera", "against")]
     for key, requirement in _mapping(tree.get("requirements")).items():
-        named.append((("requirements", key, "camera"), _mapping(requirement).get("camera")))
-    return [(path, name) for path, name in named if name is not None and (path[0] != "requirements" or name != "any")]
+        if (name := _mapping(requirement).get("camera")) not in ("any", "all"):
+            named.append((("requirements", key, "camera"), name))
+    return [(path, name) for path, name in named if name is not None]
 
 
 def _named_readings(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:

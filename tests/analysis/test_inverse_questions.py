@@ -1,0 +1,87 @@
+"""Inverse questions with one answer, several, none, and one beyond their ends."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.inverse_questions import Solved, solve
+from tradestudy.errors import StudyError
+
+STUDIES = Path(__file__).parents[2] / "studies"
+
+
+def asked(**question: Any) -> tuple[tradestudy.Study, Solved]:
+    values = {"says": "which value?", "at": "3 m", **question}
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values({"solve": {"own": values}})
+    definition = study.plan().definition.of_question("own")
+    return study, solve(definition, definition.file.solve["own"])
+
+
+def uncertainty(study: tradestudy.Study, values: dict[str, str], camera: str, at: float) -> float:
+    case = study.plan().definition.with_values(values).case
+    return float(depth_uncertainty(case.cameras[camera], np.array([at]))[0])
+
+
+BASELINE = {"vary": "stereo-75mm.baseline", "low": "30 mm", "high": "150 mm"}
+
+
+@pytest.mark.parametrize("goal", [{"relative": "1 %"}, {"uncertainty": "30 mm"}])
+def test_the_baseline_that_makes_one_per_cent_at_three_metres(goal: dict[str, str]) -> None:
+    study, found = asked(**BASELINE, camera="stereo-75mm", **goal)
+    (one,) = found.solutions
+    assert uncertainty(study, {"stereo-75mm.baseline": f"{one.value} m"}, "stereo-75mm", 3.0) == pytest.approx(0.03)
+    assert found.answer == "53.4 mm (declared: 75 mm)"
+
+
+def test_an_answer_beyond_an_end_is_said_with_what_is_left() -> None:
+    study, found = asked(**{**BASELINE, "low": "60 mm"}, camera="stereo-75mm", relative="1 %")
+    assert found.solutions == ()
+    assert np.isnan(found.value)
+    said = re.fullmatch(
+        r"nowhere between 60 mm and 150 mm: Stereo head, 75 mm is certain enough throughout for 1 % at 3 m; it may lie "
+        r"beyond 60 mm, where the two still differ by a factor of ([\d.]+)",
+        found.answer.replace("\N{NO-BREAK SPACE}", " "),
+    )
+    assert said
+    left = 0.03 / uncertainty(study, {"stereo-75mm.baseline": "60 mm"}, "stereo-75mm", 3.0)
+    assert float(said[1]) == pytest.approx(left, rel=0.06)
+
+
+def test_two_solutions_are_both_told() -> None:
+    """The rig is surest in focus: nearer and farther focus distances blur a target at 0.6 m alike."""
+    question = {"vary": "stereo-75mm.focus_distance", "low": "100 mm", "high": "5 m", "camera": "stereo-75mm"}
+    goal = 1.02
+    base = tradestudy.load(STUDIES / "robot.yaml")
+    wide = {"stereo-75mm.lenses.f_number": "1.2", "stereo-75mm.calibration.errors.yaw.standard_deviation": "1e-5 deg"}
+    least = uncertainty(base, {**wide, "stereo-75mm.focus_distance": "0.6 m"}, "stereo-75mm", 0.6)
+    study = base.with_values(
+        {**wide, "solve": {"own": {"says": "?", "at": "0.6 m", "uncertainty": f"{goal * least} m", **question}}}
+    )
+    definition = study.plan().definition.of_question("own")
+    found = solve(definition, definition.file.solve["own"])
+    assert len(found.solutions) == 2
+    for one in found.solutions:
+        there = uncertainty(study, {"stereo-75mm.focus_distance": f"{one.value} m"}, "stereo-75mm", 0.6)
+        assert there == pytest.approx(goal * least, rel=1e-3)
+    assert found.solutions[0].value < 0.6 < found.solutions[1].value
+    assert found.answer.startswith("2 solutions: ")
+
+
+@pytest.mark.parametrize(
+    ("goal", "message"),
+    [
+        ({"camera": "stereo-75mm"}, "belong together"),
+        ({"camera": "stereo-75mm", "relative": "1 %", "uncertainty": "1 mm"}, "belong together"),
+        ({"uncertainty": "1 mm"}, "give either equal"),
+    ],
+)
+def test_a_question_without_one_goal_is_refused(goal: dict[str, str], message: str) -> None:
+    with pytest.raises(StudyError, match=message):
+        asked(**BASELINE, **goal)

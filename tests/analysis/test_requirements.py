@@ -1,0 +1,240 @@
+"""Requirements held against cameras and designs: verdicts, margins, guard bands, and where a sweep meets them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tradestudy.analysis.depth import depth_uncertainty, depth_uncertainty_error, evaluate_depth
+from tradestudy.analysis.requirements import Held, Judge, hold, is_kept
+from tradestudy.errors import StudyError
+from tradestudy.run.groups.requirements import requirements_group
+from tradestudy.study.schema.requirements import GuardBandPart, RequirementPart
+from tradestudy.study.sweep import sweep_axes, sweep_points
+
+STUDIES = Path(__file__).parents[2] / "studies"
+ROBOT = STUDIES / "robot.yaml"
+ONE_PER_CENT = {"depth_uncertainty": {"below_relative": "1 %", "over": ["0.4 m", "3 m"]}}
+
+
+def held(**values: Any) -> Held:
+    plain = {
+        "camera": "a", "met": True, "value": 0.009, "bound": 0.01, "place": 1.0, "error": 5e-4,
+        "margin": 0.01 / 0.009 - 1, "unusable": 0.0, "reason": "",
+    }  # fmt: skip
+    return Held(**(plain | values))
+
+
+def robot(**requirements: dict[str, Any]) -> tradestudy.Study:
+    own = {name: {"says": name, **values} for name, values in requirements.items()}
+    return tradestudy.load(ROBOT).with_values({"requirements": {"near-and-mid": None, **own}})
+
+
+def part(study: tradestudy.Study, name: str) -> RequirementPart:
+    return study.file.requirements[name]
+
+
+def test_conformity_is_the_probability_that_the_true_value_keeps_the_bound() -> None:
+    """Limit 1 %, value 0.9 %, u 0.05 %: Φ(2) = 0.97725; 5 % risk needs 1.645 u."""
+    one = held()
+    assert one.margin_in_errors == pytest.approx(2.0)
+    assert one.conformity == pytest.approx(0.9772499, abs=1e-6)
+    assert GuardBandPart.model_validate({"risk": "5 %"}).width == pytest.approx(1.6448536, abs=1e-6)
+    assert held(value=0.011, margin=0.01 / 0.011 - 1).conformity == pytest.approx(0.0227501, abs=1e-6)
+    assert held(error=0.0).conformity == 1.0
+    assert math.isnan(held(met=None, margin=math.nan).conformity)
+
+
+def test_a_guard_band_is_kept_off_the_bound() -> None:
+    study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT})
+    case, required = study.definition.case, part(study, "near")
+    plain = hold(required, case, "stereo-75mm")
+    assert plain.met
+    assert plain.error > 0.0
+    errors = (plain.bound - plain.value) / plain.error
+    for width, met in ((0.99 * errors, True), (1.01 * errors, False)):
+        guarded = required.model_copy(update={"guard_band": GuardBandPart.model_validate({"standard_errors": width})})
+        assert hold(guarded, case, "stereo-75mm").met is met
+
+
+def test_the_worst_value_is_that_of_a_fine_grid() -> None:
+    study = robot(near={"camera": "raytrix-r5", "depth_uncertainty": {"below": "5 mm", "over": ["0.4 m", "0.9 m"]}})
+    case = study.definition.case
+    found = hold(part(study, "near"), case, "raytrix-r5")
+    fine = np.geomspace(0.4, 0.9, 4001)
+    values = depth_uncertainty(case.cameras["raytrix-r5"], fine)
+    assert found.value == pytest.approx(values.max(), rel=1e-6)
+    assert found.place == pytest.approx(fine[values.argmax()], rel=1e-3)
+    assert found.margin == pytest.approx(5e-3 / values.max() - 1.0, rel=1e-6)
+    assert not found.met
+
+
+def test_errors_of_single_values_are_those_of_the_table() -> None:
+    case, places = tradestudy.load(ROBOT).definition.case, np.array([0.5, 1.0, 3.0])
+    for camera in case.cameras.values():
+        table = evaluate_depth(camera, places).uncertainty_error[-1]
+        np.testing.assert_allclose(depth_uncertainty_error(camera, places), table, rtol=1e-12)
+
+
+def test_any_takes_the_nearest_and_all_the_farthest() -> None:
+    study = robot(any={"camera": "any", **ONE_PER_CENT}, all={"camera": "all", **ONE_PER_CENT})
+    judge, case = Judge(), study.definition.case
+    margins = {name: hold(part(study, "any"), case, name).margin for name in case.cameras}
+    nearest, every = judge.answer(part(study, "any"), case)
+    farthest, _ = judge.answer(part(study, "all"), case)
+    assert nearest.camera == max(margins, key=lambda name: margins[name]) == "stereo-75mm"
+    assert farthest.camera == min(margins, key=lambda name: margins[name]) == "raytrix-r5"
+    assert (nearest.met, farthest.met) == (True, False)
+    assert {name: one.margin for name, one in every.items()} == margins
+
+
+def test_a_camera_that_is_not_usable_misses_by_at_least_the_share_where_it_is_not() -> None:
+    study = robot(far={"camera": "raytrix-r5", "depth_uncertainty": {"below": "1 km", "over": ["0.4 m", "3 m"]}})
+    found = hold(part(study, "far"), study.definition.case, "raytrix-r5")
+    assert not found.met
+    # The R5 is usable up to 1.12 m of these.
+    assert found.unusable == pytest.approx(np.log(3.0 / 1.12) / np.log(3.0 / 0.4), abs=0.02)
+    assert found.margin == -found.unusable
+    assert found.reason.startswith("not usable at 1.1")
+
+
+@pytest.mark.parametrize(
+    ("quantity", "met"),
+    [
+        ({"overlap": {"above": "60 %", "over": ["0.4 m", "3 m"]}}, True),
+        ({"overlap": {"above": "99.9 %", "over": ["0.4 m", "3 m"]}}, False),
+        ({"lateral_resolution": {"below": "5 mm", "over": ["0.4 m", "3 m"]}}, True),
+        ({"lateral_resolution": {"below": "1 mm", "over": ["0.4 m", "3 m"]}}, False),
+        ({"failed_fraction": {"below": "1 %", "over": ["0.4 m", "3 m"]}}, True),
+        ({"usable": {"over": ["0.4 m", "3 m"]}}, True),
+    ],
+)
+def test_other_quantities(quantity: dict[str, Any], met: bool) -> None:
+    study = robot(own={"camera": "stereo-75mm", **quantity})
+    case, required = study.definition.case, part(study, "own")
+    found = hold(required, case, "stereo-75mm")
+    assert found.met is met
+    assert is_kept(required, case) is met
+    if "overlap" in quantity:  # of parallel views: 1 − f B/(w Z), least at the nearest distance
+        width = 1280 * 3e-6
+        focus = 2.65e-3 / (1.0 - 2.65e-3)  # the image of 1 m
+        assert found.value == pytest.approx(1.0 - focus * 75e-3 / (width * 0.4), rel=1e-3)
+        assert found.place == pytest.approx(0.4)
+    if "usable" in quantity:
+        assert found.margin == pytest.approx(1.0 / 3.0)  # 4 m over 3 m, the nearer end of 0.4/0.3 and 4/3
+
+
+def test_a_camera_without_overlap_decides_nothing() -> None:
+    study = robot(own={"camera": "any", "overlap": {"above": "60 %", "over": ["0.4 m", "3 m"]}})
+    one, every = Judge().answer(part(study, "own"), study.definition.case)
+    assert every["raytrix-r5"].met is None
+    assert one.met
+    assert one.camera.startswith("stereo")
+
+
+def test_all_cameras_are_undecided_if_one_has_no_overlap_and_a_bound_of_nothing_is_kept() -> None:
+    over = {"over": ["0.4 m", "3 m"]}
+    study = robot(
+        every={"camera": "all", "overlap": {"above": "60 %", **over}},
+        nothing={"camera": "stereo-75mm", "overlap": {"above": "0 %", **over}},
+    )
+    one, _ = Judge().answer(part(study, "every"), study.definition.case)
+    assert (one.met, one.camera) == (None, "raytrix-r5")
+    assert not is_kept(part(study, "every"), study.definition.case)
+    free = hold(part(study, "nothing"), study.definition.case, "stereo-75mm")
+    assert free.met
+    assert free.margin == math.inf
+    with pytest.raises(StudyError, match="failed_fraction"):
+        robot(own={"camera": "any", "failed_fraction": {"below": "0 %", **over}})
+
+
+def test_a_usable_range_that_ends_within_is_missed() -> None:
+    study = robot(own={"camera": "raytrix-r5", "usable": {"over": ["0.4 m", "3 m"]}})
+    found = hold(part(study, "own"), study.definition.case, "raytrix-r5")
+    assert not found.met
+    assert found.margin == pytest.approx(-found.unusable)
+
+
+@pytest.mark.parametrize(
+    ("requirement", "message"),
+    [
+        ({"camera": "any"}, "exactly one of depth_uncertainty"),
+        (
+            {"camera": "any", **ONE_PER_CENT, "usable": {"over": ["1 m", "2 m"]}},
+            "give exactly one of depth_uncertainty",
+        ),
+        ({"camera": "all", **ONE_PER_CENT, "guard_band": {}}, "standard_errors and risk"),
+        ({"camera": "nobody", **ONE_PER_CENT}, "no camera is called 'nobody'"),
+        ({"camera": "any", **ONE_PER_CENT, "priority": "may"}, "must"),
+    ],
+)
+def test_impossible_requirements_are_refused_at_their_place(requirement: dict[str, Any], message: str) -> None:
+    with pytest.raises(StudyError, match=message):
+        robot(own=requirement)
+
+
+def test_the_end_of_a_stretch_is_a_root_and_not_a_design() -> None:
+    """The threshold of the 75 mm head's baseline, found by direct bisection on the uncertainty at 3 m."""
+    study = robot(near={"camera": "stereo-75mm", **ONE_PER_CENT}).with_values(
+        {"sweep": {"stereo-75mm.baseline": ["30 mm", "60 mm", "90 mm"]}}
+    )
+    definition = study.plan().definition
+    found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), _Quiet())
+    low, high = 0.03, 0.09
+    while high - low > 1e-6:
+        middle = (low + high) / 2.0
+        camera = definition.with_values({"stereo-75mm.baseline": f"{middle} m"}).case.cameras["stereo-75mm"]
+        low, high = (low, middle) if depth_uncertainty(camera, np.array([3.0]))[0] < 0.03 else (middle, high)
+    begins, ends = (float(found[name].values[0, 0]) for name in ("met_from", "met_to"))
+    error = float(found["met_to_within"].values[0, 0])
+    assert abs(begins - high) <= 2.0 * error + 1e-6
+    assert error <= 0.001 * high  # a tenth of the study's 2 %, halved
+    assert ends == 0.09
+    assert found["design_met"].values[:, 0].tolist() == [0, 1, 1, 1]  # the declared 75 mm among them
+
+
+class _Quiet:
+    """Steps that nobody watches."""
+
+    def progress(self, _step: str, _share: float) -> None:
+        """Hear nothing."""
+
+
+class _TwoStretches:
+    """A judge for whom a requirement is met from 2 to 3.3 and from 5.71 to 8 of the parameter."""
+
+    def answer(self, _requirement: object, case: float) -> tuple[Held, dict[str, Held]]:
+        met = 2.0 <= case <= 3.3 or 5.71 <= case <= 8.0
+        return replace(held(met=met), camera="near" if case < 4.0 else "far"), {}
+
+
+def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
+    from types import SimpleNamespace
+
+    from tradestudy.run.groups.requirements import _stretches
+    from tradestudy.study.sweep import SweepAxis, quantity_entry
+    from tradestudy.units import NUMBER
+
+    labels = tuple(float(k) for k in range(1, 11))
+    axis = SweepAxis(
+        path="x", values=tuple(quantity_entry(one, NUMBER) for one in labels), labels=labels, units="1", declared=1.0,
+        dimension=NUMBER,
+    )  # fmt: skip
+    tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
+    definition = SimpleNamespace(
+        file=SimpleNamespace(requirements={"r": None}, accuracy=tolerances),
+        with_values=lambda values: SimpleNamespace(case=float(values["x"].value)),
+    )
+    judge = _TwoStretches()
+    column = [judge.answer(None, one)[0] for one in labels]
+    found = _stretches(definition, "r", axis, column, judge)  # type: ignore[arg-type]  # stand-ins
+    assert [(one.cameras) for one in found] == ["near", "far"]
+    np.testing.assert_allclose([one.low for one in found], [2.0, 5.71], rtol=1e-3)
+    np.testing.assert_allclose([one.high for one in found], [3.3, 8.0], rtol=1e-3)
+    assert all(one.error <= 0.0005 * one.high for one in found)

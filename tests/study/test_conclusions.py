@@ -1,0 +1,234 @@
+"""What a run concludes, read back from its sentences: terminal, JSON and first page say the same as the results."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+from typer.testing import CliRunner
+
+import tradestudy
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.api import Result
+from tradestudy.cli import app
+from tradestudy.comparison import compare_runs
+from tradestudy.results.views.conclusions import (
+    best_stretches,
+    conclusions_as_json,
+    measure_first,
+    path_words,
+    requirement_conclusions,
+    requirement_sentence,
+    rests_on,
+    terminal_lines,
+    worths,
+)
+
+STUDIES = Path(__file__).parents[2] / "studies"
+ASKED = {
+    "requirements": {
+        "near-and-mid": None,
+        "per-cent": {
+            "says": "1 % from 0.4 to 3 m",
+            "camera": "any",
+            "depth_uncertainty": {"below_relative": "1 %", "over": ["0.4 m", "3 m"]},
+        },
+        "wish": {
+            "says": "an R5 that sees as far",
+            "camera": "raytrix-r5",
+            "priority": "should",
+            "usable": {"over": ["0.4 m", "3 m"]},
+        },
+    },
+    "scene.distances.points": 40,
+}
+SWEPT = {"sweep": {"stereo-75mm.baseline": {"from": "30 mm", "to": "150 mm", "points": 5}}}
+WORTH: dict[str, Any] = {
+    "value_of_information": {
+        "draws": 64,
+        "assumptions": {
+            "yaw": {
+                "says": "yaw of both heads",
+                "vary": [f"stereo-{b}mm.calibration.errors.yaw.standard_deviation" for b in (50, 75)],
+                "low": "0.001 deg",
+                "high": "0.1 deg",
+            },
+            "light": {"vary": "scene.picture.light.electrons", "low": "500 electrons", "high": "9000 electrons"},
+        },
+    }
+}
+
+
+def ran(*values: dict[str, Any]) -> Result:
+    merged: dict[str, Any] = {}
+    for one in values:
+        merged |= one
+    return tradestudy.load(STUDIES / "robot.yaml").with_values(merged).run()
+
+
+@pytest.fixture(scope="module")
+def swept() -> Result:
+    return ran(ASKED, SWEPT)
+
+
+@pytest.fixture(scope="module")
+def valued() -> Result:
+    return ran(ASKED, WORTH)
+
+
+def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_rests(swept: Result) -> None:
+    best, met, wish, rests = swept.lines()
+    assert best == "Best: Stereo head, 75 mm from 0.3 m to 4 m"
+    found = re.fullmatch(
+        r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
+        r"baseline of Stereo head, 75 mm from ([\d.]+) mm on \(tried up to 150 mm\)",
+        met,
+    )
+    assert found
+    worst, spare, begins = map(float, found.groups())
+    case = tradestudy.load(STUDIES / "robot.yaml").definition.case
+    truth = depth_uncertainty(case.cameras["stereo-75mm"], np.array([3.0]))[0] / 3.0
+    assert worst / 100.0 == pytest.approx(truth, rel=0.02)
+    assert spare / 100.0 == pytest.approx(0.01 / truth - 1.0, rel=0.05)
+    assert begins == pytest.approx(53.4, rel=0.02)
+    assert wish.startswith("Not met: an R5 that sees as far (should), not by Raytrix R5 (not usable at 1.1")
+    assert wish.endswith("; met by no design that was tried")
+    assert re.fullmatch(
+        r"Rests on, so measure first: yaw of Stereo head, 75 mm, assumed 0\.01 deg \(9\d % of the variance\)", rests
+    )
+
+
+def test_json_has_the_numbers_of_the_results(swept: Result) -> None:
+    told = json.loads(json.dumps(swept.conclusions("somewhere"), allow_nan=False))
+    data = swept.data["requirements"].to_dataset()
+    assert told["format"] == 1
+    assert told["report"] == str(Path("somewhere") / "report.html")
+    one = next(row for row in told["requirements"] if row["name"] == "per-cent")
+    here = data.sel(requirement="per-cent")
+    assert one["met"] is True
+    assert one["margin"] == pytest.approx(float(here["margin_percent"]) / 100.0)
+    assert one["met_with"][0]["from"] == float(here["met_from"].values[0])
+    assert one["designs_met"] == int((here["design_met"].values == 1).sum())
+    assert told["best"] == [{"near": 0.3, "far": 4.0, "cameras": ["Stereo head, 75 mm"]}]
+
+
+def test_what_must_hold_comes_first_and_counts_for_strict(swept: Result) -> None:
+    assert [one.priority for one in requirement_conclusions(swept.data)] == ["must", "should"]
+    assert swept.unmet_requirements == []
+
+
+def test_every_requirement_is_told_in_the_cases_it_can_be_in(swept: Result) -> None:
+    def told(**changes: Any) -> str:
+        tree = swept.data.copy()
+        data = tree["requirements"].to_dataset().copy(deep=True)
+        for name, value in changes.items():
+            data[name][{"requirement": 0}] = value
+        tree["requirements"] = xr.DataTree(data)
+        one = next(c for c in requirement_conclusions(tree) if c.name == "per-cent")
+        return requirement_sentence(one)
+
+    assert told(met=0, margin_percent=-12.0).startswith("Not met: 1 % from 0.4 to 3 m, nearest is Stereo head")
+    assert "missed by 12 %" in told(met=0, margin_percent=-12.0)
+    assert told(met=-1, margin_percent=np.nan).startswith("Cannot be decided: 1 %")
+    assert told(met_from=0.06, met_to=0.09).endswith("from 60 mm to 90 mm")
+    assert told(met_from=0.03, met_to=0.09).endswith("up to 90 mm (tried from 30 mm)")
+    assert told(met_from=0.03, met_to=0.15).endswith("anywhere from 30 mm to 150 mm")
+    assert told(met_from=np.nan, met_to=np.nan).endswith("met by no design that was tried")
+
+
+def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
+    assert len(swept.lines()) == 4
+    *_, more, rests = terminal_lines(swept.data, 3)
+    assert more == "and 2 more in the report, 1 not met"
+    assert rests.startswith("Rests on, so measure first")
+
+
+def test_paths_are_read_as_words(swept: Result) -> None:
+    assert path_words(swept.data, "stereo-75mm.baseline") == "baseline of Stereo head, 75 mm"
+    assert path_words(swept.data, "cameras.raytrix-r5.main_lens.f_number") == "main lens f number of Raytrix R5"
+    assert path_words(swept.data, "scene.wavelength") == "scene wavelength"
+
+
+def test_assumptions_are_ranked_and_chances_are_shares(valued: Result) -> None:
+    data = valued.data["value_of_information"].to_dataset()
+    assert [one.worth for one in worths(valued.data)] == sorted(data["worth"].values.tolist(), reverse=True)
+    assert np.all(data["best_probability"].values >= 0.0)
+    assert np.all(data["best_probability"].sum("candidate").values <= 1.0)
+    assert float(data["best_overall"].sum()) == pytest.approx(1.0)
+    assert np.all(data["worth"].values <= data.attrs["worth_of_all"] + 3.0 * data.attrs["worth_of_all_error"])
+    assert measure_first(valued.data)
+    # A requirement that yaw alone decides: its probability is the share of yaws below the one that just meets it.
+    probability = float(data["requirement_probability"].sel(requirement="per-cent"))
+    assert 0.1 < probability < 0.9
+    assert conclusions_as_json(valued.data)["assumptions"][0]["assumption"] in (
+        "yaw of both heads",
+        "light electrons",
+    )
+
+
+def test_one_assumption_alone_is_worth_what_nested_quadrature_says() -> None:
+    """Of two decisions by one assumption, partial and perfect information are the same; the mean is an integral."""
+    yaw = WORTH["value_of_information"]["assumptions"]["yaw"]
+    only = {"value_of_information": {"draws": 256, "assumptions": {"yaw": yaw}}}
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values({**ASKED, **only})
+    data = study.run().data["value_of_information"].to_dataset()
+    places = data["place"].values
+    definition = study.plan().definition
+
+    def utilities(angle: float) -> list[float]:
+        case = definition.with_values(dict.fromkeys(yaw["vary"], f"{angle} deg")).case
+        found = []
+        for name in data["candidate"].values:
+            relative = depth_uncertainty(case.cameras[name], places) / places
+            found.append(-float(np.mean(np.where(relative <= 0.1, relative, 1.0))))  # usable up to 10 %
+        return found
+
+    shares = (np.arange(64) + 0.5) / 64
+    table = np.array([utilities(1e-3 * 100.0**share) for share in shares])
+    truth = table.max(axis=1).mean() - table.mean(axis=0).max()
+    assert float(data["worth"].values[0]) == pytest.approx(truth, abs=3.0 * float(data["worth_error"].values[0]) + 1e-3)
+    assert data.attrs["worth_of_all"] == pytest.approx(truth, abs=3.0 * data.attrs["worth_of_all_error"] + 1e-3)
+
+
+def test_a_run_with_something_set_has_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    study = STUDIES / "robot.yaml"
+    plain = tradestudy.load(study)
+    other = tradestudy.load(study, ["stereo-75mm.baseline=90 mm"], tolerance="5 %")
+    assert plain.folder_name == "robot"
+    assert other.folder_name == "robot--cameras.stereo-75mm.baseline=90-mm--tolerance=5-%"
+    long = tradestudy.load(study, ["title=" + "x" * 300])
+    assert len(long.folder_name) < 100
+    assert long.folder_name != tradestudy.load(study, ["title=" + "x" * 301]).folder_name
+    few = ["--set", "scene.distances.points=5", "--set", "title=Few"]
+    told = CliRunner().invoke(app, ["run", str(study), *few, "--no-pdf", "--json"])
+    assert told.exit_code == 0, told.output
+    assert json.loads(told.stdout)["study"] == "robot"
+    assert [one.name for one in (tmp_path / "reports").iterdir()] == [
+        tradestudy.load(study, [few[1], few[3]]).folder_name
+    ]
+
+
+def test_what_it_rests_on_names_the_basis(swept: Result) -> None:
+    assert rests_on(swept.data)[0].startswith("yaw of Stereo head, 75 mm, assumed 0.01 deg")
+    causes = swept.data["decision"].to_dataset()["cause"]
+    assert str(causes.sel(camera="raytrix-r5").item()) == "matching noise of Raytrix R5, derived from the picture"
+    assert [one.words for one in best_stretches(swept.data)] == ["Stereo head, 75 mm from 0.3 m to 4 m"]
+
+
+def test_comparing_begins_with_conclusions_that_changed(swept: Result) -> None:
+    narrow = {"stereo-75mm.baseline": "40 mm", "stereo-50mm.baseline": "40 mm"}
+    other = ran(ASKED, narrow)
+    found = compare_runs(["wide", "narrow"], [{}, {}], [swept.data, other.data])
+    told = {one.what: one.values for one in found.conclusions}
+    assert told["1 % from 0.4 to 3 m"] == ("met, Stereo head, 75 mm", "not met, Stereo head, 75 mm")
+    lines = str(found).splitlines()
+    assert lines[1] == f"Conclusions that changed: {len(told)}"
+    assert "  1 % from 0.4 to 3 m: met, Stereo head, 75 mm → not met, Stereo head, 75 mm" in lines
+    same = compare_runs(["one", "other"], [{}, {}], [swept.data, swept.data])
+    assert str(same).splitlines()[1] == "Conclusions that changed: none"

@@ -1,0 +1,291 @@
+"""Requirements of a study held against its cameras: the worst value over distance, its margin and its place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from statistics import NormalDist
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.decision import is_usable
+from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, depth_uncertainty_error, evaluate_depth
+from tradestudy.analysis.usable import usable_intervals
+from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.definition import Case
+from tradestudy.study.schema.requirements import (
+    BoundOverPart,
+    LengthBelowPart,
+    RequirementPart,
+    ShareAbovePart,
+    ShareBelowPart,
+    UsablePart,
+)
+from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
+
+ANY: Final = "any"
+ALL: Final = "all"
+_POINTS: Final = 101  # over the distances of a requirement; and again around the worst of them
+_COARSE: Final = 9
+_ABSENT: Final = "the camera has none"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """One requirement held against one camera.
+
+    Parameters
+    ----------
+    camera
+        Its name.
+    met
+        Whether it holds over all distances, its guard band included; None where there is no value.
+    value, bound
+        The worst value, and what it is held against, in the SI unit of the quantity.
+    place
+        Where the worst value lies [m].
+    error
+        Estimated error of the worst value.
+    margin
+        By which share the worst value could be worse and still keep the bound, negative where it is broken. Where the
+        camera cannot be used everywhere it is at most minus the share of the distances, on a logarithmic scale, where
+        it cannot.
+    unusable
+        That share.
+    reason
+        In words.
+    """
+
+    camera: str
+    met: bool | None
+    value: float
+    bound: float
+    place: float
+    error: float
+    margin: float
+    unusable: float
+    reason: str
+
+    @property
+    def margin_in_errors(self) -> float:
+        """Distance of the worst value from its bound in standard errors, negative where it is broken; NaN without."""
+        if not self.error > 0.0 or self.unusable > 0.0 or not math.isfinite(self.value):
+            return math.nan
+        return math.copysign(abs(self.bound - self.value) / self.error, self.margin)
+
+    @property
+    def conformity(self) -> float:
+        """Probability that the true worst value keeps the bound, its error taken as normal; NaN without a value."""
+        if self.met is None or math.isnan(self.margin):
+            return math.nan
+        in_errors = self.margin_in_errors
+        return float(self.margin >= 0.0) if math.isnan(in_errors) else NormalDist().cdf(in_errors)
+
+
+def hold(requirement: RequirementPart, case: Case, name: str) -> Held:
+    """Hold a requirement against one camera that measures depth."""
+    camera, required = case.cameras[name], requirement.required
+    if isinstance(required, UsablePart):
+        return _hold_use(required, case, name)
+    measured = _MEASURED[requirement.quantity]
+    above = isinstance(required, ShareAbovePart)
+    bound, dimension = _bound(required)
+    scale: Callable[[FloatArray], FloatArray] = np.ones_like
+    if isinstance(required, BoundOverPart) and required.is_relative:
+        scale = np.asarray  # relative to the distance
+
+    def broken_by(points: FloatArray) -> FloatArray:
+        """Larger is worse; what is not known is worst."""
+        values = measured(camera, points) / scale(points)
+        return np.where(np.isnan(values), np.inf, -values if above else values)
+
+    if np.isnan(measured(camera, np.array(required.over))).all() and requirement.quantity == "overlap":
+        return _unknown(name, bound, _ABSENT)
+    place = _worst_place(broken_by, required.over)
+    at = np.array([place])
+    value = float((measured(camera, at) / scale(at))[0])
+    error = float(_ERRORS[requirement.quantity](camera, at)[0] / scale(at)[0])
+    unusable, not_there = _unusable(case, name, required.over)
+    small, large = (bound, value) if above else (value, bound)
+    margin = (large / small if small > 0.0 else math.inf) - 1.0
+    margin = -1.0 if math.isnan(margin) else margin
+    kept = value >= bound if above else value < bound
+    guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
+    reason = f"worst {pretty(value, dimension)} at {pretty(place, LENGTH)}"
+    if unusable > 0.0:
+        reason = f"not usable at {pretty(not_there, LENGTH)}; {reason}"
+    return Held(
+        camera=name,
+        met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
+        value=value,
+        bound=bound,
+        place=place,
+        error=error if math.isfinite(error) else math.nan,
+        margin=min(margin, -unusable) if unusable > 0.0 else margin,
+        unusable=unusable,
+        reason=reason,
+    )
+
+
+class Judge:
+    """Answers to requirements; one camera that several designs share is judged once."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], Held] = {}
+
+    def answer(self, requirement: RequirementPart, case: Case) -> tuple[Held, Mapping[str, Held]]:
+        """The camera that decides a requirement, and what became of every camera that it concerns.
+
+        Of ``any`` the camera that comes nearest, or keeps it best; of ``all`` the one that keeps it worst, or one that
+        has no value, which leaves it undecided.
+        """
+        names = list(case.cameras) if requirement.camera in (ANY, ALL) else [requirement.camera]
+        found = {name: self._held(requirement, case, name) for name in names}
+        known = [one for one in found.values() if one.met is not None]
+        silent = [one for one in found.values() if one.met is None]
+        if silent and (requirement.camera == ALL or not known):
+            return silent[0], found
+        deciding = min if requirement.camera == ALL else max
+        return deciding(known, key=_nearness), found
+
+    def _held(self, requirement: RequirementPart, case: Case, name: str) -> Held:
+        key = (requirement, case.cameras[name], case.criteria)
+        if key not in self._known:
+            self._known[key] = hold(requirement, case, name)
+        return replace(self._known[key], camera=name)
+
+
+def is_kept(requirement: RequirementPart, case: Case) -> bool:
+    """Whether a requirement holds, on a coarse grid of distances and without its guard band: for many draws."""
+    names = list(case.cameras) if requirement.camera in (ANY, ALL) else [requirement.camera]
+    points = np.geomspace(requirement.required.over[0], requirement.required.over[1], _COARSE)
+    together = all if requirement.camera == ALL else any
+    return together(_is_kept_by(requirement, case, name, points) for name in names)
+
+
+def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> bool:
+    required = requirement.required
+    if not isinstance(required, UsablePart):
+        bound, _ = _bound(required)
+        values = _MEASURED[requirement.quantity](case.cameras[name], points)
+        if isinstance(required, BoundOverPart) and required.is_relative:
+            values = values / points
+        kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
+        if not kept.all():
+            return False
+    return bool(is_usable(case, name, points).all())
+
+
+def _nearness(held: Held) -> tuple[bool, float]:
+    return bool(held.met), -math.inf if math.isnan(held.margin) else held.margin
+
+
+def _hold_use(required: UsablePart, case: Case, name: str) -> Held:
+    """How far the usable range reaches beyond what is asked, at the end where it does so least."""
+    near, far = required.over
+    unusable, place = _unusable(case, name, required.over)
+    reach = case.distance[(case.distance >= near * _LESS) & (case.distance <= far * _MORE)]
+    grid = np.union1d(case.distance, [near, far, *reach])
+    stretches = usable_intervals(case.cameras[name], case.criteria, grid)
+    around = [one for one in stretches if one.near <= near * _MORE and one.far >= far * _LESS]
+    if unusable == 0.0 and around:
+        one = around[0]
+        margins = {one.near: near / one.near - 1.0, one.far: one.far / far - 1.0}
+        place = min(margins, key=lambda end: margins[end])
+        margin, words = margins[place], f"usable from {pretty(one.near, LENGTH)} to {pretty(one.far, LENGTH)}"
+    else:
+        margin, words = -max(unusable, 1.0 / _POINTS), f"not usable at {pretty(place, LENGTH)}"
+    return Held(
+        camera=name,
+        met=margin >= 0.0,
+        value=1.0 - unusable,
+        bound=1.0,
+        place=place,
+        error=0.0,
+        margin=margin,
+        unusable=unusable,
+        reason=words,
+    )
+
+
+_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9
+
+
+def _unusable(case: Case, name: str, over: tuple[float, ...]) -> tuple[float, float]:
+    """Share of a range, on a logarithmic scale, where a camera cannot be used, and the nearest such distance [m]."""
+    points = np.geomspace(over[0], over[1], _POINTS)
+    usable = is_usable(case, name, points)
+    return (float(np.mean(~usable)), float(points[np.argmin(usable)])) if not usable.all() else (0.0, math.nan)
+
+
+def _worst_place(broken_by: Callable[[FloatArray], FloatArray], over: tuple[float, ...]) -> float:
+    """Where a value is the largest over a range [m]: on a grid, and again between the neighbours of its largest."""
+    points = np.geomspace(over[0], over[1], _POINTS)
+    worst = int(np.argmax(broken_by(points)))
+    around = np.geomspace(points[max(worst - 1, 0)], points[min(worst + 1, _POINTS - 1)], _POINTS)
+    # Rounding must not carry a place beyond the range.
+    around = np.clip(around, over[0], over[1])
+    values = broken_by(np.append(around, points[worst]))
+    return float(np.append(around, points[worst])[int(np.argmax(values))])
+
+
+def _bound(required: BoundOverPart | ShareAbovePart | ShareBelowPart | LengthBelowPart) -> tuple[float, Dimension]:
+    match required:
+        case BoundOverPart():
+            return required.limit, FRACTION if required.is_relative else LENGTH
+        case ShareAbovePart():
+            return required.above, FRACTION
+        case ShareBelowPart():
+            return required.below, FRACTION
+        case LengthBelowPart():
+            return required.below, LENGTH
+
+
+def _unknown(name: str, bound: float, reason: str) -> Held:
+    nan = math.nan
+    return Held(
+        camera=name,
+        met=None,
+        value=nan,
+        bound=bound,
+        place=nan,
+        error=nan,
+        margin=nan,
+        unusable=nan,
+        reason=reason,
+    )
+
+
+def _overlap(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    limits = camera.limits(distance, UsableCriteria())
+    return limits["overlap"].value if "overlap" in limits else np.full(distance.shape, np.nan)
+
+
+def _lateral_resolution(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    return np.asarray(camera.focus.lateral_resolution(distance))
+
+
+def _failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    return DepthErrors.of(camera, distance).failed_fraction
+
+
+def _no_error(camera: DepthCamera, distance: FloatArray) -> FloatArray:  # noqa: ARG001 - closed forms have none
+    return np.zeros(distance.shape)
+
+
+_Measured = Callable[[DepthCamera, FloatArray], FloatArray]
+_MEASURED: Final[Mapping[str, _Measured]] = {
+    "depth_uncertainty": depth_uncertainty,
+    "overlap": _overlap,
+    "lateral_resolution": _lateral_resolution,
+    "failed_fraction": _failed_fraction,
+}
+_ERRORS: Final[Mapping[str, _Measured]] = {
+    "depth_uncertainty": depth_uncertainty_error,
+    "overlap": _no_error,
+    "lateral_resolution": _no_error,
+    "failed_fraction": lambda camera, at: evaluate_depth(camera, at).failed_fraction_error[-1],
+}

@@ -1,0 +1,129 @@
+"""By how much designs of a sweep keep their requirements: curves over one swept parameter, a map over two."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter
+from numpy.typing import NDArray
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.fonts import printable
+from tradestudy.figures.style import INK, SOFT, StudyFigure, legend, line_style, new_figure, styled
+from tradestudy.figures.sweeps import AXIS_UNITS, axis_values
+from tradestudy.results.views.conclusions import path_words, requirement_conclusions, requirement_sentence
+from tradestudy.results.views.groups import FloatArray
+
+_LINEAR_WITHIN = 10.0  # per cent, beyond which margins stand on a logarithmic scale
+
+
+def margins_drawing(tree: xr.DataTree) -> Drawing | None:
+    """The figure of a study that sweeps one or two parameters and requires something; None of any other."""
+    if "requirements" not in tree.children or "design_met" not in tree["requirements"].data_vars:
+        return None
+    data = tree["requirements"].to_dataset()
+    dims = _swept(data)
+    if len(dims) > 2 or (len(dims) == 2 and any(data[dim].dtype.kind not in "fiu" for dim in dims)):
+        return None
+    names = " and ".join(path_words(tree, dim) for dim in dims)
+    told = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
+    shown = "of the requirement that is kept worst" if len(dims) == 2 else "of each requirement"
+    return Drawing(
+        name="requirement_margins",
+        caption=f"Margin {shown} against the {names}: above 0 the requirement is met. Shaded: all that must hold are "
+        "met. Dashed: the study as declared.",
+        alt=f"Margins against the {names}. {told}.",
+        draw=lambda: draw_requirement_margins(tree),
+    )
+
+
+@styled()
+def draw_requirement_margins(tree: xr.DataTree) -> StudyFigure:
+    """Margins [%]: a curve for each requirement over one swept parameter, the worst of them as a map over two."""
+    data = tree["requirements"].to_dataset()
+    dims = _swept(data)
+    return _map(tree, data, (dims[0], dims[1])) if len(dims) == 2 else _curves(tree, data, dims[0])
+
+
+def _swept(data: xr.Dataset) -> list[str]:
+    return [str(name) for name in data["design_met"].dims if name != "requirement"]
+
+
+def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
+    x, names, _ = axis_values(data[dim])
+    figure = new_figure(2.8)
+    axes = figure.subplots()
+    must = data["priority"].values == "must"
+    if "met_from" in data:
+        factor = _factor(data[dim])
+        for low, high in common_stretches(data, must):
+            axes.axvspan(low * factor, high * factor, color=SOFT, alpha=0.3, linewidth=0)
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    handles = []
+    for number, says in enumerate(data["says"].values):
+        style = line_style(number)
+        margins = np.asarray(data["design_margin_percent"].values[:, number], dtype=np.float64)
+        axes.plot(x, margins, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
+        handles.append((style.handle(marker=style.marker, markersize=4), printable(str(says))))
+    if data[dim].dtype.kind in "fiu":
+        _mark_declared(axes, data[dim])
+    else:
+        axes.set_xticks(x, names)
+    axes.set_yscale("symlog", linthresh=_LINEAR_WITHIN)
+    axes.yaxis.set_major_formatter(FuncFormatter(_per_cent))
+    axes.set(xlabel=_label(tree, data[dim]), ylabel="margin of the worst value")
+    legend(figure, [one for one, _ in handles], [words for _, words in handles], columns=1)
+    return figure
+
+
+def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFigure:
+    """Contours of the least margin of all requirements that must hold."""
+    must = data["priority"].values == "must"
+    margin = data["design_margin_percent"].transpose("requirement", dims[1], dims[0]).values
+    least = np.min(margin[must] if must.any() else margin, axis=0)
+    (x, _, _), (y, _, _) = (axis_values(data[dim]) for dim in dims)
+    figure = new_figure(3.4)
+    axes = figure.subplots()
+    levels = [-100.0, -50.0, -20.0, -10.0, -5.0, 0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0]
+    axes.contourf(x, y, least, levels=[0.0, max(1.0, float(np.max(least)) + 1.0)], colors=[SOFT], alpha=0.35)
+    drawn = axes.contour(x, y, least, levels=levels, colors=INK, linewidths=0.7)
+    axes.contour(x, y, least, levels=[0.0], colors=INK, linewidths=1.8)
+    axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=7)
+    _mark_declared(axes, data[dims[0]])
+    _mark_declared(axes, data[dims[1]], upright=False)
+    axes.set(xlabel=_label(tree, data[dims[0]]), ylabel=_label(tree, data[dims[1]]))
+    return figure
+
+
+def common_stretches(data: xr.Dataset, must: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Stretches of the one swept parameter, in SI, in which every requirement that must hold is met."""
+    common = [(-np.inf, np.inf)]
+    for number in np.flatnonzero(must):
+        row = data.isel(requirement=int(number))
+        ends = zip(row["met_from"].values, row["met_to"].values, strict=True)
+        own = [(low, high) for low, high in ends if not np.isnan(low)]
+        common = [(max(a, c), min(b, d)) for a, b in common for c, d in own if max(a, c) <= min(b, d)]
+    return [(float(low), float(high)) for low, high in common if np.isfinite([low, high]).all()]
+
+
+def _mark_declared(axes: Axes, coordinate: xr.DataArray, *, upright: bool = True) -> None:
+    declared = coordinate.attrs.get("declared", "")
+    if isinstance(declared, str):
+        return
+    mark = axes.axvline if upright else axes.axhline
+    mark(declared * _factor(coordinate), color=INK, linewidth=0.8, linestyle=(0, (3, 2)))
+
+
+def _label(tree: xr.DataTree, coordinate: xr.DataArray) -> str:
+    _, unit = AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))
+    words = printable(path_words(tree, str(coordinate.name)))
+    return f"{words} [{unit}]" if unit else words
+
+
+def _factor(coordinate: xr.DataArray) -> float:
+    return AXIS_UNITS.get(str(coordinate.attrs.get("units", "")), (1.0, ""))[0]
+
+
+def _per_cent(value: float, _position: float | FloatArray) -> str:
+    return f"{value:+g} %" if value else "0"

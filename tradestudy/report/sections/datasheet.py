@@ -1,0 +1,74 @@
+"""Every camera in the terms of depth-camera data sheets, with the conditions and the formula of each value."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import xarray as xr
+
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
+from tradestudy.report.words import length, or_dash, share
+from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.units import ANGLE, pretty, significant
+from tradestudy.wording import distance
+
+
+def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
+    """One table for each camera, and once what the values mean."""
+    if not has(tree, "datasheet", "z_accuracy"):
+        return
+    data, titles = group(tree, "datasheet"), camera_titles(tree)
+    yield Heading(text="Data sheets", anchor="datasheets")
+    yield Paragraph(
+        say(
+            "Values are on the axis, of the study as declared and in its scene, one sigma unless said otherwise; they "
+            "follow no published test standard. *Z accuracy*: half the central 68.27 % interval by calibration errors "
+            "alone, what averaging many pictures leaves. *Temporal noise*: the same by noise alone. *Sub-pixel RMS*: "
+            "the standard deviation of one disparity. *Plane-fit RMS*: what a plane fitted to a flat target leaves; "
+            "calibration errors shift and tilt the plane as a whole, so noise remains. *Fill rate*: the share that "
+            "both views, or enough microlenses, see, times one less the failed fraction; 0 where the camera is not "
+            "usable. *Field*: sensor size times distance over the distance from lens to sensor."
+        )
+    )
+    places = [float(place) for place in data["sheet_distance"].values]
+    for name in data["camera"].values:
+        one = data.sel(camera=name)
+        usable = f"usable from {_limit(one, 'near_limit')} to {_limit(one, 'far_limit')}"
+        across, down = (pretty(float(one[f"{way}_field_of_view"]), ANGLE) for way in ("horizontal", "vertical"))
+        yield Table(
+            name=f"datasheet-{name}",
+            caption=f"{titles[str(name)]}: {usable}; field of view {across} × {down}.",
+            columns=(
+                Column(title="Value", weight=3),
+                *(Column(title=f"At {distance(place)}", align="right", weight=2) for place in places),
+            ),
+            rows=tuple(_rows(one)),
+        )
+
+
+def _rows(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:
+    yield "Z accuracy", *_lengths(one, "z_accuracy")
+    yield "Temporal noise", *_lengths(one, "temporal_noise")
+    yield "Sub-pixel RMS [px]", *(or_dash(float(v), lambda x: significant(x, 2)) for v in one["subpixel_rms"].values)
+    yield "Plane-fit RMS", *_lengths(one, "plane_fit_rms")
+    yield "Fill rate", *(share(float(value)) for value in one["fill_rate"].values)
+    yield (
+        "Field",
+        *(
+            f"{length(float(w))} × {length(float(h))}"
+            for w, h in zip(one["field_width"].values, one["field_height"].values, strict=True)
+        ),
+    )
+
+
+def _lengths(one: xr.Dataset, name: str) -> Iterator[str]:
+    for value, place in zip(one[name].values, one["sheet_distance"].values, strict=True):
+        if math.isfinite(float(value)):
+            yield f"{length(float(value))} ({share(float(value / place), digits=2)})"
+        else:
+            yield "—" if math.isnan(float(value)) else "unbounded"
+
+
+def _limit(one: xr.Dataset, name: str) -> str:
+    return or_dash(float(one[name]), distance)

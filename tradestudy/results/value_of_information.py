@@ -1,0 +1,59 @@
+"""/value_of_information: what knowing each assumption is worth to the choice of a camera."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import Variable
+
+_DRAWS: Final = "that of the draws, as of a share"
+
+VALUE_OF_INFORMATION: Final[Mapping[str, Variable]] = {
+    "worth": Variable(
+        dims=("assumption",),
+        units="1",
+        long_name="expected fall of depth uncertainty over distance, averaged over the distances, by knowing the "
+        "assumption before a camera is chosen (EVPPI), its upward bias taken off",
+        error="worth_error",
+    ),
+    "worth_error": Variable(
+        dims=("assumption",), units="1", long_name="standard error of worth", error="an estimate of an error"
+    ),
+    "worth_bias": Variable(
+        dims=("assumption",),
+        units="1",
+        long_name="by how much the maximum over cameras lets noise pass for worth; taken off already",
+        error="an estimate of an error",
+    ),
+    "says": Variable(dims=("assumption",), units="", long_name="the assumption"),
+    "varied": Variable(dims=("assumption",), units="", long_name="paths of the values"),
+    "between": Variable(dims=("assumption",), units="", long_name="ends of its range"),
+    "expected_utility": Variable(
+        dims=("candidate",),
+        units="1",
+        long_name="minus the mean of depth uncertainty over distance, over the distances and draws",
+        error="expected_utility_error",
+    ),
+    "expected_utility_error": Variable(
+        dims=("candidate",), units="1", long_name="standard error of expected_utility", error="an estimate of an error"
+    ),
+    "best_overall": Variable(
+        dims=("candidate",),
+        units="1",
+        long_name="share of draws in which the camera has the best utility",
+        error=_DRAWS,
+    ),
+    "best_probability": Variable(
+        dims=("candidate", "place"),
+        units="1",
+        long_name="share of draws in which the camera is usable and has the lowest uncertainty at a distance",
+        error=_DRAWS,
+    ),
+    "requirement_probability": Variable(
+        dims=("requirement",),
+        units="1",
+        long_name="share of draws in which the requirement holds at all its distances jointly",
+        error=_DRAWS,
+    ),
+}

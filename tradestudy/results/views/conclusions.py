@@ -1,0 +1,426 @@
+"""What a run concludes, ready to be said in a terminal, on a first page or as JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.views.decision import answer_title, candidates, told_winners
+from tradestudy.results.views.depth import nominal, nominal_is_declared, where_usable
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, records
+from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty
+from tradestudy.wording import distance, listed
+
+_SEVERAL: Final = 2
+_ASSUMED: Final = ", assumed "
+JSON_FORMAT: Final = 1
+_BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """A stretch of distance [m] and the cameras, by title, that measure it best; none where none is usable."""
+
+    near: float
+    far: float
+    cameras: tuple[str, ...]
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class MetFrom:
+    """A stretch of the one swept parameter in which a requirement is met, by whom.
+
+    Parameters
+    ----------
+    parameter
+        In words, with its camera.
+    low, high, error
+        Its ends in SI, and how well they are known.
+    from_start, to_end
+        Whether the stretch reaches the first and the last value that was tried.
+    words
+        "from 53.4 mm on".
+    """
+
+    parameter: str
+    low: float
+    high: float
+    error: float
+    from_start: bool
+    to_end: bool
+    cameras: tuple[str, ...]
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class RequirementConclusion:
+    """What became of a requirement.
+
+    Parameters
+    ----------
+    name, says, priority
+        As declared.
+    met
+        None where it cannot be decided.
+    of
+        The camera that it concerns, any or all.
+    camera
+        Title of the camera that comes nearest, or keeps it best; of all, the one that keeps it worst.
+    margin
+        By which share the worst value could be worse and still keep the bound; negative where it is broken.
+    place
+        Where the worst value lies [m].
+    conformity
+        Probability that the true worst value keeps the bound.
+    reason
+        The worst value and its place in words.
+    rests_on, rests_on_share
+        The input that decides that value most, with its basis, and its share of the variance; empty where none does.
+    stretches
+        Where along the one swept parameter it is met; None without such a sweep.
+    designs
+        In how many designs of a sweep it is met, and of how many; None without one.
+    """
+
+    name: str
+    says: str
+    priority: str
+    met: bool | None
+    of: str
+    camera: str
+    margin: float
+    place: float
+    conformity: float
+    reason: str
+    rests_on: str
+    rests_on_share: float
+    stretches: tuple[MetFrom, ...] | None
+    designs: tuple[int, int] | None
+
+    @property
+    def verdict(self) -> str:
+        """Of the study as declared."""
+        return {True: "met", False: "not met", None: "cannot be decided"}[self.met]
+
+
+def best_stretches(tree: xr.DataTree) -> tuple[Stretch, ...]:
+    """Which camera is best over which distances, of the study as declared."""
+    if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
+        return ()
+    titles = camera_titles(tree)
+    nobody = f"no {'candidate' if candidates(tree) else 'camera'} is usable"
+    return tuple(
+        Stretch(
+            near=near,
+            far=far,
+            cameras=tuple(titles[name] for name in names.split(", ") if name),
+            words=_breakable(f"{answer_title(titles, names, nobody)} from {distance(near)} to {distance(far)}"),
+        )
+        for near, far, names in told_winners(tree)
+    )
+
+
+def usable_words(tree: xr.DataTree) -> dict[str, str]:
+    """Where each camera is usable, by its title, of the study as declared; empty for other results."""
+    if not has(tree, "depth", "usable_near") or not nominal_is_declared(tree):
+        return {}
+    depth, titles = nominal(tree), camera_titles(tree)
+    found = {}
+    for name in depth["camera"].values:
+        ranges = where_usable(depth, str(name))
+        words = " and ".join(f"{distance(near)} to {distance(far)}" for near, far in ranges)
+        found[titles[str(name)]] = _breakable(words) or "nowhere"
+    return found
+
+
+def _breakable(words: str) -> str:
+    """Words with plain spaces, for terminals and other programs."""
+    return words.replace("\N{NO-BREAK SPACE}", " ")
+
+
+def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, ...]:
+    """Every requirement, what every study must keep first."""
+    titles = camera_titles(tree)
+    found = []
+    for number, row in enumerate(records(tree, "requirements", "requirement")):
+        met = int(row["met"])
+        found.append(
+            RequirementConclusion(
+                name=str(row["requirement"]),
+                says=str(row["says"]),
+                priority=str(row["priority"]),
+                met=None if met < 0 else bool(met),
+                of=str(row["of"]),
+                camera=titles[str(row["camera_deciding"])],
+                margin=float(row["margin_percent"]) / 100.0,
+                place=float(row["place"]),
+                conformity=float(row["conformity"]),
+                reason=str(row["reason"]),
+                rests_on=str(row["rests_on"]),
+                rests_on_share=float(row["rests_on_share"]),
+                stretches=_met_from(tree, number),
+                designs=_designs(tree, number),
+            )
+        )
+    return tuple(sorted(found, key=lambda one: one.priority != "must"))
+
+
+def requirement_sentence(one: RequirementConclusion) -> str:
+    """Whether a requirement is met, by whom, with what margin and where; along a sweep, from which value on."""
+    return f"{one.verdict.capitalize()}: {requirement_details(one)}"
+
+
+def requirement_details(one: RequirementConclusion) -> str:
+    """A requirement without its verdict."""
+    wish = " (should)" if one.priority == "should" else ""
+    told = f"{one.says}{wish}, {_by(one)} ({'; '.join(filter(None, (one.reason, _margin_words(one))))})"
+    if one.stretches is not None:
+        return f"{told}; {_along_words(one)}"
+    return told if one.designs is None else f"{told}; met in {one.designs[0]} of {one.designs[1]} designs"
+
+
+def _by(one: RequirementConclusion) -> str:
+    """The camera that decides, and how."""
+    if one.of == "all":
+        return f"by all, tightest for {one.camera}" if one.met else f"not by {one.camera}"
+    if one.met:
+        return f"by {one.camera}"
+    return f"nearest is {one.camera}" if one.of == "any" else f"not by {one.camera}"
+
+
+def _margin_words(one: RequirementConclusion) -> str:
+    if not np.isfinite(one.margin) or one.margin <= -1.0:  # nothing, or an unbounded value, which the reason tells
+        return ""
+    share = pretty(abs(one.margin), FRACTION, digits=2)
+    return f"{share} to spare" if one.margin >= 0.0 else f"missed by {share}"
+
+
+def _along_words(one: RequirementConclusion) -> str:
+    assert one.stretches is not None  # asked where there are some
+    if not one.stretches:
+        return "met by no design that was tried"
+    parts = [
+        stretch.words + (f", by {listed(list(stretch.cameras))} in turn" if len(stretch.cameras) > 1 else "")
+        for stretch in one.stretches
+    ]
+    return f"met with the {one.stretches[0].parameter} " + " and ".join(parts)
+
+
+def _met_from(tree: xr.DataTree, number: int) -> tuple[MetFrom, ...] | None:
+    data = group(tree, "requirements")
+    if "met_from" not in data:
+        return None
+    (path,) = [str(name) for name in data["design_met"].dims if name != "requirement"]
+    axis, row = data[path], data.isel(requirement=number)
+    dimension = _BY_UNIT.get(str(axis.attrs["units"]), NUMBER)
+    titles, values = camera_titles(tree), np.asarray(axis.values, dtype=np.float64)
+    parameter = path_words(tree, path)
+    found = []
+    for low, high, error, cameras in zip(
+        *(row[name].values for name in ("met_from", "met_to", "met_to_within", "met_camera")), strict=True
+    ):
+        if np.isnan(low):
+            continue
+        from_start, to_end = bool(low <= values[0]), bool(high >= values[-1])
+        found.append(
+            MetFrom(
+                parameter=parameter,
+                low=float(low),
+                high=float(high),
+                error=float(error),
+                from_start=from_start,
+                to_end=to_end,
+                cameras=tuple(titles[name] for name in str(cameras).split(", ")),
+                words=_interval_words(low, high, values, dimension),
+            )
+        )
+    return tuple(found)
+
+
+def _interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
+    first, last = (pretty(float(end), dimension) for end in (low, high))
+    begins, ends = low <= values[0], high >= values[-1]
+    if begins and ends:
+        return f"anywhere from {first} to {last}"
+    if ends:
+        return f"from {first} on (tried up to {last})"
+    if begins:
+        return f"up to {last} (tried from {first})"
+    return f"from {first} to {last}"
+
+
+def _designs(tree: xr.DataTree, number: int) -> tuple[int, int] | None:
+    data = group(tree, "requirements")
+    if "design_met" not in data:
+        return None
+    met = data["design_met"].isel(requirement=number).values
+    return int(np.sum(met == 1)), int(met.size)
+
+
+def path_words(tree: xr.DataTree, path: str) -> str:
+    """A path of the study in words: ``cameras.head.baseline`` is "baseline of Head A"."""
+    parts = path.removeprefix("cameras.").split(".")
+    titles = camera_titles(tree)
+    of = f" of {titles[parts[0]]}" if parts[0] in titles else ""
+    words = parts[1:] if of else parts
+    if words[:2] == ["calibration", "errors"] and len(words) > 3:
+        words = [words[2], "spread"]
+    return " ".join(word.replace("_", " ") for word in words) + of
+
+
+def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
+    """The inputs that decide the answers most, with their bases and shares: of requirements, else of the best."""
+    told = [(one.rests_on, one.rests_on_share) for one in requirement_conclusions(tree) if one.rests_on]
+    if not told and has(tree, "decision", "cause"):
+        titles = camera_titles(tree)
+        best = {name for one in best_stretches(tree) for name in one.cameras}
+        rows = records(tree, "decision", "camera")
+        told = [
+            (str(row["cause"]), float(row["cause_share"]))
+            for row in rows
+            if titles[str(row["camera"])] in best and row["cause"]
+        ]
+    shares: dict[str, float] = {}
+    for words, share in told:
+        shares[words] = max(share, shares.get(words, 0.0))
+    return tuple(f"{words} ({pretty(share, FRACTION, digits=2)} of the variance)" for words, share in shares.items())
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssumptionWorth:
+    """What knowing one assumption is worth.
+
+    Parameters
+    ----------
+    says, between
+        The assumption and its range in words.
+    worth, error
+        Expected fall of depth uncertainty over distance, averaged over the distances, and its standard error.
+    """
+
+    says: str
+    between: str
+    worth: float
+    error: float
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether it is above what chance explains: two standard errors."""
+        return self.worth > 2.0 * self.error
+
+
+def worths(tree: xr.DataTree) -> tuple[AssumptionWorth, ...]:
+    """Assumptions by what knowing them is worth, the most valuable first."""
+    found = [
+        AssumptionWorth(
+            says=_assumption_words(tree, str(row["says"])),
+            between=str(row["between"]),
+            worth=float(row["worth"]),
+            error=float(row["worth_error"]),
+        )
+        for row in records(tree, "value_of_information", "assumption")
+    ]
+    return tuple(sorted(found, key=lambda one: -one.worth))
+
+
+def _assumption_words(tree: xr.DataTree, says: str) -> str:
+    """Its own words, or those of its path."""
+    return says if " " in says else path_words(tree, says.removeprefix("scene.picture.").removeprefix("scene."))
+
+
+def measure_first(tree: xr.DataTree) -> str:
+    """What to measure next, as a sentence without its full stop; empty where nothing says so.
+
+    By the worth of the assumptions where the study asks for that, else the input that decides the answers most, if it
+    is assumed.
+    """
+    found = worths(tree)
+    if not found:
+        assumed = [words for words in rests_on(tree) if _ASSUMED in words]
+        return f"Measure first: {assumed[0]}" if assumed else ""
+    clear = [one for one in found if one.is_clear]
+    if not clear:
+        data = group(tree, "value_of_information")
+        if data.sizes["candidate"] < _SEVERAL:
+            return "There is one candidate, so nothing that is measured changes the choice"
+        whole = float(data.attrs["worth_of_all"])
+        if whole <= 0.0:
+            return "Nothing that is assumed changes which camera is best"
+        return (
+            "No single assumption is clearly worth measuring; knowing all of them is worth "
+            f"{pretty(whole, FRACTION, digits=2)} of the distance"
+        )
+    first = clear[0]
+    words = f"Measure first: {first.says} ({first.between}), worth {pretty(first.worth, FRACTION, digits=2)}"
+    others = [one.says for one in clear[1:3]]
+    return f"{words} of the distance" + (f"; then {listed(others)}" if others else "")
+
+
+def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
+    """The conclusions of a run in so many lines, and how many more there are."""
+    stretches, requirements, rests = best_stretches(tree), requirement_conclusions(tree), rests_on(tree)
+    lines = []
+    if stretches:
+        lines.append(f"Best: {'; '.join(one.words for one in stretches)}")
+    lines += [requirement_sentence(one) for one in requirements]
+    first = measure_first(tree)
+    if rests and first == f"Measure first: {rests[0]}":
+        last = [f"Rests on, so measure first: {'; '.join(rests)}"]
+    else:
+        last = [f"Rests on: {'; '.join(rests)}"] * bool(rests) + [first] * bool(first)
+    room = most - len(last)
+    if len(lines) > room:  # what it rests on is worth more than a fourth requirement
+        hidden = lines[room - 1 :]
+        missed = sum(one.startswith("Not met") for one in hidden)
+        yield from lines[: room - 1]
+        yield f"and {len(hidden)} more in the report" + (f", {missed} not met" if missed else "")
+    else:
+        yield from lines
+    yield from last
+
+
+def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
+    """The conclusions of a run with numbers in SI; see `Result.conclusions` for the keys."""
+    return {
+        "format": JSON_FORMAT,
+        **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
+        "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_stretches(tree)],
+        "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
+        "rests_on": list(rests_on(tree)),
+        "measure_first": measure_first(tree),
+        "assumptions": [
+            {"assumption": one.says, "between": one.between, "worth": one.worth, "error": one.error}
+            for one in worths(tree)
+        ],
+    }
+
+
+def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
+    }
+    found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity")}
+    if one.designs is not None:
+        found |= {"designs_met": one.designs[0], "designs": one.designs[1]}
+    if one.stretches is not None:
+        found["met_with"] = [
+            {
+                "parameter": stretch.parameter,
+                "from": stretch.low,
+                "to": stretch.high,
+                "error": stretch.error,
+                "cameras": list(stretch.cameras),
+            }
+            for stretch in one.stretches
+        ]
+    return found
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if np.isfinite(value) else None

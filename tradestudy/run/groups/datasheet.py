@@ -1,0 +1,73 @@
+"""/datasheet: every camera in the terms of depth-camera data sheets, at three to five distances."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.analysis.decision import is_usable
+from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
+from tradestudy.analysis.usable import usable_intervals
+from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, disparity_error_at
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.study.definition import StudyDefinition
+
+_MOST: Final = 5
+_ANY_SHARE: Final = 1e-9  # so that a camera says its share, whatever it is
+
+
+def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
+    """/datasheet over (camera, distance)."""
+    case, places = definition.case, _places(definition)
+    middle = float(places[places.size // 2])
+    columns: dict[str, list[FloatArray]] = {}
+    single: dict[str, list[float]] = {}
+    for name, camera in case.cameras.items():
+        usable, noise = is_usable(case, name, places), depth_uncertainty(camera, places, "noise")
+        behind = np.array([camera.depth_behind_lens(float(place)) for place in places])
+        ranges = usable_intervals(camera, case.criteria, case.distance)
+        sizes = [count * camera.sensor.pixel_pitch for count in (camera.sensor.columns, camera.sensor.rows)]
+        at_middle = camera.depth_behind_lens(middle)
+        for key, values in {
+            "z_accuracy": depth_uncertainty(camera, places, "calibration"),
+            "temporal_noise": noise,
+            "subpixel_rms": np.where(camera.images(places), disparity_error_at(camera, places), np.nan),
+            "plane_fit_rms": noise,
+            "fill_rate": np.where(usable, fill_rate(camera, places), 0.0),
+            "field_width": sizes[0] * places / behind,
+            "field_height": sizes[1] * places / behind,
+            "usable": usable.astype(np.float64),
+        }.items():
+            columns.setdefault(key, []).append(values)
+        for key, value in {
+            "horizontal_field_of_view": 2.0 * math.atan(sizes[0] / (2.0 * at_middle)),
+            "vertical_field_of_view": 2.0 * math.atan(sizes[1] / (2.0 * at_middle)),
+            "near_limit": ranges[0].near if ranges else math.nan,
+            "far_limit": ranges[-1].far if ranges else math.nan,
+        }.items():
+            single.setdefault(key, []).append(value)
+    return dataset("datasheet", {**columns, **single}, {"camera": list(case.cameras), "sheet_distance": places})
+
+
+def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """Share of the picture with a depth: what both views or enough microlenses see, less what fails."""
+    limits = camera.limits(distance, UsableCriteria(overlap=_ANY_SHARE, availability=_ANY_SHARE))
+    shared = np.ones(distance.shape)
+    for name in ("overlap", "availability"):
+        if name in limits:
+            shared = shared * np.clip(limits[name].value, 0.0, 1.0)
+    return np.asarray(np.nan_to_num(shared * (1.0 - DepthErrors.of(camera, distance).failed_fraction)))
+
+
+def _places(definition: StudyDefinition) -> FloatArray:
+    """Distances of the decision, or some from end to end of the scene; at most five, at least three if there are."""
+    file, distance = definition.file, definition.case.distance
+    asked = np.array(sorted(set(file.decision.at if file.decision is not None else ())))
+    if asked.size < 3:
+        ends = np.geomspace(distance[0], distance[-1], 3) if distance.size > 1 else distance
+        asked = np.unique(np.concatenate([asked, ends]))
+    return np.asarray(asked[np.unique(np.linspace(0, asked.size - 1, _MOST).round().astype(int))])

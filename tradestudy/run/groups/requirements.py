@@ -1,0 +1,174 @@
+"""/requirements: what is met, by which camera and by what margin; in every design of a sweep, and from which on."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.analysis.causes import largest_cause
+from tradestudy.analysis.requirements import Held, Judge
+from tradestudy.execution import Steps
+from tradestudy.results import dataset
+from tradestudy.study.bases import input_words
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
+
+_ROOT_TO: Final = 0.1  # of the tolerance: how well an end is known, relative to the value
+
+
+def requirements_group(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> xr.Dataset:
+    """/requirements over requirements, and over (swept parameters, requirement)."""
+    requirements, axes = definition.file.requirements, sweep_axes(definition)
+    judge = Judge()
+    found = {name: judge.answer(one, definition.case) for name, one in requirements.items()}
+    cameras = list(definition.case.cameras)
+    tolerance = 100.0 * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
+    deciding = [one for one, _ in found.values()]
+    by_camera = [[every.get(name) for name in cameras] for _, every in found.values()]
+    margins = [[math.nan if one is None else 100.0 * one.margin for one in row] for row in by_camera]
+    values: dict[str, Any] = {
+        "says": [one.says for one in requirements.values()],
+        "priority": [one.priority for one in requirements.values()],
+        "quantity": [one.quantity for one in requirements.values()],
+        "of": [one.camera for one in requirements.values()],
+        "met": [_verdict(one) for one in deciding],
+        "camera_deciding": [one.camera for one in deciding],
+        "value": [one.value for one in deciding],
+        "value_error": [one.error for one in deciding],
+        "bound": [one.bound for one in deciding],
+        "place": [one.place for one in deciding],
+        "margin_percent": [100.0 * one.margin for one in deciding],
+        "margin_sigma": [one.margin_in_errors for one in deciding],
+        "conformity": [one.conformity for one in deciding],
+        "within_tolerance": [float(abs(100.0 * one.margin) <= tolerance) for one in deciding],
+        "reason": [one.reason for one in deciding],
+        **_rests_on(definition, deciding),
+        "camera_met": [[-1 if one is None else _verdict(one) for one in row] for row in by_camera],
+        "camera_margin_percent": margins,
+        "camera_reason": [["" if one is None else one.reason for one in row] for row in by_camera],
+    }
+    coordinates: dict[str, Any] = {"requirement": list(requirements), "camera": cameras}
+    if axes:
+        table = []
+        for number, design in enumerate(designs):
+            steps.progress("requirements", number / len(designs))
+            table.append([judge.answer(one, design.case)[0] for one in requirements.values()])
+        shape = (*(len(axis.labels) for axis in axes), len(requirements))
+
+        def over_designs(of: list[list[Any]]) -> np.ndarray[Any, Any]:
+            return np.array(of).reshape(shape)
+
+        values |= {
+            "design_met": over_designs([[_verdict(one) for one in row] for row in table]),
+            "design_camera": over_designs([[one.camera for one in row] for row in table]),
+            "design_margin_percent": over_designs([[100.0 * one.margin for one in row] for row in table]),
+        }
+        coordinates |= {axis.path: list(axis.labels) for axis in axes}
+        if len(axes) == 1 and _is_numeric(axes[0]):
+            columns = list(zip(*table, strict=True))
+            found_stretches = [
+                _stretches(definition, name, axes[0], column, judge)
+                for name, column in zip(requirements, columns, strict=True)
+            ]
+            values |= _stretch_arrays(found_stretches)
+        steps.progress("requirements", 1.0)
+    result = dataset("requirements", values, coordinates, leading=tuple(axis.path for axis in axes))
+    for axis in axes:
+        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
+    return result
+
+
+def _rests_on(definition: StudyDefinition, deciding: Sequence[Held]) -> dict[str, Any]:
+    """What decides the uncertainty of the deciding camera at the worst place; nothing for other quantities."""
+    words, shares = [], []
+    for requirement, held in zip(definition.file.requirements.values(), deciding, strict=True):
+        cause = None
+        if (
+            requirement.quantity in ("depth_uncertainty", "failed_fraction")
+            and math.isfinite(held.place)
+            and held.value > 0.0
+        ):
+            cause = largest_cause(definition.case.cameras[held.camera], np.array([held.place]))
+        words.append("" if cause is None else input_words(definition, held.camera, cause.parameter))
+        shares.append(math.nan if cause is None else cause.share)
+    return {"rests_on": words, "rests_on_share": shares}
+
+
+def _verdict(held: Held) -> int:
+    return -1 if held.met is None else int(held.met)
+
+
+def _is_numeric(axis: SweepAxis) -> bool:
+    return len(axis.values) > 1 and not isinstance(axis.labels[0], str) and axis.dimension is not None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stretch:
+    """An interval of the swept parameter in which a requirement is met, how well its ends are known, and by whom."""
+
+    low: float
+    high: float
+    error: float
+    cameras: str
+
+
+def _stretches(
+    definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[Held], judge: Judge
+) -> list[Stretch]:
+    """Where along one parameter a requirement is met: stretches of designs, their ends followed between two designs."""
+    met = [bool(one.met) for one in column]
+    places = [float(label) for label in axis.labels]
+    found = []
+    for is_met, group in itertools.groupby(range(len(met)), key=lambda k: met[k]):
+        if not is_met:
+            continue
+        numbers = list(group)
+        first, last = numbers[0], numbers[-1]
+        low, low_error = (
+            (places[0], 0.0) if first == 0 else _root(definition, name, axis, places[first], places[first - 1], judge)
+        )
+        high, high_error = (
+            (places[-1], 0.0)
+            if last == len(met) - 1
+            else _root(definition, name, axis, places[last], places[last + 1], judge)
+        )
+        cameras = ", ".join(dict.fromkeys(column[k].camera for k in numbers))
+        found.append(Stretch(low=low, high=high, error=max(low_error, high_error), cameras=cameras))
+    return found
+
+
+def _root(
+    definition: StudyDefinition, name: str, axis: SweepAxis, inside: float, outside: float, judge: Judge
+) -> tuple[float, float]:
+    """Where a requirement ceases to be met between two values, on the side where it is met, and how well that is known.
+
+    By halving: the margin may jump where a camera ceases to be usable.
+    """
+    assert axis.dimension is not None
+    requirement = definition.file.requirements[name]
+    close = _ROOT_TO * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
+    while abs(outside - inside) > close * max(abs(inside), abs(outside)):
+        middle = (inside + outside) / 2.0
+        case = definition.with_values({axis.path: quantity_entry(middle, axis.dimension)}).case
+        inside, outside = (middle, outside) if judge.answer(requirement, case)[0].met else (inside, middle)
+    return inside, abs(outside - inside) / 2.0
+
+
+def _stretch_arrays(found: Sequence[Sequence[Stretch]]) -> Mapping[str, Any]:
+    most = max(1, *(len(row) for row in found))
+
+    def padded(name: str, empty: Any) -> list[list[Any]]:
+        return [[getattr(one, name) for one in row] + [empty] * (most - len(row)) for row in found]
+
+    return {
+        "met_from": padded("low", math.nan),
+        "met_to": padded("high", math.nan),
+        "met_to_within": padded("error", math.nan),
+        "met_camera": padded("cameras", ""),
+    }

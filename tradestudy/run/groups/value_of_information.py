@@ -1,0 +1,121 @@
+"""/value_of_information: what knowing each assumption is worth, how sure the best camera is, and the requirements."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.analysis.decision import is_usable
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.requirements import is_kept
+from tradestudy.execution.steps import Progress
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.results.depth import distances_without_decision
+from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.document import Entry
+from tradestudy.study.expectations import question_ends
+from tradestudy.study.schema.value_of_information import ValueOfInformationPart
+from tradestudy.study.sweep import quantity_entry
+from tradestudy.uncertainty.streams import scrambled_sobol
+from tradestudy.uncertainty.value_of_information import worth_of_all, worth_of_one
+
+STEP: Final = "value of information"
+NAME: Final = "value_of_information"
+
+
+def value_of_information_group(
+    definition: StudyDefinition, part: ValueOfInformationPart, progress: Progress
+) -> xr.Dataset:
+    """/value_of_information over assumptions, candidates and distances."""
+    definition = definition.of_question(NAME)
+    file, case = definition.file, definition.case
+    names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(case.cameras)
+    places = np.array(part.at or (file.decision.at if file.decision else distances_without_decision(case.distance)))
+    rng = np.random.default_rng(_seed(file.propagation.seed))
+    scaled = scrambled_sobol(len(part.assumptions), rng)(part.draws)
+    values = np.stack([_values(part, name, row) for name, row in zip(part.assumptions, scaled, strict=True)])
+    outcomes = []
+    for number in range(part.draws):
+        progress(STEP, number / part.draws)
+        changed = definition.with_values(_changes(part, values[:, number]))
+        outcomes.append(_outcome(changed.case, names, places, part, changed))
+    progress(STEP, 1.0)
+    utility = np.array([one.utility for one in outcomes])
+    found = [worth_of_one(utility, row, rng) for row in values]
+    whole = worth_of_all(utility)
+    requirements = list(file.requirements)
+    return dataset(
+        NAME,
+        {
+            "worth": [min(one.value, whole.value) for one in found],  # one is never worth more than all
+            "worth_error": [one.error for one in found],
+            "worth_bias": [one.bias for one in found],
+            "says": [one.says or one.paths[0] for one in part.assumptions.values()],
+            "varied": [", ".join(one.paths) for one in part.assumptions.values()],
+            "between": [f"{one.low} to {one.high}" for one in part.assumptions.values()],
+            "expected_utility": utility.mean(axis=0),
+            "expected_utility_error": utility.std(axis=0, ddof=1) / math.sqrt(part.draws),
+            "best_overall": np.mean(np.argmax(utility, axis=1)[:, np.newaxis] == np.arange(len(names)), axis=0),
+            "best_probability": np.mean([one.best for one in outcomes], axis=0),
+            "requirement_probability": np.mean([one.met for one in outcomes], axis=0),
+        },
+        {"assumption": list(part.assumptions), "candidate": names, "place": places, "requirement": requirements},
+        attributes={
+            "worth_of_all": whole.value,
+            "worth_of_all_error": whole.error,
+            "unusable": part.unusable,
+            "draws": part.draws,
+        },
+    )
+
+
+def _seed(seed: int) -> int:
+    """A stream of its own."""
+    return int.from_bytes(hashlib.sha256(f"{seed} {NAME}".encode()).digest()[:16])
+
+
+def _values(part: ValueOfInformationPart, name: str, shares: FloatArray) -> FloatArray:
+    """Values of one assumption, evenly spread on a logarithmic scale, in SI."""
+    _, low, high = question_ends(part.assumptions[name])
+    return np.asarray(low * (high / low) ** shares)
+
+
+def _changes(part: ValueOfInformationPart, values: FloatArray) -> dict[str, Entry]:
+    changed: dict[str, Entry] = {}
+    for one, value in zip(part.assumptions.values(), values.tolist(), strict=True):
+        changed |= dict.fromkeys(one.paths, quantity_entry(value, question_ends(one)[0]))
+    return changed
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Outcome:
+    """Utility of every candidate, who is best at every distance, and which requirements are met, in one draw."""
+
+    utility: FloatArray
+    best: FloatArray
+    met: list[bool]
+
+
+def _outcome(
+    case: Case, names: Sequence[str], places: FloatArray, part: ValueOfInformationPart, definition: StudyDefinition
+) -> _Outcome:
+    loss = np.array([_loss(case, name, places, part.unusable) for name in names])
+    best = np.zeros(loss.shape)
+    known = loss.min(axis=0) < part.unusable
+    best[np.argmin(loss, axis=0)[known], np.flatnonzero(known)] = 1.0
+    met = [is_kept(one, case) for one in definition.file.requirements.values()]
+    return _Outcome(utility=-loss.mean(axis=1), best=best, met=met)
+
+
+def _loss(case: Case, name: str, places: FloatArray, unusable: float) -> FloatArray:
+    """Depth uncertainty over distance; where the camera is not usable, or worse than that, what the study says."""
+    relative = depth_uncertainty(case.cameras[name], places) / places
+    counted = is_usable(case, name, places) & np.isfinite(relative)
+    return np.where(counted, np.minimum(relative, unusable), unusable)

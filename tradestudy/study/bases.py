@@ -1,0 +1,59 @@
+"""On what the value of an uncertain input rests, in words."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
+
+_SESSION: Final = ("temperature", "pressure", "colour")
+Path = tuple[str | int, ...]
+
+
+def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str:
+    """An uncertain parameter of a camera with its spread and what that rests on: "yaw of Head A, assumed 0.01 deg".
+
+    Parameters
+    ----------
+    definition
+        The study.
+    camera
+        Key of the camera.
+    parameter
+        A name of its vocabulary of errors, or ``noise``.
+    """
+    title = definition.file.cameras[camera].title
+    if parameter == "noise":
+        path: Path = ("cameras", camera, "depth", "disparity_error")
+        declared = definition.document.entry(path)
+        if declared is None or not isinstance(declared, ScalarEntry) or declared.value == "derived":
+            return f"matching noise of {title}, derived from the picture"
+        return f"matching noise of {title}{_rests(definition, path, declared.text)}"
+    name = parameter.replace("_", " ")
+    for path in (
+        ("cameras", camera, "calibration", "errors", parameter),
+        ("cameras", camera, "calibration", "stability", parameter.removesuffix("_change")),
+    ):
+        entry = definition.document.entry(path)
+        if entry is not None and (spread := _spread(path, entry)) is not None:
+            return f"{name} of {title}{_rests(definition, spread[0], spread[1].text)}"
+    return f"{name} of {title}, as calibrated"
+
+
+def _spread(path: Path, entry: Entry) -> tuple[Path, ScalarEntry] | None:
+    """The first number of a declared error, and its path."""
+    if isinstance(entry, ScalarEntry):
+        return (path, entry) if entry.value is not None else None
+    if isinstance(entry, MappingEntry):
+        for key, member in entry.members.items():
+            if isinstance(member.entry, ScalarEntry) and member.entry.value is not None:
+                return (*path, key), member.entry
+    return None
+
+
+def _rests(definition: StudyDefinition, path: Path, text: str) -> str:
+    note = definition.document.annotations.get(path)
+    basis = note.basis if note is not None and note.basis is not None else "declared"
+    words = {"paper": "from the paper", "datasheet": "from the data sheet"}.get(basis, basis)
+    return f", {words}: {text}" if " " in words else f", {words} {text}"

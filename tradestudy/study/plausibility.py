@@ -1,0 +1,126 @@
+"""Input that is possible and hardly ever meant: told at its place, unless the study says on what it rests."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from tradestudy.errors import Problem
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
+from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, Dimension, UnitError, parse, pretty
+
+_SILENCED: Final = "; a basis silences this"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Range:
+    """Between which values a key of study files usually lies; ``below`` says what it has to be part of."""
+
+    key: str
+    dimension: Dimension
+    low: float
+    high: float
+    below: str = ""
+
+
+_USUAL: Final = (
+    _Range(key="baseline", dimension=LENGTH, low=1e-4, high=10.0, below="cameras"),
+    _Range(key="pixel_pitch", dimension=LENGTH, low=0.3e-6, high=200e-6),
+    _Range(key="wavelength", dimension=LENGTH, low=200e-9, high=20e-6),
+    _Range(key="wavelengths", dimension=LENGTH, low=200e-9, high=20e-6),
+    _Range(key="contrast", dimension=FRACTION, low=1e-4, high=1.0),
+    _Range(key="f_number", dimension=NUMBER, low=0.7, high=200.0),
+    _Range(key="relative_uncertainty", dimension=FRACTION, low=0.0, high=0.99, below="usable_range"),
+    _Range(key="below_relative", dimension=FRACTION, low=0.0, high=0.99),
+    _Range(key="relative", dimension=FRACTION, low=0.0, high=0.99, below="solve"),
+    _Range(key="standard_deviation", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
+    _Range(key="half_width", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
+)
+_LARGE_TOLERANCE: Final = 0.05  # from which on a tolerance without a unit was probably meant in per cent
+
+
+def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
+    """Every value outside what is usual, at its place, each place once; none that states its basis."""
+    found = [*_outside_the_usual(definition), *_light(definition), *_tolerances(definition), *_requirements(definition)]
+    return tuple({(one.file, one.line, one.column, one.what): one for one in found}.values())
+
+
+def _outside_the_usual(definition: StudyDefinition) -> Iterator[Problem]:
+    for path, entry in walk(definition.document.root, ()):
+        for usual in _USUAL:
+            if not path or path[-1] != usual.key or (usual.below and usual.below not in path):
+                continue
+            for value, place in _numbers(entry, path, usual.dimension):
+                if not usual.low <= value <= usual.high:
+                    ends = f"{pretty(usual.low, usual.dimension)} to {pretty(usual.high, usual.dimension)}"
+                    yield _told(definition, place, f"{pretty(value, usual.dimension)} is unusual ({ends} is common)")
+
+
+def _numbers(entry: Entry, path: Path, dimension: Dimension) -> Iterator[tuple[float, Path]]:
+    """Numbers at a path, or in the list there, that state no basis and read in a dimension."""
+    if isinstance(entry, ListEntry):
+        for index, item in enumerate(entry.items):
+            yield from _numbers(item, (*path, index), dimension)
+    elif isinstance(entry, ScalarEntry) and entry.value is not None and not _has_basis(entry):
+        try:
+            yield parse(entry.text, dimension), path
+        except UnitError:
+            return
+
+
+def _has_basis(entry: ScalarEntry) -> bool:
+    return entry.annotation is not None and entry.annotation.basis is not None
+
+
+def _told(definition: StudyDefinition, path: Path, what: str) -> Problem:
+    return definition.document.locate(path).problem(path, what + _SILENCED)
+
+
+def _light(definition: StudyDefinition) -> Iterator[Problem]:
+    """More light than a pixel holds."""
+    above = ("scene", "picture")
+    light, well = (definition.document.entry((*above, *tail)) for tail in (("light", "electrons"), ("full_well",)))
+    if not (isinstance(light, ScalarEntry) and isinstance(well, ScalarEntry)) or _has_basis(light):
+        return
+    electrons, full = (parse(one.text, ELECTRONS) for one in (light, well))
+    if electrons > full:
+        path = (*above, "light", "electrons")
+        what = f"{pretty(electrons, ELECTRONS)} are more than the full well of {pretty(full, ELECTRONS)} holds"
+        yield _told(definition, path, what)
+
+
+def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:
+    """A tolerance without a unit that is large as a share, and usual in per cent."""
+    asked = definition.document.entry("accuracy")
+    found = [(path, one) for path, one in ([] if asked is None else walk(asked, ("accuracy",)))]
+    for path, entry in found:
+        if path[-1] != "time_limit" and isinstance(entry, ScalarEntry) and not _has_basis(entry):
+            yield from (_told(definition, path, what) for what in _large(entry.text))
+    if definition.tolerance is not None:
+        for what in _large(definition.tolerance):
+            place = OUTSIDE._replace(file="--tolerance")
+            yield place.problem(("accuracy", "tolerance"), what)
+
+
+def _large(text: str) -> Iterator[str]:
+    try:
+        value = float(text)  # with a unit it says what it means
+    except ValueError:
+        return
+    if value >= _LARGE_TOLERANCE:
+        yield f"{text} means {pretty(value, FRACTION)}; write '{text} %' for {pretty(value / 100.0, FRACTION)}"
+
+
+def _requirements(definition: StudyDefinition) -> Iterator[Problem]:
+    """Requirements over distances that the study does not compute."""
+    distance = definition.case.distance
+    for name, one in definition.file.requirements.items():
+        near, far = one.required.over
+        if distance.size and (near < distance[0] * (1.0 - 1e-9) or far > distance[-1] * (1.0 + 1e-9)):
+            path = ("requirements", name, one.quantity, "over")
+            ends = " to ".join(f"{end:g} m" for end in (distance[0], distance[-1]))
+            what = f"reaches beyond the distances of the scene, {ends}: only figures and tables end there"
+            yield definition.document.locate(path).problem(path, what)
