@@ -15,6 +15,7 @@ from tradestudy.report.document import (
     Column,
     Heading,
     Paragraph,
+    Span,
     Spans,
     Table,
     Text,
@@ -64,7 +65,9 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
             blocks=(Bullets(tuple(map(_requirement, requirements))),),
             tone="warning" if missed else "answer",
         )
-    yield from (Paragraph(text) for text in (*_rests_on(tree), *_reversed(tree), *_measure_first(tree)))
+    told = [*_rests_on(tree), *_reversed(tree), *_measure_first(tree)]
+    if told:  # in one paragraph, so that the page has room for its figure
+        yield Paragraph(tuple(span for text in told for span in (*text, Span(" "))))
     yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
 
 
@@ -101,11 +104,13 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     found = tuple(flips(tree))
     if not any(one.alternatives for one in found):
         return
-    told = [
-        f"at {distance(one.place)} under {listed([name for name, _ in one.flipped])}" for one in found if one.flipped
-    ]
+    told = [f"at {distance(one.place)} under {len(one.flipped)}" for one in found if one.flipped]
     if told:
-        yield say("**Reversed** {told}; [](#verdict-table) has every reading.", told="; ".join(told))
+        yield say(
+            "**Reversed** {told} of {all} other readings ([](#verdict-table)).",
+            told=listed(told),
+            all=str(max(one.alternatives for one in found)),
+        )
     else:
         yield say("No reading that was tried reverses it.")
 
