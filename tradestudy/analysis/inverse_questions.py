@@ -25,6 +25,7 @@ from tradestudy.wording import listed
 
 _ROOT_TOLERANCE: Final = 1e-10
 _PLACES: Final = 9  # between the ends of a question, at which its answer is looked for
+_AS_FAR_AGAIN: Final = 2.0  # as the ends are apart, on a logarithmic scale, an answer is looked for beyond them
 _BEYOND_ALL: Final = 700.0  # a logarithm of two widths that stands for one that has no bound
 
 
@@ -158,10 +159,13 @@ def _nowhere(
         told = f"{titles[question.camera or '']} is {met} throughout for {_goal_words(question)}"
     away = np.abs(log_ratios)
     steps = np.diff(away)
-    for towards, end, left in ((np.all(steps < 0.0), ends[1], away[-1]), (np.all(steps > 0.0), ends[0], away[0])):
-        if towards and left < _BEYOND_ALL:
+    for approaches, end, left, step in (
+        (np.all(steps < 0.0), ends[1], away[-1], -steps[-1]),
+        (np.all(steps > 0.0), ends[0], away[0], steps[0]),
+    ):
+        if approaches and left <= _AS_FAR_AGAIN * _PLACES * step:  # else it comes to a halt before
             factor = significant(math.exp(float(left)), 2)
-            told += f"; it may lie beyond {pretty(end, dimension)}, where the two still differ by a factor of {factor}"
+            told += f"; it may lie beyond {pretty(end, dimension)}, where a factor of {factor} is left"
     return f"nowhere between {between}: {told}"
 
 

@@ -65,7 +65,7 @@ DATASHEET: Final[Mapping[str, Variable]] = {
     "far_limit": Variable(
         dims=("camera",),
         units="m",
-        long_name="farthest usable distance of the study",
+        long_name="farthest usable distance of the study; NaN where there is none",
         error="usable_far_error of /depth",
     ),
 }
