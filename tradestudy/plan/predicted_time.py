@@ -40,7 +40,7 @@ _TABLES_OF_A_CLAIM: Final = 0.4
 _TABLES_OF_A_SOURCE: Final = 0.35  # whose share of the uncertainty is found
 _FIRST_DISTANCES: Final = 3
 _TRIALS_OF_A_ROOT: Final = 12
-_TABLES_OF_A_DRAW: Final = 0.3
+_TABLES_OF_A_DRAW: Final = 0.07
 _TABLES_OF_A_TRIAL: Final = 0.05
 _PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond all f-numbers, whose pairs are known
 # Neither drawing nor typesetting can be tried without the libraries that are half of it. Both are mixed work of the
@@ -253,7 +253,7 @@ class _Prediction:
         file = self.definition.file
         cases = [self.definition, *self.definition.readings.values()] if file.decision is not None else []
         every = tuple(self.cameras)
-        tables = math.fsum(self._tables_of(every, self.definition.of_question(name)) for name in file.solve)
+        tables = math.fsum(self._tables_of(every, self.definition.under(name)) for name in file.solve)
         pairs_of_cases = (
             math.fsum(self._tables_of(file.decision.between, one) for one in cases) if file.decision else 0.0
         )
