@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import tradestudy
+from tradestudy.analysis import inverse_questions
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.analysis.inverse_questions import Solved, solve
 from tradestudy.errors import StudyError
@@ -20,7 +21,7 @@ STUDIES = Path(__file__).parents[2] / "studies"
 def asked(**question: Any) -> tuple[tradestudy.Study, Solved]:
     values = {"says": "which value?", "at": "3 m", **question}
     study = tradestudy.load(STUDIES / "robot.yaml").with_values({"solve": {"own": values}})
-    definition = study.plan().definition.of_question("own")
+    definition = study.plan().definition.under("own")
     return study, solve(definition, definition.file.solve["own"])
 
 
@@ -64,7 +65,7 @@ def test_two_solutions_are_both_told() -> None:
     study = base.with_values(
         {**wide, "solve": {"own": {"says": "?", "at": "0.6 m", "uncertainty": f"{goal * least} m", **question}}}
     )
-    definition = study.plan().definition.of_question("own")
+    definition = study.plan().definition.under("own")
     found = solve(definition, definition.file.solve["own"])
     assert len(found.solutions) == 2
     for one in found.solutions:
@@ -72,6 +73,13 @@ def test_two_solutions_are_both_told() -> None:
         assert there == pytest.approx(goal * least, rel=1e-3)
     assert found.solutions[0].value < 0.6 < found.solutions[1].value
     assert found.answer.startswith("2 solutions: ")
+
+
+def test_what_is_not_known_everywhere_is_not_said_throughout(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = iter([*[[np.nan]] * 3, *[[1.0]] * 6])
+    monkeypatch.setattr(inverse_questions, "_log_ratios", lambda *_: np.array(next(known)))
+    _, found = asked(**BASELINE, camera="stereo-75mm", relative="1 %")
+    assert found.answer.startswith("cannot be told: at 3")
 
 
 @pytest.mark.parametrize(

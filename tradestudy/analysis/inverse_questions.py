@@ -80,8 +80,6 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
 
     places = np.linspace(math.log(low), math.log(high), _PLACES).tolist()
     means = np.array([float(np.mean(log_ratios(log))) for log in places])
-    if np.isnan(means).all():
-        return Solved(solutions=(), dimension=dimension, answer=_undecided(question))
     found = []
     for k in range(_PLACES - 1):
         if not means[k] * means[k + 1] <= 0.0 or (means[k] == 0.0 and k > 0):  # a root on a place counts once
@@ -91,6 +89,8 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
         roots = np.exp([_root(_one_scramble(log_ratios, scramble), logs, question.says) for scramble in range(count)])
         error = float(np.std(roots, ddof=1) / math.sqrt(count)) if count > 1 else 0.0
         found.append(Solution(value=float(np.mean(roots)), error=error))
+    if not found and np.isnan(means).any():  # "throughout" could not be said
+        return Solved(solutions=(), dimension=dimension, answer=_undecided(question))
     if not found:
         answer = _nowhere(definition, question, (low, high), means)
         return Solved(solutions=(), dimension=dimension, answer=answer)
@@ -151,7 +151,7 @@ def _nowhere(
     dimension = question_ends(question)[0]
     titles = {name: part.title for name, part in definition.file.cameras.items()}
     between = " and ".join(pretty(end, dimension) for end in ends)
-    first_is_certain = bool(np.nanmean(log_ratios) < 0.0)
+    first_is_certain = bool(np.mean(log_ratios) < 0.0)
     if question.equal is not None:
         told = f"{titles[question.equal[0 if first_is_certain else 1]]} is more certain throughout"
     else:
