@@ -238,3 +238,23 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     np.testing.assert_allclose([one.low for one in found], [2.0, 5.71], rtol=1e-3)
     np.testing.assert_allclose([one.high for one in found], [3.3, 8.0], rtol=1e-3)
     assert all(one.error <= 0.0005 * one.high for one in found)
+
+
+def test_a_number_that_cannot_lie_between_two_designs_leaves_their_distance_as_error() -> None:
+    """Whole numbers: no study has the value in the middle."""
+    from types import SimpleNamespace
+
+    from tradestudy.run.groups.requirements import _root
+    from tradestudy.study.sweep import SweepAxis, quantity_entry
+    from tradestudy.units import NUMBER
+
+    def refuse(_values: object) -> None:
+        raise StudyError([])
+
+    axis = SweepAxis(
+        path="x", values=(quantity_entry(2.0, NUMBER),), labels=(2.0,), units="1", declared=2.0, dimension=NUMBER
+    )
+    tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
+    file = SimpleNamespace(requirements={"r": None}, accuracy=tolerances)
+    definition = SimpleNamespace(file=file, with_values=refuse)
+    assert _root(definition, "r", axis, 2.0, 3.0, Judge()) == (2.0, 0.5)  # type: ignore[arg-type]  # a stand-in

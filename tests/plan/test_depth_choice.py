@@ -266,7 +266,7 @@ def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() ->
 
     drawn = {name for name, one in definition.readings.items() if model(one) == "exact"}
     assert drawn == {"yaw-uniform"}
-    assert model(definition.of_question("yaw-at-half-metre")) == "exact"
+    assert model(definition.under("yaw-at-half-metre")) == "exact"
     assert {model(definition), model(definition.readings["yaw-tenth"])} == {"linear"}
     assert "drawn at random for yaw-uniform, yaw-at-half-metre" in plan.text()
 
@@ -274,7 +274,7 @@ def test_a_reading_and_a_question_that_no_line_describes_draw_by_themselves() ->
 def test_what_a_study_forces_acts_under_every_reading() -> None:
     override = ["effects.calibration=linear"]
     definition = tradestudy.load(STUDIES / "plenoptic_vs_stereo.yaml", override).plan().definition
-    cases = [definition, *definition.readings.values(), definition.of_question("yaw-at-half-metre")]
+    cases = [definition, *definition.readings.values(), definition.under("yaw-at-half-metre")]
     assert {one.case.cameras["stereo-65-across"].propagation.model for one in cases} == {"linear"}
 
 

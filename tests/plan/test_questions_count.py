@@ -75,7 +75,7 @@ def test_the_farthest_of_many_questions_is_looked_at(tmp_path: Path) -> None:
         for k in range(31, 36)
     }
     asked = study(tmp_path, FAR, solve={"far": question}, requirements=near)
-    definition = asked.plan().definition.of_question("far")
+    definition = asked.plan().definition.under("far")
     assert definition.case.cameras["pair"].propagation.model == "exact"
 
 

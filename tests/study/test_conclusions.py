@@ -13,13 +13,13 @@ import xarray as xr
 from typer.testing import CliRunner
 
 import tradestudy
+from tradestudy import figures
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.api import Result
 from tradestudy.cli import app
 from tradestudy.comparison import compare_runs
 from tradestudy.results.views.conclusions import (
     best_stretches,
-    conclusions_as_json,
     measure_first,
     path_words,
     requirement_conclusions,
@@ -28,6 +28,7 @@ from tradestudy.results.views.conclusions import (
     terminal_lines,
     worths,
 )
+from tradestudy.results.views.conclusions_json import conclusions_as_json
 
 STUDIES = Path(__file__).parents[2] / "studies"
 ASKED = {
@@ -232,3 +233,12 @@ def test_comparing_begins_with_conclusions_that_changed(swept: Result) -> None:
     assert "  1 % from 0.4 to 3 m: met, Stereo head, 75 mm → not met, Stereo head, 75 mm" in lines
     same = compare_runs(["one", "other"], [{}, {}], [swept.data, swept.data])
     assert str(same).splitlines()[1] == "Conclusions that changed: none"
+
+
+def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:
+    assert "requirement_margins" in swept.figure_names
+    tree = swept.data.copy()
+    data = tree["requirements"].to_dataset().copy(deep=True)
+    data["design_margin_percent"][:] = np.inf
+    tree["requirements"] = xr.DataTree(data)
+    assert "requirement_margins" not in figures.build(tree)

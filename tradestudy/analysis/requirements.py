@@ -19,6 +19,7 @@ from tradestudy.study.definition import Case
 from tradestudy.study.schema.requirements import (
     BoundOverPart,
     LengthBelowPart,
+    Required,
     RequirementPart,
     ShareAbovePart,
     ShareBelowPart,
@@ -30,6 +31,7 @@ ANY: Final = "any"
 ALL: Final = "all"
 _POINTS: Final = 101  # over the distances of a requirement; and again around the worst of them
 _COARSE: Final = 9
+_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # of a distance, for rounding
 _ABSENT: Final = "the camera has none"
 
 
@@ -90,24 +92,23 @@ def hold(requirement: RequirementPart, case: Case, name: str) -> Held:
     camera, required = case.cameras[name], requirement.required
     if isinstance(required, UsablePart):
         return _hold_use(required, case, name)
-    measured = _MEASURED[requirement.quantity]
     above = isinstance(required, ShareAbovePart)
     bound, dimension = _bound(required)
-    scale: Callable[[FloatArray], FloatArray] = np.ones_like
-    if isinstance(required, BoundOverPart) and required.is_relative:
-        scale = np.asarray  # relative to the distance
+
+    def measured(points: FloatArray) -> FloatArray:
+        return _MEASURED[requirement.quantity](camera, points) / _scale(required, points)
 
     def broken_by(points: FloatArray) -> FloatArray:
         """Larger is worse; what is not known is worst."""
-        values = measured(camera, points) / scale(points)
+        values = measured(points)
         return np.where(np.isnan(values), np.inf, -values if above else values)
 
-    if np.isnan(measured(camera, np.array(required.over))).all() and requirement.quantity == "overlap":
+    if requirement.quantity == "overlap" and np.isnan(measured(np.array(required.over))).all():
         return _unknown(name, bound, _ABSENT)
     place = _worst_place(broken_by, required.over)
     at = np.array([place])
-    value = float((measured(camera, at) / scale(at))[0])
-    error = float(_ERRORS[requirement.quantity](camera, at)[0] / scale(at)[0])
+    value = float(measured(at)[0])
+    error = float((_ERRORS[requirement.quantity](camera, at) / _scale(required, at))[0])
     unusable, not_there = _unusable(case, name, required.over)
     small, large = (bound, value) if above else (value, bound)
     margin = (large / small if small > 0.0 else math.inf) - 1.0
@@ -170,9 +171,7 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
     required = requirement.required
     if not isinstance(required, UsablePart):
         bound, _ = _bound(required)
-        values = _MEASURED[requirement.quantity](case.cameras[name], points)
-        if isinstance(required, BoundOverPart) and required.is_relative:
-            values = values / points
+        values = _MEASURED[requirement.quantity](case.cameras[name], points) / _scale(required, points)
         kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
         if not kept.all():
             return False
@@ -187,9 +186,7 @@ def _hold_use(required: UsablePart, case: Case, name: str) -> Held:
     """How far the usable range reaches beyond what is asked, at the end where it does so least."""
     near, far = required.over
     unusable, place = _unusable(case, name, required.over)
-    reach = case.distance[(case.distance >= near * _LESS) & (case.distance <= far * _MORE)]
-    grid = np.union1d(case.distance, [near, far, *reach])
-    stretches = usable_intervals(case.cameras[name], case.criteria, grid)
+    stretches = usable_intervals(case.cameras[name], case.criteria, np.union1d(case.distance, [near, far]))
     around = [one for one in stretches if one.near <= near * _MORE and one.far >= far * _LESS]
     if unusable == 0.0 and around:
         one = around[0]
@@ -209,9 +206,6 @@ def _hold_use(required: UsablePart, case: Case, name: str) -> Held:
         unusable=unusable,
         reason=words,
     )
-
-
-_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9
 
 
 def _unusable(case: Case, name: str, over: tuple[float, ...]) -> tuple[float, float]:
@@ -242,6 +236,11 @@ def _bound(required: BoundOverPart | ShareAbovePart | ShareBelowPart | LengthBel
             return required.below, FRACTION
         case LengthBelowPart():
             return required.below, LENGTH
+
+
+def _scale(required: Required, points: FloatArray) -> FloatArray:
+    """What a value is divided by before it is held against its bound: the distance, where that is relative."""
+    return points if isinstance(required, BoundOverPart) and required.is_relative else np.ones(points.shape)
 
 
 def _unknown(name: str, bound: float, reason: str) -> Held:

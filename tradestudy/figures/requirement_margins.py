@@ -24,6 +24,8 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
         return None
     data = tree["requirements"].to_dataset()
     dims = _swept(data)
+    if not np.isfinite(data["design_margin_percent"].values).any():  # nothing fails, or nothing can be decided
+        return None
     if len(dims) > 2 or (len(dims) == 2 and any(data[dim].dtype.kind not in "fiu" for dim in dims)):
         return None
     names = " and ".join(path_words(tree, dim) for dim in dims)

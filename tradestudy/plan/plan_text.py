@@ -92,7 +92,7 @@ def _forced(one: Chosen) -> str:
     )
     more = "more than" if change.relative > one.asked[quantity] else "within"
     return (
-        f"{named}, as the study requires, changes the {IN_WORDS[quantity]} by {share(change)}, {more} the "
+        f"{named}, as the study requires, changes the {IN_WORDS[quantity]} by {_share(change)}, {more} the "
         f"{pretty(one.asked[quantity], FRACTION)} allowed"
     )
 
@@ -101,10 +101,10 @@ def _decisions(one: Chosen) -> Iterator[str]:
     """Every model of every effect with what it changes, and the reasons of effects that have but one."""
     for quantity, tolerance in one.asked.items():
         total = one.choice.changes[quantity]
-        yield f"all together: {IN_WORDS[quantity]}, {share(total)}; {pretty(tolerance, FRACTION)} allowed"
+        yield f"all together: {IN_WORDS[quantity]}, {_share(total)}; {pretty(tolerance, FRACTION)} allowed"
     for quantity, total in one.choice.changes.items():
         if quantity not in one.asked:
-            yield f"not asked for: {IN_WORDS[quantity]}, {share(total)}"
+            yield f"not asked for: {IN_WORDS[quantity]}, {_share(total)}"
     told: set[str] = set()
     yield "● used, ○ compared; each with what it alone would change"
     for decision in one.choice.decisions:
@@ -115,11 +115,11 @@ def _decisions(one: Chosen) -> Iterator[str]:
             yield f"{mark} {name}{again}"
             continue
         asked = ((quantity, change) for quantity, change in decision.changes.items() if quantity in one.asked)
-        numbers = ", ".join(f"{IN_WORDS[quantity]} {share(change)}" for quantity, change in asked)
+        numbers = ", ".join(f"{IN_WORDS[quantity]} {_share(change)}" for quantity, change in asked)
         yield f"{mark} {name}  {numbers}"
 
 
-def share(change: Change) -> str:
+def _share(change: Change) -> str:
     """A change with how it is known: "0.22 %", "up to about 1.3 %", "about 0.02 %, estimated at a few distances"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)

@@ -388,8 +388,8 @@ class StudyDefinition:
         """
         return replace(self, models=models, elsewhere=elsewhere or {}, before=self)
 
-    def of_question(self, name: str) -> StudyDefinition:
-        """The study with the models that act for an inverse question."""
+    def under(self, name: str) -> StudyDefinition:
+        """The study with the models that act under a reading or for an inverse question of this name."""
         return replace(self, models={**self.models, **self.elsewhere.get(name, {})}, before=self)
 
     @cached_property
@@ -411,7 +411,7 @@ class StudyDefinition:
                 changed = self.with_values(
                     {path: member.entry for path, member in values.members.items()}, written_at=written_at
                 )
-                found[name] = changed.of_question(name)
+                found[name] = changed.under(name)
             except StudyError as error:
                 problems += [
                     replace(problem, what=f"in reading '{name}': {problem.what}") for problem in error.problems

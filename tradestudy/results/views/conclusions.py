@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import xarray as xr
@@ -17,7 +17,6 @@ from tradestudy.wording import distance, listed
 
 _SEVERAL: Final = 2
 _ASSUMED: Final = ", assumed "
-JSON_FORMAT: Final = 1
 _BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS)}
 
 
@@ -41,8 +40,6 @@ class MetFrom:
         In words, with its camera.
     low, high, error
         Its ends in SI, and how well they are known.
-    from_start, to_end
-        Whether the stretch reaches the first and the last value that was tried.
     words
         "from 53.4 mm on".
     """
@@ -51,8 +48,6 @@ class MetFrom:
     low: float
     high: float
     error: float
-    from_start: bool
-    to_end: bool
     cameras: tuple[str, ...]
     words: str
 
@@ -186,6 +181,8 @@ def requirement_details(one: RequirementConclusion) -> str:
 
 def _by(one: RequirementConclusion) -> str:
     """The camera that decides, and how."""
+    if one.met is None:
+        return f"undecided for {one.camera}"
     if one.of == "all":
         return f"by all, tightest for {one.camera}" if one.met else f"not by {one.camera}"
     if one.met:
@@ -226,15 +223,12 @@ def _met_from(tree: xr.DataTree, number: int) -> tuple[MetFrom, ...] | None:
     ):
         if np.isnan(low):
             continue
-        from_start, to_end = bool(low <= values[0]), bool(high >= values[-1])
         found.append(
             MetFrom(
                 parameter=parameter,
                 low=float(low),
                 high=float(high),
                 error=float(error),
-                from_start=from_start,
-                to_end=to_end,
                 cameras=tuple(titles[name] for name in str(cameras).split(", ")),
                 words=_interval_words(low, high, values, dimension),
             )
@@ -382,45 +376,3 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     else:
         yield from lines
     yield from last
-
-
-def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
-    """The conclusions of a run with numbers in SI; see `Result.conclusions` for the keys."""
-    return {
-        "format": JSON_FORMAT,
-        **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
-        "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_stretches(tree)],
-        "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
-        "rests_on": list(rests_on(tree)),
-        "measure_first": measure_first(tree),
-        "assumptions": [
-            {"assumption": one.says, "between": one.between, "worth": one.worth, "error": one.error}
-            for one in worths(tree)
-        ],
-    }
-
-
-def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
-    found: dict[str, Any] = {
-        name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
-    }
-    found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity")}
-    if one.designs is not None:
-        found |= {"designs_met": one.designs[0], "designs": one.designs[1]}
-    if one.stretches is not None:
-        found["met_with"] = [
-            {
-                "parameter": stretch.parameter,
-                "from": stretch.low,
-                "to": stretch.high,
-                "error": stretch.error,
-                "cameras": list(stretch.cameras),
-            }
-            for stretch in one.stretches
-        ]
-    return found
-
-
-def _number(value: float) -> float | None:
-    """JSON has no NaN and no infinity."""
-    return value if np.isfinite(value) else None

@@ -92,7 +92,7 @@ def decision_group(
     if file.solve:
         solved = []
         for name, question in file.solve.items():
-            solved.append(solve(definition.of_question(name), question))
+            solved.append(solve(definition.under(name), question))
             tell()
         values |= {
             "solution_count": [len(answer.solutions) for answer in solved],

@@ -13,6 +13,7 @@ import xarray as xr
 
 from tradestudy.analysis.causes import largest_cause
 from tradestudy.analysis.requirements import Held, Judge
+from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.results import dataset
 from tradestudy.study.bases import input_words
@@ -109,7 +110,7 @@ def _is_numeric(axis: SweepAxis) -> bool:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
+class _Stretch:
     """An interval of the swept parameter in which a requirement is met, how well its ends are known, and by whom."""
 
     low: float
@@ -120,7 +121,7 @@ class Stretch:
 
 def _stretches(
     definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[Held], judge: Judge
-) -> list[Stretch]:
+) -> list[_Stretch]:
     """Where along one parameter a requirement is met: stretches of designs, their ends followed between two designs."""
     met = [bool(one.met) for one in column]
     places = [float(label) for label in axis.labels]
@@ -139,7 +140,7 @@ def _stretches(
             else _root(definition, name, axis, places[last], places[last + 1], judge)
         )
         cameras = ", ".join(dict.fromkeys(column[k].camera for k in numbers))
-        found.append(Stretch(low=low, high=high, error=max(low_error, high_error), cameras=cameras))
+        found.append(_Stretch(low=low, high=high, error=max(low_error, high_error), cameras=cameras))
     return found
 
 
@@ -148,19 +149,23 @@ def _root(
 ) -> tuple[float, float]:
     """Where a requirement ceases to be met between two values, on the side where it is met, and how well that is known.
 
-    By halving: the margin may jump where a camera ceases to be usable.
+    By halving: the margin may jump where a camera ceases to be usable. Where no study can have the value between, such
+    as half a pixel, that is all there is to know.
     """
     assert axis.dimension is not None
     requirement = definition.file.requirements[name]
     close = _ROOT_TO * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
     while abs(outside - inside) > close * max(abs(inside), abs(outside)):
         middle = (inside + outside) / 2.0
-        case = definition.with_values({axis.path: quantity_entry(middle, axis.dimension)}).case
+        try:
+            case = definition.with_values({axis.path: quantity_entry(middle, axis.dimension)}).case
+        except StudyError:
+            break
         inside, outside = (middle, outside) if judge.answer(requirement, case)[0].met else (inside, middle)
     return inside, abs(outside - inside) / 2.0
 
 
-def _stretch_arrays(found: Sequence[Sequence[Stretch]]) -> Mapping[str, Any]:
+def _stretch_arrays(found: Sequence[Sequence[_Stretch]]) -> Mapping[str, Any]:
     most = max(1, *(len(row) for row in found))
 
     def padded(name: str, empty: Any) -> list[list[Any]]:

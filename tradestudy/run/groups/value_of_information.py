@@ -34,7 +34,7 @@ def value_of_information_group(
     definition: StudyDefinition, part: ValueOfInformationPart, progress: Progress
 ) -> xr.Dataset:
     """/value_of_information over assumptions, candidates and distances."""
-    definition = definition.of_question(NAME)
+    definition = definition.under(NAME)
     file, case = definition.file, definition.case
     names = list(file.decision.candidates) if file.decision and file.decision.candidates else list(case.cameras)
     places = np.array(part.at or (file.decision.at if file.decision else distances_without_decision(case.distance)))

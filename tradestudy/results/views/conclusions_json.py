@@ -1,0 +1,61 @@
+"""What a run concludes, as one JSON object with numbers in SI."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.views.conclusions import (
+    RequirementConclusion,
+    best_stretches,
+    measure_first,
+    requirement_conclusions,
+    rests_on,
+    worths,
+)
+
+JSON_FORMAT: Final = 1
+
+
+def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
+    """The conclusions of a run with numbers in SI; see `Result.conclusions` for the keys."""
+    return {
+        "format": JSON_FORMAT,
+        **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
+        "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_stretches(tree)],
+        "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
+        "rests_on": list(rests_on(tree)),
+        "measure_first": measure_first(tree),
+        "assumptions": [
+            {"assumption": one.says, "between": one.between, "worth": one.worth, "error": one.error}
+            for one in worths(tree)
+        ],
+    }
+
+
+def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
+    }
+    found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity")}
+    if one.designs is not None:
+        found |= {"designs_met": one.designs[0], "designs": one.designs[1]}
+    if one.stretches is not None:
+        found["met_with"] = [
+            {
+                "parameter": stretch.parameter,
+                "from": stretch.low,
+                "to": stretch.high,
+                "error": stretch.error,
+                "cameras": list(stretch.cameras),
+            }
+            for stretch in one.stretches
+        ]
+    return found
+
+
+def _number(value: float) -> float | None:
+    """JSON has no NaN and no infinity."""
+    return value if np.isfinite(value) else None
