@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
 from typing import Final
@@ -12,7 +12,7 @@ import numpy as np
 
 from tradestudy.analysis.decision import is_usable
 from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, depth_uncertainty_error, evaluate_depth
-from tradestudy.analysis.usable import usable_intervals
+from tradestudy.analysis.usable import END_OF_STUDY, Interval, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case
@@ -87,11 +87,15 @@ class Held:
         return float(self.margin >= 0.0) if math.isnan(in_errors) else NormalDist().cdf(in_errors)
 
 
-def hold(requirement: RequirementPart, case: Case, name: str) -> Held:
-    """Hold a requirement against one camera that measures depth."""
+def hold(requirement: RequirementPart, case: Case, name: str, known: Sequence[Interval] | None = None) -> Held:
+    """Hold a requirement against one camera that measures depth.
+
+    Its usable intervals over the distances of the study are found where they are not ``known``.
+    """
     camera, required = case.cameras[name], requirement.required
+    intervals = _intervals(case, name, required.over, known)
     if isinstance(required, UsablePart):
-        return _hold_use(required, case, name)
+        return _hold_use(required, intervals, name)
     above = isinstance(required, ShareAbovePart)
     bound, dimension = _bound(required)
 
@@ -109,7 +113,7 @@ def hold(requirement: RequirementPart, case: Case, name: str) -> Held:
     at = np.array([place])
     value = float(measured(at)[0])
     error = float((_ERRORS[requirement.quantity](camera, at) / _scale(required, at))[0])
-    unusable, not_there = _unusable(case, name, required.over)
+    unusable, not_there = _unusable(intervals, required.over)
     small, large = (bound, value) if above else (value, bound)
     margin = (large / small if small > 0.0 else math.inf) - 1.0
     margin = -1.0 if math.isnan(margin) else margin
@@ -117,7 +121,7 @@ def hold(requirement: RequirementPart, case: Case, name: str) -> Held:
     guard = 0.0 if requirement.guard_band is None else requirement.guard_band.width * error
     reason = f"worst {pretty(value, dimension)} at {pretty(place, LENGTH)}"
     if unusable > 0.0:
-        reason = f"not usable at {pretty(not_there, LENGTH)}; {reason}"
+        reason = f"{_not_usable(not_there, required.over)}; {reason}"
     return Held(
         camera=name,
         met=bool(kept and abs(bound - value) >= guard and unusable == 0.0),
@@ -132,9 +136,16 @@ def hold(requirement: RequirementPart, case: Case, name: str) -> Held:
 
 
 class Judge:
-    """Answers to requirements; one camera that several designs share is judged once."""
+    """Answers to requirements; one camera that several designs share is judged once.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    usable
+        The usable intervals of cameras over the distances of the study, where they are known.
+    """
+
+    def __init__(self, usable: Mapping[tuple[DepthCamera, UsableCriteria], Sequence[Interval]] | None = None) -> None:
+        self._usable = usable or {}
         self._known: dict[tuple[RequirementPart, DepthCamera, UsableCriteria], Held] = {}
 
     def answer(self, requirement: RequirementPart, case: Case) -> tuple[Held, Mapping[str, Held]]:
@@ -155,7 +166,7 @@ class Judge:
     def _held(self, requirement: RequirementPart, case: Case, name: str) -> Held:
         key = (requirement, case.cameras[name], case.criteria)
         if key not in self._known:
-            self._known[key] = hold(requirement, case, name)
+            self._known[key] = hold(requirement, case, name, self._usable.get(key[1:]))
         return replace(self._known[key], camera=name)
 
 
@@ -182,22 +193,22 @@ def _nearness(held: Held) -> tuple[bool, float]:
     return bool(held.met), -math.inf if math.isnan(held.margin) else held.margin
 
 
-def _hold_use(required: UsablePart, case: Case, name: str) -> Held:
+def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) -> Held:
     """How far the usable range reaches beyond what is asked, at the end where it does so least."""
     near, far = required.over
-    unusable, place = _unusable(case, name, required.over)
-    stretches = usable_intervals(case.cameras[name], case.criteria, np.union1d(case.distance, [near, far]))
-    around = [one for one in stretches if one.near <= near * _MORE and one.far >= far * _LESS]
-    if unusable == 0.0 and around:
-        one = around[0]
+    unusable, place = _unusable(intervals, required.over)
+    if unusable == 0.0:
+        one = next(one for one in intervals if one.far >= far * _LESS)
         margins = {one.near: near / one.near - 1.0, one.far: one.far / far - 1.0}
         place = min(margins, key=lambda end: margins[end])
         margin, words = margins[place], f"usable from {pretty(one.near, LENGTH)} to {pretty(one.far, LENGTH)}"
+        if END_OF_STUDY in (one.near_limit if place == one.near else one.far_limit):
+            words += ", where the study ends"
     else:
-        margin, words = -max(unusable, 1.0 / _POINTS), f"not usable at {pretty(place, LENGTH)}"
+        margin, words = -unusable, _not_usable(place, required.over)
     return Held(
         camera=name,
-        met=margin >= 0.0,
+        met=unusable == 0.0,
         value=1.0 - unusable,
         bound=1.0,
         place=place,
@@ -208,11 +219,29 @@ def _hold_use(required: UsablePart, case: Case, name: str) -> Held:
     )
 
 
-def _unusable(case: Case, name: str, over: tuple[float, ...]) -> tuple[float, float]:
-    """Share of a range, on a logarithmic scale, where a camera cannot be used, and the nearest such distance [m]."""
-    points = np.geomspace(over[0], over[1], _POINTS)
-    usable = is_usable(case, name, points)
-    return (float(np.mean(~usable)), float(points[np.argmin(usable)])) if not usable.all() else (0.0, math.nan)
+def _intervals(case: Case, name: str, over: tuple[float, ...], known: Sequence[Interval] | None) -> Sequence[Interval]:
+    """Usable intervals of a camera over the distances of the study, and over those of a requirement beyond them."""
+    inside = case.distance[0] * _LESS <= over[0] and over[1] <= case.distance[-1] * _MORE
+    if known is not None and inside:
+        return known
+    grid = case.distance if inside else np.union1d(case.distance, np.geomspace(over[0], over[1], _POINTS))
+    return usable_intervals(case.cameras[name], case.criteria, grid)
+
+
+def _unusable(intervals: Sequence[Interval], over: tuple[float, ...]) -> tuple[float, float]:
+    """Share of a range, on a logarithmic scale, that no interval covers, and where the first gap begins [m]."""
+    reached, missing, first = over[0], 0.0, math.nan
+    for near, far in (*((one.near, one.far) for one in intervals), (over[1], math.inf)):
+        gap = min(near, over[1])
+        if gap > reached * _MORE:
+            missing += math.log(gap / reached)
+            first = reached if math.isnan(first) else first
+        reached = max(reached, far)
+    return missing / math.log(over[1] / over[0]), first
+
+
+def _not_usable(place: float, over: tuple[float, ...]) -> str:
+    return f"not usable {'at' if place == over[0] else 'just beyond'} {pretty(place, LENGTH)}"
 
 
 def _worst_place(broken_by: Callable[[FloatArray], FloatArray], over: tuple[float, ...]) -> float:

@@ -11,7 +11,7 @@ from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.datasheet import datasheet_group
 from tradestudy.run.groups.decision import claims_group, decision_group
-from tradestudy.run.groups.depth import depth_at_places_group, depth_field_group, depth_group
+from tradestudy.run.groups.depth import depth_at_places_group, depth_field_group, depth_group, depth_tables
 from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
 from tradestudy.run.groups.effects import effects_group
 from tradestudy.run.groups.ranks import ranks_group
@@ -73,7 +73,8 @@ def compute(
         groups["/effects"] = effects_group(plan)
     if definition.case.cameras:
         compute_kirchhoff_pictures(definition, progress)
-        groups["/depth"] = depth_group(definition, designs, steps)
+        tables = depth_tables(definition, designs, steps)
+        groups["/depth"] = depth_group(definition, designs, tables)
         if file.propagation.field_places:
             groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
         if file.decision is not None:
@@ -127,6 +128,6 @@ def compute(
     if file.claims:
         groups["/claims"] = claims_group(definition, readings, progress)
     if file.requirements:
-        groups["/requirements"] = requirements_group(definition, designs, steps)
+        groups["/requirements"] = requirements_group(definition, designs, tables, steps)
     progress("claims", 1.0)
     return xr.DataTree.from_dict(groups)

@@ -16,6 +16,7 @@ from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension,
 from tradestudy.wording import distance, listed
 
 _SEVERAL: Final = 2
+_NO_MARGIN: Final = 1e-6  # rounding
 _ASSUMED: Final = ", assumed "
 _BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS)}
 
@@ -192,6 +193,8 @@ def _by(one: RequirementConclusion) -> str:
 
 def _margin_words(one: RequirementConclusion) -> str:
     if not np.isfinite(one.margin) or one.margin <= -1.0:  # nothing, or an unbounded value, which the reason tells
+        return ""
+    if abs(one.margin) < _NO_MARGIN:
         return ""
     share = pretty(abs(one.margin), FRACTION, digits=2)
     return f"{share} to spare" if one.margin >= 0.0 else f"missed by {share}"

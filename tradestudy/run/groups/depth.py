@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,21 +28,28 @@ from tradestudy.results import dataset
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.sweep import point_labels, sweep_axes
 
+DepthTables = Mapping[tuple[DepthCamera, UsableCriteria], DepthTable]
 
-def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> xr.Dataset:
-    """/depth over (swept parameters, camera, distance); the designs are those of `sweep_points`."""
-    axes = sweep_axes(definition)
-    cases = [design.case for design in designs]
-    distance = definition.case.distance
-    asked = [(camera, case.criteria) for case in cases for camera in case.cameras.values()]
-    names = [f"{name}, {label}" for case, label in zip(cases, point_labels(axes), strict=True) for name in case.cameras]
-    # A camera that is the same in several designs is computed once; it is called by the first of them.
+
+def depth_tables(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> DepthTables:
+    """What each camera of each design knows about depth over the distances of the study.
+
+    A camera that is the same in several designs is computed once; it is called by the first of them.
+    """
     labels: dict[tuple[DepthCamera, UsableCriteria], str] = {}
-    for one, name in zip(asked, names, strict=True):
-        labels.setdefault(one, name)
+    for design, label in zip(designs, point_labels(sweep_axes(definition)), strict=True):
+        for name, camera in design.case.cameras.items():
+            labels.setdefault((camera, design.case.criteria), f"{name}, {label}")
+    distance = definition.case.distance
     points = [DepthPoint(camera=camera, criteria=criteria, distance=distance) for camera, criteria in labels]
     efforts = [relative_effort(camera) for camera, _ in labels]
-    tables = dict(zip(labels, steps.map("depth", depth_table, points, list(labels.values()), efforts), strict=True))
+    return dict(zip(labels, steps.map("depth", depth_table, points, list(labels.values()), efforts), strict=True))
+
+
+def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:
+    """/depth over (swept parameters, camera, distance); the designs are those of `sweep_points`."""
+    axes, distance = sweep_axes(definition), definition.case.distance
+    asked = [(camera, design.case.criteria) for design in designs for camera in design.case.cameras.values()]
     arrays, part_names = _depth_arrays([tables[one] for one in asked])
     shape = (*(len(axis.labels) for axis in axes), len(definition.case.cameras))
     stacked = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}

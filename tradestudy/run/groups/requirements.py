@@ -16,6 +16,7 @@ from tradestudy.analysis.requirements import Held, Judge
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.results import dataset
+from tradestudy.run.groups.depth import DepthTables
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
@@ -23,10 +24,12 @@ from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
 _ROOT_TO: Final = 0.1  # of the tolerance: how well an end is known, relative to the value
 
 
-def requirements_group(definition: StudyDefinition, designs: Sequence[StudyDefinition], steps: Steps) -> xr.Dataset:
+def requirements_group(
+    definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables, steps: Steps
+) -> xr.Dataset:
     """/requirements over requirements, and over (swept parameters, requirement)."""
     requirements, axes = definition.file.requirements, sweep_axes(definition)
-    judge = Judge()
+    judge = Judge({one: table.intervals for one, table in tables.items()})
     found = {name: judge.answer(one, definition.case) for name, one in requirements.items()}
     cameras = list(definition.case.cameras)
     tolerance = 100.0 * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
