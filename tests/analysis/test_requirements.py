@@ -228,13 +228,13 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     )  # fmt: skip
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
     definition = SimpleNamespace(
-        file=SimpleNamespace(requirements={"r": None}, accuracy=tolerances),
+        file=SimpleNamespace(requirements={"r": SimpleNamespace(camera="any")}, accuracy=tolerances),
         with_values=lambda values: SimpleNamespace(case=float(values["x"].value)),
     )
     judge = _TwoStretches()
     column = [judge.answer(None, one)[0] for one in labels]
     found = _stretches(definition, "r", axis, column, judge)  # type: ignore[arg-type]  # stand-ins
-    assert [(one.cameras) for one in found] == ["near", "far"]
+    assert [one.camera for one in found] == ["near", "far"]
     np.testing.assert_allclose([one.low for one in found], [2.0, 5.71], rtol=1e-3)
     np.testing.assert_allclose([one.high for one in found], [3.3, 8.0], rtol=1e-3)
     assert all(one.error <= 0.0005 * one.high for one in found)
@@ -255,6 +255,6 @@ def test_a_number_that_cannot_lie_between_two_designs_leaves_their_distance_as_e
         path="x", values=(quantity_entry(2.0, NUMBER),), labels=(2.0,), units="1", declared=2.0, dimension=NUMBER
     )
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
-    file = SimpleNamespace(requirements={"r": None}, accuracy=tolerances)
-    definition = SimpleNamespace(file=file, with_values=refuse)
-    assert _root(definition, "r", axis, 2.0, 3.0, Judge()) == (2.0, 0.5)  # type: ignore[arg-type]  # a stand-in
+    definition = SimpleNamespace(file=SimpleNamespace(accuracy=tolerances), with_values=refuse)
+    asked = SimpleNamespace(camera="any")
+    assert _root(definition, asked, axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.5)  # type: ignore[arg-type]  # stand-ins

@@ -81,7 +81,8 @@ def test_a_camera_that_is_usable_nowhere_is_named_with_what_it_lacks(make_tree: 
 def test_the_answer_says_where_nothing_is_usable_and_why(tree: xr.DataTree) -> None:
     found = list(sentences(document_of(tree)))
     assert found[0] == (
-        "0.05 to 0.15 m: no camera is usable: Raytrix R5, Keplerian begins at 0.15 m, limited by total covering plane."
+        "0.05 to 0.15 m: no camera is usable (Raytrix R5, Keplerian, Stereo 100 mm, f = 30.5 mm and Stereo 100 mm, "
+        "65.24° across: too little overlap of the views)."
     )
     # Noise alone is 20 times, calibration alone a fifth of the ratio: 0.68 at 0.3 m, 0.75, 0.82.
     ways = next(text for text in found if "noise alone" in text)
@@ -97,8 +98,8 @@ def test_who_is_usable_without_being_a_candidate_is_told(make_tree: Callable[...
     tree["decision"].attrs["candidates"] = "r5, stereo-65deg"
     found = list(sentences(document_of(tree)))
     assert found[0] == (
-        "0.05 to 0.15 m: no candidate is usable: Raytrix R5, Keplerian begins at 0.15 m, limited by total covering "
-        "plane; usable in it, but no candidate: Stereo 100 mm, f = 30.5 mm."
+        "0.05 to 0.15 m: no candidate is usable (Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across: too little "
+        "overlap of the views); usable in it, but no candidate: Stereo 100 mm, f = 30.5 mm."
     )
     drawing = figures.build(tree)["whole_range"]
     assert "of the candidates Raytrix R5, Keplerian and Stereo 100 mm, 65.24° across" in drawing.caption
@@ -156,7 +157,7 @@ def test_the_answer_gives_both_ends_of_a_stretch_in_millimetres_and_per_cent(tre
     first = 0.391  # between two distances of the study
     sigma = np.hypot(6.9e-4, 0.0349)
     assert f"±{1e3 * sigma * first**2:.3g} mm ({100 * sigma * first:.3g} %) near" in sentence
-    assert f"to ±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far, set by relative rotation" in sentence
+    assert f"±{sigma * 100:.3g} m ({100 * sigma * 10:.3g} %) far; mostly rotation between its cameras" in sentence
 
 
 def test_without_the_declared_design_the_answer_has_no_numbers(make_tree: Callable[..., xr.DataTree]) -> None:

@@ -21,7 +21,6 @@ from tradestudy.comparison import compare_runs
 from tradestudy.results.views.conclusions import (
     best_stretches,
     measure_first,
-    path_words,
     requirement_conclusions,
     requirement_sentence,
     rests_on,
@@ -29,6 +28,7 @@ from tradestudy.results.views.conclusions import (
     worths,
 )
 from tradestudy.results.views.conclusions_json import conclusions_as_json
+from tradestudy.results.views.designs import path_words
 
 STUDIES = Path(__file__).parents[2] / "studies"
 ASKED = {
@@ -84,7 +84,7 @@ def valued() -> Result:
 
 def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_rests(swept: Result) -> None:
     best, met, wish, rests = swept.lines()
-    assert best == "Best: Stereo head, 75 mm from 0.3 m to 4 m"
+    assert best == "Best, as declared: Stereo head, 75 mm from 0.3 m to 4 m"
     found = re.fullmatch(
         r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
         r"baseline of Stereo head, 75 mm from ([\d.]+) mm on \(tried up to 150 mm\)",
@@ -97,7 +97,7 @@ def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_
     assert worst / 100.0 == pytest.approx(truth, rel=0.02)
     assert spare / 100.0 == pytest.approx(0.01 / truth - 1.0, rel=0.05)
     assert begins == pytest.approx(53.4, rel=0.02)
-    assert wish.startswith("Not met: an R5 that sees as far (should), not by Raytrix R5 (not usable at 1.1")
+    assert wish.startswith("Not met: an R5 that sees as far (should), not by Raytrix R5 (not usable just beyond 1.1")
     assert wish.endswith("; met by no design that was tried")
     assert re.fullmatch(
         r"Rests on, so measure first: yaw of Stereo head, 75 mm, assumed 0\.01 deg \(9\d % of the variance\)", rests

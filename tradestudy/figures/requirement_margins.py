@@ -2,19 +2,33 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter
-from numpy.typing import NDArray
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.fonts import printable
-from tradestudy.figures.style import INK, SOFT, StudyFigure, legend, line_style, new_figure, styled
+from tradestudy.figures.style import (
+    INK,
+    SOFT,
+    StudyFigure,
+    legend,
+    line_style,
+    log_axis,
+    new_figure,
+    plain_number,
+    styled,
+)
 from tradestudy.figures.sweeps import AXIS_UNITS, axis_values
-from tradestudy.results.views.conclusions import path_words, requirement_conclusions, requirement_sentence
+from tradestudy.results.views.conclusions import requirement_conclusions, requirement_sentence
+from tradestudy.results.views.designs import common_stretches, must_hold, path_words
 from tradestudy.results.views.groups import FloatArray
 
+_FEW = 2
+_LEVELS = (-50.0, -20.0, -10.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # margins [%], beside 0
 _LINEAR_WITHIN = 10.0  # per cent, beyond which margins stand on a logarithmic scale
 
 
@@ -31,10 +45,11 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     names = " and ".join(path_words(tree, dim) for dim in dims)
     told = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
     shown = "of the requirement that is kept worst" if len(dims) == 2 else "of each requirement"
+    met = "Filled dots: designs that meet" if len(dims) == 2 else "Shaded: designs meet"
     return Drawing(
         name="requirement_margins",
-        caption=f"Margin {shown} against the {names}: above 0 the requirement is met. Shaded: all that must hold are "
-        "met. Dashed: the study as declared.",
+        caption=f"Margin {shown} against the {names}: met above 0. {met} all that must hold. Dashed: "
+        "the study as declared.",
         alt=f"Margins against the {names}. {told}.",
         draw=lambda: draw_requirement_margins(tree),
     )
@@ -56,10 +71,9 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
     x, names, _ = axis_values(data[dim])
     figure = new_figure(2.8)
     axes = figure.subplots()
-    must = data["priority"].values == "must"
     if "met_from" in data:
         factor = _factor(data[dim])
-        for low, high in common_stretches(data, must):
+        for low, high in common_stretches(data, must_hold(data)):
             axes.axvspan(low * factor, high * factor, color=SOFT, alpha=0.3, linewidth=0)
     axes.axhline(0.0, color=INK, linewidth=0.8)
     handles = []
@@ -80,33 +94,39 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
 
 
 def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFigure:
-    """Contours of the least margin of all requirements that must hold."""
-    must = data["priority"].values == "must"
-    margin = data["design_margin_percent"].transpose("requirement", dims[1], dims[0]).values
-    least = np.min(margin[must] if must.any() else margin, axis=0)
+    """Contours of the least margin of all requirements that must hold, and every design, filled where it meets them."""
+    must = must_hold(data)
+    arranged = data.transpose("requirement", dims[1], dims[0], ...)
+    least = np.min(arranged["design_margin_percent"].values[must], axis=0)
+    met = np.all(arranged["design_met"].values[must] == 1, axis=0)
     (x, _, _), (y, _, _) = (axis_values(data[dim]) for dim in dims)
-    figure = new_figure(3.4)
+    figure = new_figure(2.9)
     axes = figure.subplots()
-    levels = [-100.0, -50.0, -20.0, -10.0, -5.0, 0.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0]
-    axes.contourf(x, y, least, levels=[0.0, max(1.0, float(np.max(least)) + 1.0)], colors=[SOFT], alpha=0.35)
-    drawn = axes.contour(x, y, least, levels=levels, colors=INK, linewidths=0.7)
-    axes.contour(x, y, least, levels=[0.0], colors=INK, linewidths=1.8)
-    axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=7)
+    levels = [level for level in _LEVELS if np.min(least) < level < np.max(least)]
+    drawn = axes.contour(x, y, least, levels=levels, colors=SOFT, linewidths=0.7, linestyles="solid")
+    axes.contour(x, y, least, levels=[0.0], colors=INK, linewidths=1.6)
+    axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=7, colors=INK)
+    across, up = np.meshgrid(x, y)
+    color = line_style(0).color
+    dots: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 3.5, "markeredgecolor": color}
+    axes.plot(across[~met], up[~met], markerfacecolor="white", markeredgewidth=0.5, **dots)
+    axes.plot(across[met], up[met], markerfacecolor=color, **dots)
     _mark_declared(axes, data[dims[0]])
     _mark_declared(axes, data[dims[1]], upright=False)
+    axes.margins(0.03)
+    for name, values in (("x", x), ("y", y)):
+        if _is_geometric(values):
+            log_axis(axes, name, dense=True, tick=lambda value, _: plain_number(value))
     axes.set(xlabel=_label(tree, data[dims[0]]), ylabel=_label(tree, data[dims[1]]))
     return figure
 
 
-def common_stretches(data: xr.Dataset, must: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Stretches of the one swept parameter, in SI, in which every requirement that must hold is met."""
-    common = [(-np.inf, np.inf)]
-    for number in np.flatnonzero(must):
-        row = data.isel(requirement=int(number))
-        ends = zip(row["met_from"].values, row["met_to"].values, strict=True)
-        own = [(low, high) for low, high in ends if not np.isnan(low)]
-        common = [(max(a, c), min(b, d)) for a, b in common for c, d in own if max(a, c) <= min(b, d)]
-    return [(float(low), float(high)) for low, high in common if np.isfinite([low, high]).all()]
+def _is_geometric(values: FloatArray) -> bool:
+    """Whether values are nearer to a geometric than to an arithmetic scale."""
+    if not np.all(values > 0.0) or values.size <= _FEW:
+        return False
+    steps, factors = np.diff(values), np.diff(np.log(values))
+    return bool(np.std(factors) / np.mean(factors) < np.std(steps) / np.mean(steps))
 
 
 def _mark_declared(axes: Axes, coordinate: xr.DataArray, *, upright: bool = True) -> None:

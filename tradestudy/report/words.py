@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Final
 
 import numpy as np
 
@@ -15,6 +16,38 @@ _NEGLIGIBLE = 0.01  # of a value: an error that the tolerance of most studies le
 def in_words(name: str) -> str:
     """Write a name of the results as words."""
     return name.replace("_", " ")
+
+
+_LIMITS: Final[Mapping[str, str]] = {
+    "real_image": "no real image",
+    "overlap": "too little overlap of the views",
+    "total_covering_plane": "each point seen by too few microlenses",
+    "availability": "too few points seen by two microlenses",
+    "focus": "out of focus",
+    "saturation": "brightest pixels full",
+    "matching": "too little to match in the picture",
+    "last_disparity_step": "a disparity step no longer tells them from infinity",
+    "failed_fraction": "too many failed measurements",
+    "relative_uncertainty": "too uncertain",
+}
+_PARTS: Final[Mapping[str, str]] = {
+    "noise": "measurement noise",
+    "relative rotation": "rotation between its cameras",
+    "relative position": "position of its cameras",
+    "interior orientation": "its focal length and principal point",
+    "array": "position of its microlenses",
+    "ageing": "what has changed since its calibration",
+}
+
+
+def limit_words(name: str) -> str:
+    """Say why a camera cannot be used where it breaks a limit of the usable range."""
+    return _LIMITS[name]
+
+
+def part_words(name: str) -> str:
+    """Say what a part of the error is, to somebody who has read nothing else."""
+    return _PARTS.get(name, in_words(name))
 
 
 def or_dash(value: float, write: Callable[[float], str] = significant) -> str:

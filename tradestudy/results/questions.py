@@ -80,6 +80,26 @@ DECISION: Final[Mapping[str, Variable]] = {
     "crossover_nearer": Variable(
         dims=("reading", "way", "crossing"), units="", long_name="camera that is more certain nearer than the crossing"
     ),
+    "design_best_camera": Variable(
+        dims=("design_place",),
+        units="",
+        long_name="best_camera of each design of a sweep at a few distances, read off its curves",
+    ),
+    "design_crossover_distance": Variable(
+        dims=("design_crossing",),
+        units="m",
+        long_name="distance where the headline pair is equally uncertain in each design, read off their curves",
+        error="design_crossover_error",
+    ),
+    "design_crossover_error": Variable(
+        dims=("design_crossing",),
+        units="m",
+        long_name="what the curves may be off by, their bend between two distances included, over their slope",
+        error="an estimate of an error",
+    ),
+    "design_crossover_nearer": Variable(
+        dims=("design_crossing",), units="", long_name="camera that is more certain nearer than that"
+    ),
     "cause": Variable(
         dims=("camera",),
         units="",

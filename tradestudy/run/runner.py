@@ -12,6 +12,7 @@ from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.datasheet import datasheet_group
 from tradestudy.run.groups.decision import claims_group, decision_group
 from tradestudy.run.groups.depth import depth_at_places_group, depth_field_group, depth_group, depth_tables
+from tradestudy.run.groups.designs import design_verdicts
 from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
 from tradestudy.run.groups.effects import effects_group
 from tradestudy.run.groups.ranks import ranks_group
@@ -83,6 +84,8 @@ def compute(
             groups["/disparity_causes"] = causes
         groups["/datasheet"] = datasheet_group(definition)
         groups["/decision"] = decision_group(definition, readings, groups["/depth"], progress)
+        if file.sweep:
+            groups["/decision"] = groups["/decision"].merge(design_verdicts(definition, designs, tables))
         progress("decision", 1.0)
         if file.decision is not None:
             groups["/decision"] = groups["/decision"].merge(ranks_group(definition, progress))

@@ -22,7 +22,7 @@ from tradestudy.report.document import (
     pictures_of,
     say,
 )
-from tradestudy.report.words import in_words, length, share, with_error
+from tradestudy.report.words import length, limit_words, part_words, share, with_error
 from tradestudy.results.views.conclusions import (
     RequirementConclusion,
     measure_first,
@@ -40,10 +40,13 @@ from tradestudy.results.views.decision import (
     tied,
     told_winners,
 )
-from tradestudy.results.views.depth import largest_part, nominal, nominal_is_declared
+from tradestudy.results.views.depth import broken_limits, largest_part, nominal, nominal_is_declared
+from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, listed, span
+
+_MOST_REASONS = 3
 
 
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -52,8 +55,11 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         return
     solved = (say("{says} **{answer}**.", says=says, answer=answer) for says, answer in solved_questions(tree))
     yield Heading(text="The answer", anchor="answer")
+    designs = tuple(_designs(tree))
+    if designs:
+        yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
     yield Callout(
-        title="Which camera for which distance",
+        title="Which camera for which distance" + (", as declared" if designs else ""),
         blocks=(Bullets((*_stretches(tree), *_changes(tree), *solved)),),
         tone="answer",
     )
@@ -61,7 +67,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     if requirements:
         missed = any(one.met is not True and one.priority == "must" for one in requirements)
         yield Callout(
-            title="Requirements",
+            title="Requirements" + (", as declared" if designs else ""),
             blocks=(Bullets(tuple(map(_requirement, requirements))),),
             tone="warning" if missed else "answer",
         )
@@ -83,6 +89,18 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
 def _requirement(one: RequirementConclusion) -> Spans:
     """A requirement with its verdict first."""
     return say("**{verdict}**: {rest}.", verdict=one.verdict.capitalize(), rest=requirement_details(one))
+
+
+def _designs(tree: xr.DataTree) -> Iterator[Spans]:
+    """What the designs of a sweep meet and favour, and how far they move crossover and usable ranges."""
+    told = [
+        feasible_words(tree),
+        f"Best {favoured}" if (favoured := "; ".join(favoured_words(tree))) else "",
+        crossover_words(tree),
+        *usable_span_words(tree),
+    ]
+    for sentence in filter(None, told):
+        yield say("{sentence}.", sentence=sentence)
 
 
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
@@ -135,28 +153,25 @@ def _stretches(tree: xr.DataTree) -> Iterator[Spans]:
 
 
 def _why_none(tree: xr.DataTree, depth: xr.Dataset, start: float, end: float) -> str:
-    """Which candidate begins or ends where none is usable, by which limit, and who is usable without being one."""
+    """Why none of the candidates is usable in a stretch of distance [m], and who is usable there without being one."""
     titles, among = camera_titles(tree), candidates(tree) or tuple(titles_in(tree, "depth"))
-    others = [key for key in titles_in(tree, "depth") if key not in among]
+    inside = depth.sel(distance=(depth["distance"] > start) & (depth["distance"] < end))
+    if not inside.sizes["distance"]:
+        inside = depth.sel(distance=[float(np.sqrt(start * end))], method="nearest")
+    reasons: dict[str, list[str]] = {}
+    for key in among:
+        names, _ = broken_limits(inside.sel(camera=key))
+        reasons.setdefault(limit_words(names[0]) if names else "", []).append(titles[key])
+    told = [f"{listed(cameras)}: {words}" for words, cameras in reasons.items() if words][:_MOST_REASONS]
     depth = depth.transpose("camera", "interval", ...)
-    usable = [
+    beside = [
         titles[key]
-        for key in others
-        if np.any((depth["usable_near"].sel(camera=key) < end) & (depth["usable_far"].sel(camera=key) > start))
+        for key in titles_in(tree, "depth")
+        if key not in among
+        and np.any((depth["usable_near"].sel(camera=key) < end) & (depth["usable_far"].sel(camera=key) > start))
     ]
-    beside = f"; usable in it, but no candidate: {', '.join(usable)}" if usable else ""
-    chosen = depth.sel(camera=list(among))
-    for ends, limits, verb, place in (
-        ("usable_near", "near_limit", "begins", end),
-        ("usable_far", "far_limit", "ends", start),
-    ):
-        found = np.argwhere(chosen[ends].values == place)
-        if found.size:
-            camera, interval = found[0]
-            limit = str(chosen[limits].values[camera, interval])
-            title = titles[str(chosen["camera"].values[camera])]
-            return f": {title} {verb} at {distance(place)}, limited by {in_words(limit)}{beside}"
-    return beside
+    others = f"; usable in it, but no candidate: {', '.join(beside)}" if beside else ""
+    return (f" ({'; '.join(told)})" if told else "") + others
 
 
 def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
@@ -166,9 +181,9 @@ def _how_sure(depth: xr.Dataset, camera: str, start: float, end: float) -> str:
     logs = (np.log(sigma["distance"].values[known]), np.log(sigma.values[known]))  # a smooth curve between its points
     ends = [float(np.exp(np.interp(np.log(place), *logs))) for place in places]
     near, far = (f"{length(s)} ({share(s / z)})" for s, z in zip(ends, places, strict=True))
-    first, last = (in_words(largest_part(depth, camera, float(place)) or "nothing") for place in places)
-    cause = f"set by {first}" if first == last else f"set first by {first}, then by {last}"
-    return f"±{near} near to ±{far} far, {cause}"
+    first, last = (part_words(largest_part(depth, camera, float(place)) or "nothing") for place in places)
+    cause = f"mostly {first}" if first == last else f"mostly {first}, far away {last}"
+    return f"±{near} near, ±{far} far; {cause}"
 
 
 def _changes(tree: xr.DataTree) -> Iterator[Spans]:
@@ -181,6 +196,8 @@ def _changes(tree: xr.DataTree) -> Iterator[Spans]:
     own = "at " + " and ".join(with_error(*place, distance) for place in handed[0]) if handed[0] else "nowhere"
     others = [place for row in handed[1:] for place, _ in row]
     alone = sum(not row for row in handed[1:])
+    if len(handed) == 1:  # the stretches say it
+        return
     moved = (
         f"; under the other readings between {distance(min(others))} and {distance(max(others))}"
         + (f", and nowhere under {alone} of {len(handed) - 1}" if alone else "")

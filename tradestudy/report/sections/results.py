@@ -13,7 +13,7 @@ from tradestudy.report.document import Block, Column, Heading, Paragraph, Table,
 from tradestudy.report.sections.disparity_causes import describe_disparity_causes
 from tradestudy.report.words import in_words, interval, length, or_dash, share, with_error
 from tradestudy.results.views.decision import solved_questions
-from tradestudy.results.views.depth import nominal, shares_at, told_depth, told_places
+from tradestudy.results.views.depth import broken_limits, nominal, shares_at, told_depth, told_places
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
 from tradestudy.wording import distance
 
@@ -82,10 +82,8 @@ def _usable_range(tree: xr.DataTree) -> Iterator[Block]:
 
 def _what_is_missing(camera: xr.Dataset) -> str:
     """Name the limits that are broken where fewest are, for a camera that is usable nowhere."""
-    broken = camera["limit_met"].transpose("distance", "limit").values == 0
-    best = int(np.argmin(broken.sum(axis=1)))
-    names = ", ".join(in_words(str(name)) for name in camera["limit"].values[broken[best]])
-    return f"{names} (even at {distance(float(camera['distance'].values[best]))})"
+    names, place = broken_limits(camera)
+    return f"{', '.join(map(in_words, names))} (even at {distance(place)})"
 
 
 def _values_at_places(tree: xr.DataTree) -> Table:

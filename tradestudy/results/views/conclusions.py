@@ -11,14 +11,14 @@ import xarray as xr
 
 from tradestudy.results.views.decision import answer_title, candidates, told_winners
 from tradestudy.results.views.depth import nominal, nominal_is_declared, where_usable
-from tradestudy.results.views.groups import FloatArray, camera_titles, group, has, records
-from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty
+from tradestudy.results.views.designs import dimension_of, feasible_designs, feasible_words, interval_words, path_words
+from tradestudy.results.views.groups import camera_titles, group, has, records
+from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import distance, listed
 
 _SEVERAL: Final = 2
 _NO_MARGIN: Final = 1e-6  # rounding
 _ASSUMED: Final = ", assumed "
-_BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +33,7 @@ class Stretch:
 
 @dataclass(frozen=True, kw_only=True)
 class MetFrom:
-    """A stretch of the one swept parameter in which a requirement is met, by whom.
+    """A stretch of the one swept parameter in which one camera keeps a requirement.
 
     Parameters
     ----------
@@ -41,6 +41,8 @@ class MetFrom:
         In words, with its camera.
     low, high, error
         Its ends in SI, and how well they are known.
+    camera
+        The one that keeps it there.
     words
         "from 53.4 mm on".
     """
@@ -49,7 +51,7 @@ class MetFrom:
     low: float
     high: float
     error: float
-    cameras: tuple[str, ...]
+    camera: str
     words: str
 
 
@@ -204,10 +206,8 @@ def _along_words(one: RequirementConclusion) -> str:
     assert one.stretches is not None  # asked where there are some
     if not one.stretches:
         return "met by no design that was tried"
-    parts = [
-        stretch.words + (f", by {listed(list(stretch.cameras))} in turn" if len(stretch.cameras) > 1 else "")
-        for stretch in one.stretches
-    ]
+    several = len({stretch.camera for stretch in one.stretches}) > 1
+    parts = [stretch.words + (f" by {stretch.camera}" if several else "") for stretch in one.stretches]
     return f"met with the {one.stretches[0].parameter} " + " and ".join(parts)
 
 
@@ -217,11 +217,10 @@ def _met_from(tree: xr.DataTree, number: int) -> tuple[MetFrom, ...] | None:
         return None
     (path,) = [str(name) for name in data["design_met"].dims if name != "requirement"]
     axis, row = data[path], data.isel(requirement=number)
-    dimension = _BY_UNIT.get(str(axis.attrs["units"]), NUMBER)
     titles, values = camera_titles(tree), np.asarray(axis.values, dtype=np.float64)
     parameter = path_words(tree, path)
     found = []
-    for low, high, error, cameras in zip(
+    for low, high, error, camera in zip(
         *(row[name].values for name in ("met_from", "met_to", "met_to_within", "met_camera")), strict=True
     ):
         if np.isnan(low):
@@ -232,23 +231,11 @@ def _met_from(tree: xr.DataTree, number: int) -> tuple[MetFrom, ...] | None:
                 low=float(low),
                 high=float(high),
                 error=float(error),
-                cameras=tuple(titles[name] for name in str(cameras).split(", ")),
-                words=_interval_words(low, high, values, dimension),
+                camera=titles.get(str(camera), "all cameras"),
+                words=interval_words(low, high, values, dimension_of(axis)),
             )
         )
     return tuple(found)
-
-
-def _interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
-    first, last = (pretty(float(end), dimension) for end in (low, high))
-    begins, ends = low <= values[0], high >= values[-1]
-    if begins and ends:
-        return f"anywhere from {first} to {last}"
-    if ends:
-        return f"from {first} on (tried up to {last})"
-    if begins:
-        return f"up to {last} (tried from {first})"
-    return f"from {first} to {last}"
 
 
 def _designs(tree: xr.DataTree, number: int) -> tuple[int, int] | None:
@@ -257,17 +244,6 @@ def _designs(tree: xr.DataTree, number: int) -> tuple[int, int] | None:
         return None
     met = data["design_met"].isel(requirement=number).values
     return int(np.sum(met == 1)), int(met.size)
-
-
-def path_words(tree: xr.DataTree, path: str) -> str:
-    """A path of the study in words: ``cameras.head.baseline`` is "baseline of Head A"."""
-    parts = path.removeprefix("cameras.").split(".")
-    titles = camera_titles(tree)
-    of = f" of {titles[parts[0]]}" if parts[0] in titles else ""
-    words = parts[1:] if of else parts
-    if words[:2] == ["calibration", "errors"] and len(words) > 3:
-        words = [words[2], "spread"]
-    return " ".join(word.replace("_", " ") for word in words) + of
 
 
 def rests_on(tree: xr.DataTree) -> tuple[str, ...]:
@@ -363,7 +339,12 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     stretches, requirements, rests = best_stretches(tree), requirement_conclusions(tree), rests_on(tree)
     lines = []
     if stretches:
-        lines.append(f"Best: {'; '.join(one.words for one in stretches)}")
+        designs = ", as declared" if has(tree, "requirements", "design_met") else ""
+        lines.append(f"Best{designs}: {'; '.join(one.words for one in stretches)}")
+    # What one parameter does to one requirement stands beside that requirement.
+    feasible = feasible_designs(tree)
+    if feasible is not None and not (feasible.required == 1 and requirements[0].stretches is not None):
+        lines.append(feasible_words(tree))
     lines += [requirement_sentence(one) for one in requirements]
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":

@@ -15,6 +15,7 @@ from tradestudy.results.views.conclusions import (
     rests_on,
     worths,
 )
+from tradestudy.results.views.designs import feasible_designs
 
 JSON_FORMAT: Final = 1
 
@@ -26,6 +27,7 @@ def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
         **{name: str(tree.attrs.get(name, "")) for name in ("study", "title", "question")},
         "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_stretches(tree)],
         "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
+        **_designs_as_json(tree),
         "rests_on": list(rests_on(tree)),
         "measure_first": measure_first(tree),
         "assumptions": [
@@ -49,11 +51,19 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
                 "from": stretch.low,
                 "to": stretch.high,
                 "error": stretch.error,
-                "cameras": list(stretch.cameras),
+                "camera": stretch.camera,
             }
             for stretch in one.stretches
         ]
     return found
+
+
+def _designs_as_json(tree: xr.DataTree) -> dict[str, Any]:
+    found = feasible_designs(tree)
+    if found is None:
+        return {}
+    best = {"values": found.best.values, "margin": _number(found.best.margin)}
+    return {"designs": {"count": found.designs, "feasible": found.count, "best": best}}
 
 
 def _number(value: float) -> float | None:

@@ -43,6 +43,13 @@ def where_usable(depth: xr.Dataset, camera: str) -> tuple[tuple[float, float], .
     return stretches(of_camera(depth, "usable_near", camera), of_camera(depth, "usable_far", camera))
 
 
+def broken_limits(camera: xr.Dataset) -> tuple[tuple[str, ...], float]:
+    """The limits that a camera breaks where it breaks fewest, and that distance [m], of ``/depth`` of one camera."""
+    broken = camera["limit_met"].transpose("distance", "limit").values == 0
+    best = int(np.argmin(broken.sum(axis=1)))
+    return tuple(map(str, camera["limit"].values[broken[best]])), float(camera["distance"].values[best])
+
+
 def field_words(field: float) -> str:
     """Name a place in the field: 0 the axis, 1 the corner of the sensor."""
     return f"{significant(100.0 * field)} % of the way to the corner" if field else "on the axis"

@@ -12,13 +12,14 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.causes import largest_cause
-from tradestudy.analysis.requirements import Held, Judge
+from tradestudy.analysis.requirements import ALL, Held, Judge
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.results import dataset
 from tradestudy.run.groups.depth import DepthTables
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.requirements import RequirementPart
 from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
 
 _ROOT_TO: Final = 0.1  # of the tolerance: how well an end is known, relative to the value
@@ -114,57 +115,68 @@ def _is_numeric(axis: SweepAxis) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class _Stretch:
-    """An interval of the swept parameter in which a requirement is met, how well its ends are known, and by whom."""
+    """An interval of the swept parameter in which one camera keeps a requirement, and how well its ends are known."""
 
     low: float
     high: float
     error: float
-    cameras: str
+    camera: str
 
 
 def _stretches(
     definition: StudyDefinition, name: str, axis: SweepAxis, column: Sequence[Held], judge: Judge
 ) -> list[_Stretch]:
-    """Where along one parameter a requirement is met: stretches of designs, their ends followed between two designs."""
-    met = [bool(one.met) for one in column]
+    """Where along one parameter one camera keeps a requirement, ends and takeovers followed between two designs."""
     places = [float(label) for label in axis.labels]
+    requirement = definition.file.requirements[name]
+    kept_by = [_kept_by(requirement, one) for one in column]
     found = []
-    for is_met, group in itertools.groupby(range(len(met)), key=lambda k: met[k]):
-        if not is_met:
+    for camera, group in itertools.groupby(range(len(column)), key=lambda k: kept_by[k]):
+        if camera is None:
             continue
         numbers = list(group)
         first, last = numbers[0], numbers[-1]
-        low, low_error = (
-            (places[0], 0.0) if first == 0 else _root(definition, name, axis, places[first], places[first - 1], judge)
+        (low, low_error), (high, high_error) = (
+            _root(definition, requirement, axis, (places[end], places[beside]), camera, judge)
+            if 0 <= beside < len(column)
+            else (places[end], 0.0)
+            for end, beside in ((first, first - 1), (last, last + 1))
         )
-        high, high_error = (
-            (places[-1], 0.0)
-            if last == len(met) - 1
-            else _root(definition, name, axis, places[last], places[last + 1], judge)
-        )
-        cameras = ", ".join(dict.fromkeys(column[k].camera for k in numbers))
-        found.append(_Stretch(low=low, high=high, error=max(low_error, high_error), cameras=cameras))
+        found.append(_Stretch(low=low, high=high, error=max(low_error, high_error), camera=camera))
     return found
 
 
+def _kept_by(requirement: RequirementPart, held: Held) -> str | None:
+    """The camera that keeps a requirement, or all of them; None where it is not met."""
+    if not held.met:
+        return None
+    return ALL if requirement.camera == ALL else held.camera
+
+
 def _root(
-    definition: StudyDefinition, name: str, axis: SweepAxis, inside: float, outside: float, judge: Judge
+    definition: StudyDefinition,
+    requirement: RequirementPart,
+    axis: SweepAxis,
+    ends: tuple[float, float],
+    camera: str,
+    judge: Judge,
 ) -> tuple[float, float]:
-    """Where a requirement ceases to be met between two values, on the side where it is met, and how well that is known.
+    """Where the camera that keeps a requirement at the first value ceases to before the second, and the error of that.
 
     By halving: the margin may jump where a camera ceases to be usable. Where no study can have the value between, such
     as half a pixel, that is all there is to know.
     """
     assert axis.dimension is not None
-    requirement = definition.file.requirements[name]
-    close = _ROOT_TO * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
+    (inside, outside), asked = ends, definition.file.accuracy.asked()
+    close = _ROOT_TO * asked.tolerances["depth_uncertainty"]
     while abs(outside - inside) > close * max(abs(inside), abs(outside)):
         middle = (inside + outside) / 2.0
         try:
             case = definition.with_values({axis.path: quantity_entry(middle, axis.dimension)}).case
         except StudyError:
             break
-        inside, outside = (middle, outside) if judge.answer(requirement, case)[0].met else (inside, middle)
+        kept = _kept_by(requirement, judge.answer(requirement, case)[0]) == camera
+        inside, outside = (middle, outside) if kept else (inside, middle)
     return inside, abs(outside - inside) / 2.0
 
 
@@ -178,5 +190,5 @@ def _stretch_arrays(found: Sequence[Sequence[_Stretch]]) -> Mapping[str, Any]:
         "met_from": padded("low", math.nan),
         "met_to": padded("high", math.nan),
         "met_to_within": padded("error", math.nan),
-        "met_camera": padded("cameras", ""),
+        "met_camera": padded("camera", ""),
     }

@@ -1,0 +1,70 @@
+"""Verdicts read off the curves of a design, against closed forms and against the full evaluation of the same study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tradestudy.analysis.decision import decide_pair
+from tradestudy.analysis.depth_points import DepthPoint, depth_table
+from tradestudy.analysis.design_verdicts import Curve, best_at, crossings
+
+STUDIES = Path(__file__).parents[2] / "studies"
+GRID = np.geomspace(0.1, 5.0, 40)
+
+
+def curve(values: np.ndarray, usable: tuple[float, float] = (0.1, 5.0), error: float = 0.0) -> Curve:
+    return Curve(distance=GRID, uncertainty=values, error=error * values, usable=[usable])
+
+
+def test_two_power_laws_cross_where_they_do_on_paper() -> None:
+    """0.01 Z² = 0.02 Z at Z = 2, exactly on straight lines over logarithms."""
+    (found,) = crossings(curve(0.01 * GRID**2), curve(0.02 * GRID), ("quadratic", "linear"))
+    assert found.distance == pytest.approx(2.0, rel=1e-12)
+    assert found.error == pytest.approx(0.0, abs=1e-9)
+    assert found.nearer == "quadratic"
+
+
+def test_a_bent_curve_crosses_within_the_stated_error() -> None:
+    """a Z² (1 + (Z/Z₀)²) = b Z has one root, which numpy finds from its polynomial."""
+    (found,) = crossings(curve(0.01 * GRID**2 * (1.0 + (GRID / 0.7) ** 2)), curve(0.02 * GRID), ("a", "b"))
+    roots = np.roots([0.01 / 0.7**2, 0.0, 0.01, -0.02])
+    (root,) = roots[np.isreal(roots)].real
+    assert abs(found.distance - root) <= found.error
+    assert found.error < 0.01 * root
+
+
+def test_errors_of_curves_move_the_crossing_by_their_ratio_over_the_slope() -> None:
+    """Logarithms of slopes 2 and 1: an error of 1 % of either moves the crossing by 1 % of the distance."""
+    (found,) = crossings(curve(0.01 * GRID**2, error=0.01), curve(0.02 * GRID), ("a", "b"))
+    assert found.error == pytest.approx(0.01 * 2.0, rel=1e-6)
+
+
+def test_only_usable_cameras_are_best_and_equal_ones_are_tied() -> None:
+    places = np.array([0.2, 0.5, 3.0])
+    near, far = curve(0.01 * GRID, (0.1, 0.3)), curve(0.02 * GRID, (0.4, 2.0))
+    assert best_at({"near": near, "far": far}, places) == ["near", "far", ""]
+    alike = {"a": curve(0.01 * GRID, error=0.02), "b": curve(0.0101 * GRID)}
+    assert best_at(alike, np.array([0.5])) == ["a, b"]
+
+
+def test_curves_say_what_a_full_evaluation_says() -> None:
+    """Crossover and winners of the shipped sweep as declared, against the root finder on the exact curves."""
+    definition = tradestudy.load(STUDIES / "stereo_design.yaml").plan().definition
+    case, pair = definition.case, ("raytrix-r5", "stereo")
+    places = np.array(definition.file.decision.at)  # type: ignore[union-attr]  # the study has one
+    curves = {
+        name: Curve.of(camera, depth_table(DepthPoint(camera=camera, criteria=case.criteria, distance=case.distance)))
+        for name, camera in case.cameras.items()
+    }
+    truth = decide_pair(case, pair, places)
+    assert best_at(curves, places) == [row[-1] for row in truth.winner]
+    found = crossings(curves[pair[0]], curves[pair[1]], pair)
+    assert len(found) == len(truth.crossings["both"]) > 0
+    for one, exact in zip(found, truth.crossings["both"], strict=True):
+        assert abs(one.distance - exact.distance) <= max(one.error, 1e-6 * exact.distance)
+        assert one.error < 0.02 * exact.distance
+        assert one.nearer == exact.nearer

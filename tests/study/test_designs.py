@@ -1,0 +1,161 @@
+"""What a sweep concludes, in every case that its results can be in."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tradestudy.results.views.designs import (
+    common_stretches,
+    crossover_words,
+    favoured_words,
+    feasible_designs,
+    feasible_words,
+    usable_span_words,
+)
+
+CAMERAS = {"rig": "Rig", "r5": "R5"}
+BASELINES, FOCI = np.array([0.05, 0.1, 0.2]), np.array([0.004, 0.008])
+
+
+def tree(
+    met: Any = None, margins: Any = None, *, priority: tuple[str, ...] = ("must", "must"), **more: Any
+) -> xr.DataTree:
+    """Results of a sweep over the baseline (3) and the focal length (2) of a rig, with two requirements."""
+    axes = {
+        "rig.baseline": ("rig.baseline", BASELINES, {"units": "m", "declared": 0.1}),
+        "rig.lenses.focal_length": ("rig.lenses.focal_length", FOCI, {"units": "m", "declared": 0.008}),
+    }
+    groups: dict[str, xr.Dataset] = {
+        "/cameras": xr.Dataset({"title": ("camera", list(CAMERAS.values()))}, coords={"camera": list(CAMERAS)})
+    }
+    if met is not None:
+        dims = ("rig.baseline", "rig.lenses.focal_length", "requirement")
+        groups["/requirements"] = xr.Dataset(
+            {
+                "design_met": (dims, np.broadcast_to(met, (3, 2, 2))),
+                "design_margin_percent": (dims, np.broadcast_to(margins, (3, 2, 2)).astype(float)),
+                "priority": ("requirement", list(priority)),
+                "says": ("requirement", ["close enough", "far enough"]),
+            },
+            coords={**axes, "requirement": ["near", "far"]},
+        )
+    if more:
+        groups["/decision"] = xr.Dataset(
+            {name: value for name, value in more.items() if isinstance(value, tuple)},
+            coords={**axes, "design_place": [0.5, 1.0]},
+            attrs={"first": "rig", "second": "r5"},
+        )
+    return xr.DataTree.from_dict(groups)
+
+
+def grid(*rows: tuple[float, float]) -> np.ndarray:
+    """Values by baseline and focal length, of both requirements alike."""
+    return np.repeat(np.array(rows)[..., None], 2, axis=-1)
+
+
+def test_the_feasible_region_is_told_by_the_values_that_designs_in_it_have() -> None:
+    results = tree(grid((0, 0), (1, 0), (1, 1)), grid((-50, -60), (5, -3), (20, 12)))
+    assert feasible_words(results) == (
+        "3 of 6 designs meet both requirements: Rig with baseline 100 mm to 200 mm and focal length 4 mm to 8 mm. "
+        "Most to spare (20 %): Rig with baseline 200 mm and focal length 4 mm"
+    )
+    found = feasible_designs(results)
+    assert found is not None
+    assert (found.count, found.designs) == (3, 6)
+    assert found.best.values == {"rig.baseline": 0.2, "rig.lenses.focal_length": 0.004}
+    assert found.best.margin == pytest.approx(0.2)
+
+
+def test_a_single_feasible_design_and_all_of_them() -> None:
+    one = feasible_words(tree(grid((0, 0), (1, 0), (0, 0)), grid((-5, -5), (5, -5), (-5, -5))))
+    assert one.startswith("1 of 6 designs meets both requirements: Rig with baseline 100 mm and focal length 4 mm.")
+    assert feasible_words(tree(1, 7)).startswith("Every design meets both requirements: ")
+
+
+def test_without_a_feasible_design_the_nearest_is_named_with_what_it_misses() -> None:
+    margins = grid((-50, -60), (-40, -30), (-20, -25))
+    margins[2, 0] = (10.0, -4.0)
+    assert feasible_words(tree(0, margins)) == (
+        "None of 6 designs meets both requirements. Rig with baseline 200 mm and focal length 4 mm comes nearest: it "
+        "misses “far enough” by 4 %"
+    )
+
+
+def test_a_wish_does_not_make_a_design_infeasible() -> None:
+    met = np.zeros((3, 2, 2))
+    met[..., 0] = 1
+    found = feasible_designs(tree(met, np.where(met == 1, 5.0, -5.0), priority=("must", "should")))
+    assert found is not None
+    assert (found.count, found.required) == (6, 1)
+
+
+def test_a_design_without_a_margin_is_never_nearest() -> None:
+    margins = grid((-50, np.nan), (-40, -30), (-20, -25))
+    found = feasible_designs(tree(0, margins))
+    assert found is not None
+    assert found.best.margin == pytest.approx(-0.2)
+
+
+def test_the_favoured_camera_is_counted_over_designs_and_places_alike_are_told_once() -> None:
+    dims = ("rig.baseline", "rig.lenses.focal_length", "design_place")
+    mixed = np.array([["rig", "r5"], ["rig", "rig"], ["rig", ""]], dtype=object)
+    best = np.stack([mixed, mixed], axis=-1)
+    (told,) = favoured_words(tree(design_best_camera=(dims, best)))
+    assert told.replace("\N{NO-BREAK SPACE}", " ") == "at 0.5 m and 1 m: Rig in 4 of 6 designs, none in 1, R5 in 1"
+    nobody = np.full((3, 2, 2), "", dtype=object)
+    nobody[..., 1] = "r5"
+    first, second = favoured_words(tree(design_best_camera=(dims, nobody)))
+    assert first.endswith("no camera in any design")
+    assert second.endswith("R5 in every design")
+
+
+def test_the_crossover_is_told_with_its_range_and_where_there_is_none() -> None:
+    dims = ("rig.baseline", "rig.lenses.focal_length", "design_crossing")
+
+    def told(values: Any) -> str:
+        places = np.broadcast_to(values, (3, 2, 1))
+        return crossover_words(tree(design_crossover_distance=(dims, places))).replace("\N{NO-BREAK SPACE}", " ")
+
+    assert told(np.nan) == "In no design are Rig and R5 equally certain anywhere"
+    assert told(0.5) == "Rig and R5 are equally certain at 0.5 m"
+    some = np.array([[0.2, 0.3], [0.4, 0.5], [np.nan, np.nan]])[..., None]
+    assert told(some) == (
+        "Rig and R5 are equally certain between 0.2 m and 0.5 m, depending on the design, and nowhere in 2 designs"
+    )
+
+
+def test_usable_ranges_are_told_only_of_cameras_that_the_sweep_moves() -> None:
+    dims = ("rig.baseline", "rig.lenses.focal_length", "camera", "interval")
+    near, far = np.full((3, 2, 2, 1), 0.3), np.full((3, 2, 2, 1), 4.0)
+    near[:, 0, 0, 0] = (0.1, 0.2, np.nan)
+    far[2, 0, 0, 0] = np.nan
+    results = tree()
+    depth = xr.Dataset(
+        {
+            "usable_near": (dims, near),
+            "usable_far": (dims, far),
+            "depth_uncertainty": ((*dims[:3], "distance"), np.ones((3, 2, 2, 2))),
+        },
+        coords={"camera": list(CAMERAS), "distance": [0.1, 4.0]},
+    )
+    results["depth"] = xr.DataTree(depth)
+    (told,) = usable_span_words(results)
+    assert told.replace("\N{NO-BREAK SPACE}", " ") == (
+        "Depending on the design, Rig is usable from 0.1 m–0.3 m on and up to 4 m, and nowhere in 1 design"
+    )
+
+
+def test_stretches_of_several_requirements_are_intersected_and_takeovers_joined() -> None:
+    """One requirement holds on 1–3 by one camera, on 3–5 by another, and on 7–9; the other on 2–8."""
+    data = xr.Dataset(
+        {
+            "met_from": (("requirement", "stretch"), [[1.0, 3.0, 7.0], [2.0, np.nan, np.nan]]),
+            "met_to": (("requirement", "stretch"), [[3.0, 5.0, 9.0], [8.0, np.nan, np.nan]]),
+        }
+    )
+    assert common_stretches(data, np.array([True, True])) == [(2.0, 5.0), (7.0, 8.0)]
+    assert common_stretches(data, np.array([True, False])) == [(1.0, 5.0), (7.0, 9.0)]

@@ -1,0 +1,108 @@
+"""The verdict of one design, read off the curves that /depth has of it: what a sweep of many designs can afford."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.decision import Crossing, best_cameras, stated_error
+from tradestudy.analysis.depth_points import DepthTable
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.optics.arrays import FloatArray
+
+_BOTH: Final = -1  # noise and calibration together, among the ways
+_ROUNDING: Final = 1e-9  # of a distance
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Curve:
+    """Depth uncertainty of one camera over distance.
+
+    Parameters
+    ----------
+    distance
+        [m], increasing.
+    uncertainty, error
+        With noise and calibration [m], and what it may be off by.
+    usable
+        Stretches where the camera is usable (near, far) [m].
+    """
+
+    distance: FloatArray
+    uncertainty: FloatArray
+    error: FloatArray
+    usable: Sequence[tuple[float, float]]
+
+    @classmethod
+    def of(cls, camera: DepthCamera, table: DepthTable) -> Curve:
+        """The curve of a camera from what a run knows of it."""
+        found = table.evaluation
+        return cls(
+            distance=found.distance,
+            uncertainty=found.uncertainty[_BOTH],
+            error=stated_error(camera, found.uncertainty_error[_BOTH]),
+            usable=[(one.near, one.far) for one in table.intervals],
+        )
+
+    def usable_at(self, places: FloatArray) -> np.ndarray:
+        """Whether the camera is usable at each place [m]."""
+        inside = [
+            (near * (1.0 - _ROUNDING) <= places) & (places <= far * (1.0 + _ROUNDING)) for near, far in self.usable
+        ]
+        return np.any(inside, axis=0) if inside else np.zeros(places.shape, dtype=bool)
+
+    def between(self, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Uncertainty at places between the distances, and what it may be off by; both [m].
+
+        On straight lines over logarithms; half of the second differences bounds what such a line misses.
+        """
+        logs = np.log(self.distance)
+        with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+            values = np.log(self.uncertainty)
+            found = np.interp(np.log(places), logs, values)
+            bent = np.abs(np.diff(values, 2, prepend=values[:1], append=values[-1:]))
+            relative = np.nan_to_num(self.error / self.uncertainty)
+        missed = np.interp(np.log(places), logs, _widened(bent)) / 2.0
+        on_grid = np.min(np.abs(np.log(places)[:, None] - logs), axis=1) < _ROUNDING
+        own = np.interp(np.log(places), logs, relative)
+        uncertainty = np.exp(found)
+        return uncertainty, (own + np.where(on_grid, 0.0, np.nan_to_num(missed))) * uncertainty
+
+
+def _widened(values: FloatArray) -> FloatArray:
+    """Each value or a neighbour's, whichever is larger; the ends have no second difference of their own."""
+    values = np.concatenate([values[1:2], values[1:-1], values[-2:-1]])
+    padded = np.pad(values, 1, mode="edge")
+    return np.asarray(np.fmax(np.fmax(padded[:-2], padded[2:]), values))
+
+
+def best_at(curves: Mapping[str, Curve], places: FloatArray) -> list[str]:
+    """The usable camera of lowest uncertainty at each place [m], as `best_cameras` names it."""
+    told = {name: curve.between(places) for name, curve in curves.items()}
+    return best_cameras(
+        {name: curve.usable_at(places) for name, curve in curves.items()},
+        {name: values for name, (values, _) in told.items()},
+        {name: errors for name, (_, errors) in told.items()},
+    )
+
+
+def crossings(first: Curve, second: Curve, names: tuple[str, str]) -> tuple[Crossing, ...]:
+    """Where two cameras are equally uncertain, usable or not, on straight lines over logarithms between distances.
+
+    The error is what both curves may be off by there, their bend included, over the slope of their ratio.
+    """
+    logs = np.log(first.distance)
+    with np.errstate(divide="ignore", invalid="ignore"):  # unbounded intervals are outcomes
+        ratio = np.log(first.uncertainty) - np.log(second.uncertainty)
+    known = np.isfinite(ratio[:-1]) & np.isfinite(ratio[1:])
+    found = []
+    for k in np.flatnonzero(known & (np.sign(ratio[:-1]) * np.sign(ratio[1:]) < 0.0)):
+        slope = (ratio[k + 1] - ratio[k]) / (logs[k + 1] - logs[k])
+        place = float(np.exp(logs[k] - ratio[k] / slope))
+        off = [error[0] / value[0] for value, error in (curve.between(np.array([place])) for curve in (first, second))]
+        error = place * float(np.hypot(*off)) / abs(float(slope))
+        found.append(Crossing(distance=place, error=error, nearer=names[0] if ratio[k] < 0.0 else names[1]))
+    return tuple(found)

@@ -1,0 +1,300 @@
+"""What a sweep says: which designs meet what must hold, which camera each favours, and how far its ranges move."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from tradestudy.results.views.decision import answer_title
+from tradestudy.results.views.depth import swept
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
+from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty
+from tradestudy.wording import counted, distance, listed
+
+_BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS)}
+_STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that a person leaves out
+_SAME: Final = 1e-3  # of a distance
+_SHORTEST_SPREAD: Final = 3  # parts of a path such as calibration.errors.yaw.standard_deviation
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """One design of a sweep.
+
+    Parameters
+    ----------
+    values
+        Of every swept parameter by its path, in SI or as text.
+    words
+        The same, as a person says it.
+    margin
+        Least margin of what must hold, as of `RequirementConclusion`.
+    """
+
+    values: dict[str, float | str]
+    words: str
+    margin: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Feasible:
+    """The designs that meet everything that must hold; of a study whose requirements are all wishes, all of those.
+
+    Parameters
+    ----------
+    count, designs
+        How many do, and of how many.
+    best
+        The design of the largest least margin, feasible or not.
+    tightest
+        What must hold and has that margin there, in its own words.
+    region
+        Over which values of each parameter they lie, in words; empty where none does.
+    required
+        How many requirements must hold.
+    """
+
+    count: int
+    designs: int
+    best: Design
+    tightest: str
+    region: str
+    required: int
+
+
+def path_words(tree: xr.DataTree, path: str) -> str:
+    """A path of the study in words: ``cameras.head.baseline`` is "baseline of Head A"."""
+    words, title = _words_and_camera(tree, path)
+    return f"{words} of {title}" if title else words
+
+
+def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
+    """What a path names, and the title of its camera; no title where it belongs to none."""
+    parts = path.removeprefix("cameras.").split(".")
+    title = camera_titles(tree).get(parts[0], "")
+    words = [part for part in parts[1:] if part not in _STRUCTURE] if title else parts
+    if words[:2] == ["calibration", "errors"] and len(words) > _SHORTEST_SPREAD:
+        words = [words[2], "spread"]
+    return " ".join(word.replace("_", " ") for word in words), title
+
+
+def _design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:
+    """A design by the words of its values: "Stereo rig with baseline 131 mm and focal length 8 mm"."""
+    by_camera: dict[str, list[str]] = {}
+    for path, value in values.items():
+        words, title = _words_and_camera(tree, path)
+        by_camera.setdefault(title, []).append(f"{words} {value}")
+    return listed([f"{title} with {listed(told)}" if title else listed(told) for title, told in by_camera.items()])
+
+
+def dimension_of(axis: xr.DataArray) -> Dimension:
+    """What a swept coordinate measures."""
+    return _BY_UNIT.get(str(axis.attrs.get("units", "")), NUMBER)
+
+
+def value_words(axis: xr.DataArray, value: Any) -> str:
+    """One value of a swept coordinate with its unit."""
+    return str(value) if isinstance(value, str) else pretty(float(value), dimension_of(axis))
+
+
+def feasible_designs(tree: xr.DataTree) -> Feasible | None:
+    """Which designs of a sweep meet everything that must hold; None without a sweep or a requirement."""
+    if not has(tree, "requirements", "design_met"):
+        return None
+    data = group(tree, "requirements")
+    must = must_hold(data)
+    axes = [str(name) for name in data["design_met"].dims if name != "requirement"]
+    met = data["design_met"].transpose(*axes, "requirement").values[..., must] == 1
+    margins = np.nan_to_num(
+        data["design_margin_percent"].transpose(*axes, "requirement").values[..., must], nan=-np.inf
+    )
+    every, least = np.all(met, axis=-1), np.min(margins, axis=-1)
+    # A guard band can leave a design unmet whose margin is positive: those that are met come first.
+    first = np.where(every, least, np.where(every.any(), -np.inf, least))
+    best = np.unravel_index(int(np.argmax(first)), least.shape)
+    values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
+    tightest = int(np.flatnonzero(must)[int(np.argmin(margins[best]))])
+    return Feasible(
+        count=int(every.sum()),
+        designs=int(every.size),
+        best=Design(
+            values={axis: value if isinstance(value, str) else float(value) for axis, value in values.items()},
+            words=_design_words(tree, {axis: value_words(data[axis], value) for axis, value in values.items()}),
+            margin=float(least[best]) / 100.0,
+        ),
+        tightest=str(data["says"].values[tightest]),
+        region=_region_words(tree, data, axes, every),
+        required=int(must.sum()),
+    )
+
+
+def must_hold(data: xr.Dataset) -> npt.NDArray[np.bool_]:
+    """Which requirements decide: those that must hold; all, where none must."""
+    must = np.asarray(data["priority"].values == "must")
+    return must if must.any() else ~must
+
+
+def common_stretches(data: xr.Dataset, must: npt.NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Stretches of the one swept parameter, in SI, in which every requirement that must hold is met."""
+    common = [(-np.inf, np.inf)]
+    for number in np.flatnonzero(must):
+        row = data.isel(requirement=int(number))
+        ends = zip(row["met_from"].values, row["met_to"].values, strict=True)
+        own = _joined([(float(low), float(high)) for low, high in ends if not np.isnan(low)])
+        common = [(max(a, c), min(b, d)) for a, b in common for c, d in own if max(a, c) <= min(b, d)]
+    return [(float(low), float(high)) for low, high in common if np.isfinite([low, high]).all()]
+
+
+def _joined(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Stretches without the borders at which one camera takes over from another."""
+    joined: list[tuple[float, float]] = []
+    for low, high in stretches:
+        if joined and low <= joined[-1][1] + _SAME * abs(low):
+            joined[-1] = (joined[-1][0], high)
+        else:
+            joined.append((low, high))
+    return joined
+
+
+def interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
+    """A stretch of a swept parameter: "from 53.4 mm on", where it reaches the last value that was tried."""
+    first, last = (pretty(float(end), dimension) for end in (low, high))
+    begins, ends = low <= values[0], high >= values[-1]
+    if begins and ends:
+        return f"anywhere from {first} to {last}"
+    if ends:
+        return f"from {first} on (tried up to {last})"
+    if begins:
+        return f"up to {last} (tried from {first})"
+    return f"from {first} to {last}"
+
+
+def _region_words(tree: xr.DataTree, data: xr.Dataset, axes: list[str], every: npt.NDArray[np.bool_]) -> str:
+    """Over which values of each parameter the feasible designs lie; exact ends along one number."""
+    if not every.any():
+        return ""
+    if "met_from" in data:
+        axis = data[axes[0]]
+        values = np.asarray(axis.values, dtype=np.float64)
+        ends = common_stretches(data, must_hold(data))
+        told = " and ".join(interval_words(low, high, values, dimension_of(axis)) for low, high in ends)
+        return _design_words(tree, {axes[0]: told})
+    return _design_words(
+        tree, {axis: _values_words(data[axis], np.argwhere(every)[:, k]) for k, axis in enumerate(axes)}
+    )
+
+
+def _values_words(axis: xr.DataArray, numbers: npt.NDArray[np.intp]) -> str:
+    """The values of one parameter that designs have, from the least to the largest; choices by name."""
+    used = np.unique(numbers)
+    if axis.dtype.kind not in "fiu":
+        return listed([str(axis.values[k]) for k in used])
+    ends = [value_words(axis, axis.values[k]) for k in (used[0], used[-1])]
+    return ends[0] if used.size == 1 else f"{ends[0]} to {ends[1]}"
+
+
+def feasible_words(tree: xr.DataTree) -> str:
+    """What to say about the designs that meet all that must hold, without the last full stop; empty without any."""
+    found = feasible_designs(tree)
+    if found is None:
+        return ""
+    what = {1: "the requirement", 2: "both requirements"}.get(found.required, f"all {found.required} requirements")
+    known = np.isfinite(found.best.margin) and found.best.margin > -1.0
+    share = pretty(abs(found.best.margin), FRACTION, digits=2) if known else ""
+    if found.count:
+        which = f"{found.count} of {found.designs} designs" if found.count < found.designs else "Every design"
+        verb = "meets" if found.count in (1, found.designs) else "meet"
+        spare = f" ({share})" if share else ""
+        return f"{which} {verb} {what}: {found.region}. Most to spare{spare}: {found.best.words}"
+    return (
+        f"None of {found.designs} designs meets {what}. {found.best.words} comes nearest: it misses "
+        f"“{found.tightest}”" + (f" by {share}" if share else "")
+    )
+
+
+def favoured_words(tree: xr.DataTree) -> Iterator[str]:
+    """Which camera the designs of a sweep favour at each of a few distances."""
+    if not has(tree, "decision", "design_best_camera"):
+        return
+    data, titles = group(tree, "decision"), camera_titles(tree)
+    best = data["design_best_camera"]
+    axes = [str(name) for name in best.dims if name != "design_place"]
+    places: dict[str, list[str]] = {}
+    for place in data["design_place"].values:
+        names = best.sel(design_place=place).transpose(*axes).values
+        places.setdefault(_favoured(titles, data, axes, names), []).append(distance(float(place)))
+    for told, where in places.items():
+        yield f"at {listed(where)}: {told}"
+
+
+def _favoured(titles: dict[str, str], data: xr.Dataset, axes: list[str], names: npt.NDArray[Any]) -> str:
+    every, counts = np.unique(names.astype(str), return_counts=True)
+    order = np.argsort(-counts, kind="stable")
+    if len(every) == 1:
+        return f"{answer_title(titles, every[0])} in every design" if every[0] else "no camera in any design"
+    axis = data[axes[0]]
+    if len(axes) == 1 and axis.dtype.kind in "fiu":
+        runs = np.flatnonzero(np.append(True, names[1:] != names[:-1]))
+        ends = np.append(runs[1:], len(names)) - 1
+        parts = []
+        for first, last in zip(runs, ends, strict=True):
+            low, high = (value_words(axis, axis.values[k]) for k in (first, last))
+            where = f"with {low}" if first == last else f"from {low} to {high}"
+            parts.append(f"{answer_title(titles, str(names[first]), 'none')} {where}")
+        return ", ".join(parts)
+    told = [f"{answer_title(titles, every[k], 'none')} in {counts[k]}" for k in order]
+    return f"{told[0]} of {names.size} designs, {', '.join(told[1:])}"
+
+
+def crossover_words(tree: xr.DataTree) -> str:
+    """How far the crossover of the headline pair moves over the designs, without a full stop; empty without one."""
+    if not has(tree, "decision", "design_crossover_distance"):
+        return ""
+    data, titles = group(tree, "decision"), camera_titles(tree)
+    first, second = (titles[str(data.attrs[end])] for end in ("first", "second"))
+    places = data["design_crossover_distance"].values
+    found = places[np.isfinite(places)]
+    none = int(np.sum(~np.isfinite(places).any(axis=-1)))
+    if not found.size:
+        return f"In no design are {first} and {second} equally certain anywhere"
+    least, most = (distance(float(end)) for end in (found.min(), found.max()))
+    where = f"at {least}" if least == most else f"between {least} and {most}, depending on the design"
+    beside = f", and nowhere in {counted(none, 'design')}" if none else ""
+    return f"{first} and {second} are equally certain {where}{beside}"
+
+
+def usable_span_words(tree: xr.DataTree) -> Iterator[str]:
+    """How far the ends of each camera's usable range move over the designs; none for cameras that do not change."""
+    if not has(tree, "depth", "usable_near") or not swept(group(tree, "depth")):
+        return
+    depth = group(tree, "depth")
+    for name, title in camera_titles(tree).items():
+        if name not in depth["camera"].values:
+            continue
+        one = depth.sel(camera=name)
+        nearest = np.ravel(one["usable_near"].min("interval").values)
+        farthest = np.ravel(one["usable_far"].max("interval").values)
+        usable = np.isfinite(nearest)
+        if not usable.any():
+            continue
+        moved = [
+            float(ends[usable].max()) - float(ends[usable].min()) > _SAME * float(ends[usable].max())
+            for ends in (nearest, farthest)
+        ]
+        if not any(moved) and usable.all():
+            continue
+        near, far = (
+            _moved_words(ends[usable], moves=moves) for ends, moves in zip((nearest, farthest), moved, strict=True)
+        )
+        nowhere = f", and nowhere in {counted(int((~usable).sum()), 'design')}" if not usable.all() else ""
+        yield f"Depending on the design, {title} is usable from {near} on and up to {far}{nowhere}"
+
+
+def _moved_words(ends: FloatArray, *, moves: bool) -> str:
+    least, most = distance(float(ends.min())), distance(float(ends.max()))
+    return f"{least}–{most}" if moves else most
