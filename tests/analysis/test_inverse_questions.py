@@ -87,7 +87,7 @@ def test_what_is_not_known_everywhere_is_not_said_throughout(monkeypatch: pytest
     [
         ({"camera": "stereo-75mm"}, "belong together"),
         ({"camera": "stereo-75mm", "relative": "1 %", "uncertainty": "1 mm"}, "belong together"),
-        ({"uncertainty": "1 mm"}, "give either equal"),
+        ({"uncertainty": "1 mm"}, "give one of equal"),
     ],
 )
 def test_a_question_without_one_goal_is_refused(goal: dict[str, str], message: str) -> None:

@@ -18,6 +18,7 @@ from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.api import Result
 from tradestudy.cli import app
 from tradestudy.comparison import compare_runs
+from tradestudy.errors import StudyError
 from tradestudy.results.views.conclusions import (
     best_stretches,
     measure_first,
@@ -242,3 +243,47 @@ def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:
     data["design_margin_percent"][:] = np.inf
     tree["requirements"] = xr.DataTree(data)
     assert "requirement_margins" not in figures.build(tree)
+
+
+def test_readings_can_be_what_is_not_known() -> None:
+    """A sharper and a duller reading of the yaw: knowing which decides nothing that the declared heads do not."""
+    readings = {
+        "careless": {
+            "says": "yaw of 0.2°",
+            "set": {f"stereo-{b}mm.calibration.errors.yaw.standard_deviation": "0.2 deg" for b in (50, 75)},
+        }
+    }
+    which = {"says": "who calibrates", "readings": ["careless"]}
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values(
+        {**ASKED, "readings": readings, "value_of_information": {"draws": 64, "assumptions": {"who": which}}}
+    )
+    data = study.run().data["value_of_information"].to_dataset()
+    assert data["between"].values.tolist() == ["as declared; yaw of 0.2°"]
+    places, names = data["place"].values, data["candidate"].values
+    losses = []
+    for definition in (study.plan().definition, study.plan().definition.readings["careless"]):
+        cameras = definition.case.cameras
+        relative = [depth_uncertainty(cameras[name], places) / places for name in names]
+        losses.append([float(np.mean(np.where(one <= 0.1, one, 1.0))) for one in relative])
+    # Half of the draws each: the means are exact.
+    np.testing.assert_allclose(data["expected_utility"].values, -np.mean(losses, axis=0), rtol=0.02)
+    # One assumption alone: knowing it is knowing all.
+    assert data["worth"].values[0] == pytest.approx(data.attrs["worth_of_all"], abs=1e-3)
+
+
+def test_a_value_that_two_assumptions_vary_is_refused_at_the_second() -> None:
+    yaw = WORTH["value_of_information"]["assumptions"]["yaw"]
+    readings = {"careless": {"says": "worse", "set": {yaw["vary"][0]: "0.2 deg"}}}
+    both = {"yaw": yaw, "who": {"readings": ["careless"]}}
+    with pytest.raises(StudyError, match=r"who\.readings: .* is varied by 'yaw' already"):
+        tradestudy.load(STUDIES / "robot.yaml").with_values(
+            {"readings": readings, "value_of_information": {"assumptions": both}}
+        )
+    with pytest.raises(StudyError, match=r"no reading is called 'careles'.*careless"):
+        tradestudy.load(STUDIES / "robot.yaml").with_values(
+            {"readings": readings, "value_of_information": {"assumptions": {"who": {"readings": ["careles"]}}}}
+        )
+    with pytest.raises(StudyError, match="give either vary, low and high, or readings"):
+        tradestudy.load(STUDIES / "robot.yaml").with_values(
+            {"value_of_information": {"assumptions": {"who": {"vary": "scene.wavelength"}}}}
+        )

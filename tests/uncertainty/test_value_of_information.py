@@ -82,3 +82,13 @@ def test_a_constant_parameter_and_bad_utilities() -> None:
         worth_of_all(utility[:10])
     with pytest.raises(OutOfRangeError, match="1 non-finite"):
         worth_of_all(np.where(np.arange(64)[:, None] == 3, [[math.inf, 0.0]], utility))
+
+
+def test_a_choice_of_two_is_worth_the_mean_of_its_better_answers() -> None:
+    """U₂ − U₁ is 1 or −2, as likely, beside noise: knowing which is worth (1 + 0)/2 − max(0, −1/2) = 1/2."""
+    rng = np.random.default_rng(3)
+    choice = (np.arange(4096) % 2).astype(float)
+    difference = np.where(choice == 0.0, 1.0, -2.0) + rng.standard_normal(4096)
+    found = worth_of_one(np.stack([np.zeros(4096), difference], axis=1), choice, rng)
+    assert found.value == pytest.approx(0.5, abs=3.0 * found.error)
+    assert found.error < 0.03

@@ -13,13 +13,12 @@ from scipy.optimize import brentq
 from tradestudy.analysis.depth import distribution
 from tradestudy.cameras.calibration import ONE_SIGMA
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.errors import NotConvergedError
+from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Entry
 from tradestudy.study.expectations import question_ends
 from tradestudy.study.schema.questions import SolvePart
-from tradestudy.study.sweep import quantity_entry
+from tradestudy.study.varying import Varying
 from tradestudy.units import FRACTION, LENGTH, Dimension, pretty, significant
 from tradestudy.wording import listed
 
@@ -70,12 +69,19 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
     NotConvergedError
         If the root finder fails.
     """
-    dimension, low, high = question_ends(question)
+    varying = Varying.of(definition, question)
+    dimension, low, high = varying.dimension, varying.low, varying.high
+    if varying.is_counted:
+        raise OutOfRangeError(
+            "an inverse question about certainty varies a number that is counted",
+            value=question.paths[0],
+            remedy="declare a requirement on depth uncertainty, and ask for that",
+        )
     known: dict[float, FloatArray] = {}
 
     def log_ratios(log_value: float) -> FloatArray:
         if log_value not in known:
-            known[log_value] = _log_ratios(definition, question, quantity_entry(math.exp(log_value), dimension))
+            known[log_value] = _log_ratios(definition.with_values(varying.changes(math.exp(log_value))), question)
         return known[log_value]
 
     places = np.linspace(math.log(low), math.log(high), _PLACES).tolist()
@@ -117,9 +123,9 @@ def _root(log_ratio: Callable[[float], float], logs: tuple[float, float], says: 
     return float(root)
 
 
-def _log_ratios(definition: StudyDefinition, question: SolvePart, value: Entry) -> FloatArray:
-    """ln of the uncertainty over the one that it is to equal, with a value in place of what is varied; (scrambles,)."""
-    cameras = definition.with_values(dict.fromkeys(question.paths, value)).case.cameras
+def _log_ratios(definition: StudyDefinition, question: SolvePart) -> FloatArray:
+    """ln of the uncertainty over the one that it is to equal; (scrambles,)."""
+    cameras = definition.case.cameras
     if question.equal is not None:
         first, second = (_widths(cameras[name], question) for name in question.equal)
     else:
@@ -132,13 +138,13 @@ def _log_ratios(definition: StudyDefinition, question: SolvePart, value: Entry) 
 
 def _widths(camera: DepthCamera, question: SolvePart) -> FloatArray:
     """Uncertainty [m] at the distance of the question, of each scramble; draws are settled there alone."""
-    asked = replace(camera, propagation=replace(camera.propagation, judged=(question.at,)))
-    return distribution(asked, np.array([question.at]), question.errors).half_widths(ONE_SIGMA)[:, 0]
+    asked = replace(camera, propagation=replace(camera.propagation, judged=(question.place,)))
+    return distribution(asked, np.array([question.place]), question.errors).half_widths(ONE_SIGMA)[:, 0]
 
 
 def _undecided(question: SolvePart) -> str:
     """Why an end of an inverse question has no ratio."""
-    where = pretty(question.at, LENGTH)
+    where = pretty(question.place, LENGTH)
     if question.equal is not None:
         return f"cannot be told: at {where} both are unbounded, or one of them measures nothing"
     return f"cannot be told: at {where} nothing is measured"
@@ -171,7 +177,7 @@ def _nowhere(
 
 def _goal_words(question: SolvePart) -> str:
     goal = pretty(question.uncertainty, LENGTH) if question.uncertainty is not None else ""
-    return f"{goal or pretty(question.relative or 0.0, FRACTION)} at {pretty(question.at, LENGTH)}"
+    return f"{goal or pretty(question.relative or 0.0, FRACTION)} at {pretty(question.place, LENGTH)}"
 
 
 def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[Solution]) -> str:
@@ -182,7 +188,12 @@ def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[So
         words = pretty(one.value, dimension, digits=3)
         told.append(words + (f" ± {pretty(one.error, dimension, digits=1)}" if one.error > 0.0 else ""))
     answer = listed(told) if len(told) == 1 else f"{len(told)} solutions: {listed(told)}"
+    return beside_declared(definition, question, answer)
+
+
+def beside_declared(definition: StudyDefinition, question: SolvePart, answer: str) -> str:
+    """An answer, and the declared value of what was varied, where it has one."""
     path = question.paths[0]
-    if definition.document.entry(path) is not None:
-        answer += f" (declared: {definition.document.text_of(path)})"
-    return answer
+    if definition.document.entry(path) is None:
+        return answer
+    return f"{answer} (declared: {definition.document.text_of(path)})"

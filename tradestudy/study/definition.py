@@ -392,6 +392,12 @@ class StudyDefinition:
         """The study with the models that act under a reading or for an inverse question of this name."""
         return replace(self, models={**self.models, **self.elsewhere.get(name, {})}, before=self)
 
+    def entries_of_reading(self, name: str) -> dict[str, Entry]:
+        """What a reading replaces, by path."""
+        values = self.document.entry(("readings", name, "set"))
+        assert isinstance(values, MappingEntry)  # it is valid
+        return {path: member.entry for path, member in values.members.items()}
+
     @cached_property
     def readings(self) -> Mapping[str, StudyDefinition]:
         """The study under each of its other readings.
@@ -404,13 +410,8 @@ class StudyDefinition:
         found: dict[str, StudyDefinition] = {}
         problems: list[Problem] = []
         for name in self.file.readings:
-            written_at = ("readings", name, "set")
-            values = self.document.entry(written_at)
-            assert isinstance(values, MappingEntry)  # it is valid
             try:
-                changed = self.with_values(
-                    {path: member.entry for path, member in values.members.items()}, written_at=written_at
-                )
+                changed = self.with_values(self.entries_of_reading(name), written_at=("readings", name, "set"))
                 found[name] = changed.under(name)
             except StudyError as error:
                 problems += [

@@ -54,6 +54,10 @@ class Varied(Protocol):
     """What varies a value between two ends."""
 
     @property
+    def paths(self) -> tuple[str, ...]:
+        """Of every value that is varied."""
+
+    @property
     def low(self) -> str:
         """With its unit."""
 

@@ -67,7 +67,11 @@ def _problems_of_questions(definition: StudyDefinition) -> Iterator[Problem]:
             for name, claim in definition.file.claims.items()
         ),
         *((("solve", name, "low"), partial(question_ends, one)) for name, one in definition.file.solve.items()),
-        *(((*where, "low"), partial(question_ends, one)) for where, one in _assumptions(definition)),
+        *(
+            ((*where, "low"), partial(question_ends, one))
+            for where, one in _assumptions(definition)
+            if one.readings is None
+        ),
     ]
     for where, check in checks:
         try:
@@ -88,7 +92,7 @@ def _changes(definition: StudyDefinition) -> Iterator[Change]:
         for value in (question.low, question.high):
             yield ("solve", name, "vary"), dict.fromkeys(question.paths, value)
     for where, one in _assumptions(definition):
-        for value in (one.low, one.high):
+        for value in (one.low, one.high) if one.readings is None else ():
             yield (*where, "vary"), dict.fromkeys(one.paths, value)
 
 

@@ -15,6 +15,7 @@ from tradestudy.uncertainty.distributions import FloatArray
 _FEWEST: Final = 32  # draws
 _INTERVALS: Final = (1, 2, 4)  # of cubic splines, the best of which by generalised cross-validation is taken
 _DEGREE: Final = 3
+_FEW_CHOICES: Final = 8
 _RESAMPLED: Final = 400  # fits that could have been found as well
 
 
@@ -58,8 +59,8 @@ def worth_of_all(utility: FloatArray) -> Worth:
 def worth_of_one(utility: FloatArray, parameter: FloatArray, rng: np.random.Generator) -> Worth:
     """Partial information, E_φ[max_d E(U_d | φ)] − max_d E[U_d], by regression of the utilities on the parameter.
 
-    Each E(U_d | φ) is a cubic spline in the ranks of φ, fitted to all draws; how much noise the maximum mistakes for
-    gain is told by fits that could have been found as well.
+    Each E(U_d | φ) is a cubic spline in the ranks of φ, fitted to all draws, or the mean at each of up to eight values;
+    how much noise the maximum mistakes for gain is told by fits that could have been found as well.
 
     Parameters
     ----------
@@ -117,8 +118,9 @@ def _root(matrix: FloatArray) -> FloatArray:
 def _spline_basis(parameter: FloatArray, utility: FloatArray) -> FloatArray:
     """Cubic splines in the ranks of a parameter, as many as predict best."""
     ranks = (np.argsort(np.argsort(parameter, kind="stable"), kind="stable") + 0.5) / parameter.size
-    if np.ptp(parameter) == 0.0:
-        return np.ones((parameter.size, 1))
+    choices = np.unique(parameter)
+    if choices.size <= _FEW_CHOICES:  # each has a mean of its own
+        return np.asarray(parameter[:, np.newaxis] == choices, dtype=np.float64)
     candidates = [_basis(ranks, intervals) for intervals in _INTERVALS]
     return min(candidates, key=lambda basis: _generalised_error(basis, utility))
 

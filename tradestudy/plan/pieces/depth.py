@@ -265,7 +265,7 @@ def _distances_asked(file: StudyFile) -> Iterator[float]:
     """Distances [m] at which the study's questions are answered, wherever they lie."""
     yield from () if file.decision is None else file.decision.at
     yield from () if file.sensitivity is None else file.sensitivity.at
-    yield from (one.at for one in file.solve.values())
+    yield from (one.at for one in file.solve.values() if one.at is not None)
     for requirement in file.requirements.values():
         yield from requirement.required.over
     for claim in file.claims.values():

@@ -11,8 +11,8 @@ import numpy as np
 
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry
-from tradestudy.study.expectations import question_ends
-from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
+from tradestudy.study.sweep import SweepAxis, sweep_axes
+from tradestudy.study.varying import Varying
 
 # Designs of a sweep that are looked at: all, or so many at most, evenly along each axis with its ends. Nothing changes
 # steadily from end to end where a design between them is in focus and they are not.
@@ -33,9 +33,9 @@ def every_variant(definition: StudyDefinition) -> Iterator[tuple[str, StudyDefin
     for values in _designs(axes) if axes else ():
         yield "", definition.with_values({axis.path: value for axis, value in zip(axes, values, strict=True)})
     for name, question in definition.file.solve.items():
-        dimension, low, high = question_ends(question)
-        for value in np.linspace(low, high, _OF_QUESTIONS):
-            yield name, definition.with_values(dict.fromkeys(question.paths, quantity_entry(float(value), dimension)))
+        varying = Varying.of(definition, question)
+        for value in np.linspace(varying.low, varying.high, _OF_QUESTIONS):
+            yield name, definition.with_values(varying.changes(float(value)))
     for variant in _assumed(definition):
         yield "value_of_information", variant
 
@@ -44,8 +44,11 @@ def _assumed(definition: StudyDefinition) -> Iterator[StudyDefinition]:
     """Each assumption at either end, the others as declared."""
     part = definition.file.value_of_information
     for one in part.assumptions.values() if part is not None else ():
-        for value in (one.low, one.high):
-            yield definition.with_values(dict.fromkeys(one.paths, value))
+        if one.readings is None:
+            for value in (one.low, one.high):
+                yield definition.with_values(dict.fromkeys(one.paths, value))
+        for name in one.readings or ():
+            yield definition.with_values(definition.entries_of_reading(name))
 
 
 def _designs(axes: Sequence[SweepAxis]) -> Iterator[tuple[Entry, ...]]:

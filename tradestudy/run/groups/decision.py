@@ -23,6 +23,7 @@ from tradestudy.analysis.decision import PairVerdict, best_cameras, decide_pair,
 from tradestudy.analysis.depth import WAYS
 from tradestudy.analysis.depth_points import relative_effort
 from tradestudy.analysis.inverse_questions import solve
+from tradestudy.analysis.required_values import solve_requirement
 from tradestudy.execution.steps import Progress, mixed
 from tradestudy.results import dataset
 from tradestudy.run.groups.depth import depth_as_declared
@@ -92,7 +93,7 @@ def decision_group(
     if file.solve:
         solved = []
         for name, question in file.solve.items():
-            solved.append(solve(definition.under(name), question))
+            solved.append((solve_requirement if question.requirement else solve)(definition.under(name), question))
             tell()
         values |= {
             "solution_count": [len(answer.solutions) for answer in solved],

@@ -20,9 +20,8 @@ from tradestudy.results import dataset
 from tradestudy.results.depth import distances_without_decision
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.document import Entry
-from tradestudy.study.expectations import question_ends
-from tradestudy.study.schema.value_of_information import ValueOfInformationPart
-from tradestudy.study.sweep import quantity_entry
+from tradestudy.study.schema.value_of_information import AssumptionPart, ValueOfInformationPart
+from tradestudy.study.varying import Chosen, Varying, assumed
 from tradestudy.uncertainty.streams import scrambled_sobol
 from tradestudy.uncertainty.value_of_information import worth_of_all, worth_of_one
 
@@ -40,11 +39,14 @@ def value_of_information_group(
     places = np.array(part.at or (file.decision.at if file.decision else distances_without_decision(case.distance)))
     rng = np.random.default_rng(_seed(file.propagation.seed))
     scaled = scrambled_sobol(len(part.assumptions), rng)(part.draws)
-    values = np.stack([_values(part, name, row) for name, row in zip(part.assumptions, scaled, strict=True)])
+    assumptions = [assumed(definition, one) for one in part.assumptions.values()]
+    values = np.array(
+        [[one.at_share(share) for share in row] for one, row in zip(assumptions, scaled.tolist(), strict=True)]
+    )
     outcomes = []
     for number in range(part.draws):
         progress(STEP, number / part.draws)
-        changed = definition.with_values(_changes(part, values[:, number]))
+        changed = definition.with_values(_changes(assumptions, values[:, number]))
         outcomes.append(_outcome(changed.case, names, places, part, changed))
     progress(STEP, 1.0)
     utility = np.array([one.utility for one in outcomes])
@@ -57,9 +59,9 @@ def value_of_information_group(
             "worth": [min(one.value, whole.value) for one in found],  # one is never worth more than all
             "worth_error": [one.error for one in found],
             "worth_bias": [one.bias for one in found],
-            "says": [one.says or one.paths[0] for one in part.assumptions.values()],
-            "varied": [", ".join(one.paths) for one in part.assumptions.values()],
-            "between": [f"{one.low} to {one.high}" for one in part.assumptions.values()],
+            "says": [one.says or (one.paths[0] if one.paths else name) for name, one in part.assumptions.items()],
+            "varied": [", ".join(one.paths or one.readings or ()) for one in part.assumptions.values()],
+            "between": [_between(definition, one) for one in part.assumptions.values()],
             "expected_utility": utility.mean(axis=0),
             "expected_utility_error": utility.std(axis=0, ddof=1) / math.sqrt(part.draws),
             "best_overall": np.mean(np.argmax(utility, axis=1)[:, np.newaxis] == np.arange(len(names)), axis=0),
@@ -81,17 +83,18 @@ def _seed(seed: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed} {NAME}".encode()).digest()[:16])
 
 
-def _values(part: ValueOfInformationPart, name: str, shares: FloatArray) -> FloatArray:
-    """Values of one assumption, evenly spread on a logarithmic scale, in SI."""
-    _, low, high = question_ends(part.assumptions[name])
-    return np.asarray(low * (high / low) ** shares)
-
-
-def _changes(part: ValueOfInformationPart, values: FloatArray) -> dict[str, Entry]:
+def _changes(assumptions: Sequence[Varying | Chosen], values: FloatArray) -> dict[str, Entry]:
     changed: dict[str, Entry] = {}
-    for one, value in zip(part.assumptions.values(), values.tolist(), strict=True):
-        changed |= dict.fromkeys(one.paths, quantity_entry(value, question_ends(one)[0]))
+    for one, value in zip(assumptions, values.tolist(), strict=True):
+        changed |= one.changes(value)
     return changed
+
+
+def _between(definition: StudyDefinition, part: AssumptionPart) -> str:
+    """Over what an assumption ranges, in words."""
+    if part.readings is None:
+        return f"{part.low} to {part.high}"
+    return "; ".join(["as declared", *(definition.file.readings[name].says for name in part.readings)])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
@@ -87,7 +88,7 @@ class ReadingPart(Part):
 
 
 class SolvePart(Part):
-    """An inverse question: which values make two cameras equally certain at a distance, or one as certain as asked?"""
+    """An inverse question: which values make two cameras alike, one as certain as asked, or meet a requirement?"""
 
     says: Text
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
@@ -99,13 +100,20 @@ class SolvePart(Part):
     camera: CameraName | None = Field(default=None, description="Instead: the camera that is to be certain enough.")
     relative: PositiveFraction | None = Field(default=None, description="Its depth uncertainty over the distance.")
     uncertainty: PositiveLength | None = Field(default=None, description="Its depth uncertainty, instead of relative.")
-    at: ObjectDistance
+    requirement: CameraName | None = Field(
+        default=None, description="Instead: the requirement that is to be met, whatever its quantity."
+    )
+    at: ObjectDistance | None = Field(default=None, description="Where cameras are to be certain.")
     errors: Way = Field(default="both", description="Which errors count.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        if (self.equal is None) == (self.camera is None):
-            raise MistakeAt((), "give either equal (two cameras), or camera and relative or uncertainty")
+        if sum(one is not None for one in (self.equal, self.camera, self.requirement)) != 1:
+            raise MistakeAt(
+                (), "give one of equal (two cameras), camera (with relative or uncertainty), and requirement (its name)"
+            )
+        if (self.at is None) == (self.requirement is None):
+            raise MistakeAt((), "at belongs to equal and camera; a requirement has distances of its own")
         goals = (self.relative is not None) + (self.uncertainty is not None)
         if goals != (self.camera is not None):
             raise MistakeAt(
@@ -114,9 +122,14 @@ class SolvePart(Part):
         return self
 
     @property
+    def place(self) -> float:
+        """Where cameras are to be certain [m]; NaN of a requirement, which has distances of its own."""
+        return math.nan if self.at is None else self.at
+
+    @property
     def goal(self) -> float:
         """Depth uncertainty that the one camera is to reach [m]."""
-        return self.uncertainty if self.uncertainty is not None else (self.relative or 0.0) * self.at
+        return self.uncertainty if self.uncertainty is not None else (self.relative or 0.0) * self.place
 
     @property
     def paths(self) -> tuple[str, ...]:

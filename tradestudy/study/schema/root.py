@@ -76,9 +76,13 @@ class StudyFile(Part):
 
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:
-        """Cameras and readings that are spoken of and do not exist."""
+        """Cameras, readings and requirements that are spoken of and do not exist."""
         found: list[MistakeAt] = []
-        for kind, named in (("camera", _named_cameras(tree)), ("reading", _named_readings(tree))):
+        for kind, named in (
+            ("camera", _named_cameras(tree)),
+            ("reading", _named_readings(tree)),
+            ("requirement", _named_requirements(tree)),
+        ):
             known = [str(name) for name in _mapping(tree.get(f"{kind}s"))]
             found += [
                 MistakeAt(path, f"no {kind} is called {name!r}{nearest_name(name, known)}")
@@ -111,10 +115,12 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
         if self.relief is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose scene it is worked out for"))
-        if self.value_of_information is not None and not any(
-            isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()
-        ):
-            mistakes.append(MistakeAt(("value_of_information",), "needs cameras that measure depth"))
+        if self.value_of_information is not None:
+            if not any(isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()):
+                mistakes.append(MistakeAt(("value_of_information",), "needs cameras that measure depth"))
+            mistakes += self.value_of_information.mistakes_of_owners(
+                {name: tuple(one.set) for name, one in self.readings.items()}
+            )
         if self.sensitivity is not None and not any(
             isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()
         ):
@@ -168,7 +174,17 @@ def _named_readings(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
         named += [(("claims", key, "under", i), name) for i, name in enumerate(_list(_mapping(claim).get("under")))]
         if (reading := _mapping(claim).get("reading")) is not None:
             named.append((("claims", key, "reading"), reading))
+    assumptions = _mapping(_mapping(tree.get("value_of_information")).get("assumptions"))
+    for key, one in assumptions.items():
+        where: Location = ("value_of_information", "assumptions", key, "readings")
+        named += [((*where, i), name) for i, name in enumerate(_list(_mapping(one).get("readings")))]
     return named
+
+
+def _named_requirements(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
+    questions = _mapping(tree.get("solve")).items()
+    named = [(("solve", key, "requirement"), _mapping(question).get("requirement")) for key, question in questions]
+    return [(path, name) for path, name in named if name is not None]
 
 
 def _mapping(value: Any) -> Mapping[Any, Any]:

@@ -1,0 +1,98 @@
+"""Inputs that an inverse question or an assumption varies: a value between two ends, or a choice of readings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from tradestudy.errors import StudyError
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.document import Entry, ScalarEntry
+from tradestudy.study.expectations import Varied, question_ends
+from tradestudy.study.schema.value_of_information import AssumptionPart
+from tradestudy.study.sweep import quantity_entry
+from tradestudy.units import Dimension
+
+
+@dataclass(frozen=True, kw_only=True)
+class Varying:
+    """Paths of a study that take one value together.
+
+    Parameters
+    ----------
+    paths
+        Dotted.
+    dimension, low, high
+        What the value measures, and its ends in SI.
+    is_counted
+        Whether the study takes whole numbers alone, such as of pixels.
+    """
+
+    paths: tuple[str, ...]
+    dimension: Dimension
+    low: float
+    high: float
+    is_counted: bool
+
+    @classmethod
+    def of(cls, definition: StudyDefinition, question: Varied) -> Varying:
+        """What a question varies.
+
+        Raises
+        ------
+        OutOfRangeError
+            Where its ends do not share a unit, or are not 0 < low < high.
+        """
+        dimension, low, high = question_ends(question)
+        plain = cls(paths=question.paths, dimension=dimension, low=low, high=high, is_counted=False)
+        if dimension.unit or not (low.is_integer() and high.is_integer()):
+            return plain
+        try:
+            definition.with_values(plain.changes(low + 0.5))
+        except StudyError:
+            return cls(paths=question.paths, dimension=dimension, low=low, high=high, is_counted=True)
+        return plain
+
+    def at_share(self, share: float) -> float:
+        """The value at a share of the way from end to end, on a logarithmic scale."""
+        return self.possible(self.low * (self.high / self.low) ** share)
+
+    def possible(self, value: float) -> float:
+        """The value next to one, in SI, that the study can have."""
+        return float(round(value)) if self.is_counted else value
+
+    def changes(self, value: float) -> dict[str, Entry]:
+        """What takes the place of the study's own values."""
+        entry = ScalarEntry.of(round(value)) if self.is_counted else quantity_entry(value, self.dimension)
+        return dict.fromkeys(self.paths, entry)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chosen:
+    """The study as declared or one of its readings, each as likely.
+
+    Parameters
+    ----------
+    entries
+        What each replaces, by its paths; nothing as declared.
+    """
+
+    entries: tuple[Mapping[str, Entry], ...]
+
+    @classmethod
+    def of(cls, definition: StudyDefinition, readings: Sequence[str]) -> Chosen:
+        """The study as declared, and so many readings."""
+        return cls(entries=({}, *(definition.entries_of_reading(name) for name in readings)))
+
+    def at_share(self, share: float) -> float:
+        """The number of the choice at a share of the way from the first to the last."""
+        return float(min(int(share * len(self.entries)), len(self.entries) - 1))
+
+    def changes(self, value: float) -> dict[str, Entry]:
+        """What takes the place of the study's own values."""
+        return dict(self.entries[int(value)])
+
+
+def assumed(definition: StudyDefinition, part: AssumptionPart) -> Varying | Chosen:
+    """What an assumption varies."""
+    return Varying.of(definition, part) if part.readings is None else Chosen.of(definition, part.readings)
