@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Final
 
@@ -19,7 +19,12 @@ from tradestudy.analysis.linear_depth import (
 )
 from tradestudy.analysis.second_order import second_order
 from tradestudy.cameras.calibration import ONE_SIGMA
-from tradestudy.cameras.depth_camera import DepthCamera, disparity_error_at, numerical_error_of_disparity_error
+from tradestudy.cameras.depth_camera import (
+    DepthCamera,
+    disparity_error_at,
+    false_match_share,
+    numerical_error_of_disparity_error,
+)
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.uncertainty.shapley import shapley_shares
@@ -41,7 +46,7 @@ class DepthEvaluation:
     uncertainty, quantile, failed_fraction
         For noise only, calibration only and both: half the central 68.27 % interval [m], shape (way, distance); the
         quantiles of depth [m], shape (way, distance, quantile), infinite where they lie beyond the pole; the share of
-        measurements beyond it.
+        measurements beyond it or falsely matched, of which the others know nothing.
     uncertainty_error, failed_fraction_error
         Estimated errors of these, shape (way, distance): the standard error of the draws, or the measured departure of
         a cheaper model from draws.
@@ -119,12 +124,24 @@ def distribution(camera: DepthCamera, distance: FloatArray, way: str, field: flo
 @lru_cache(maxsize=256)
 def _known(camera: DepthCamera, distances: bytes, field: float, way: str) -> DepthDistribution:
     """What limits, ratios and tables of one camera ask for again and again."""
-    distance, model, groups = np.frombuffer(distances), camera.propagation.model, camera.calibration.groups
+    return _with_false_matches(_of_true_matches(camera, np.frombuffer(distances), field, way), camera, way)
+
+
+def _of_true_matches(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
+    model, groups = camera.propagation.model, camera.calibration.groups
     if way == "noise" or (way == "both" and (model == "off" or not groups)):
         return noise_distribution(camera, distance, field)
     if not groups or (model != "exact" and has_covariance(camera)):
         return linear_distribution(camera, distance, field, way)
     return exact_distribution(camera, distance, field, way)
+
+
+def _with_false_matches(found: DepthDistribution, camera: DepthCamera, way: str) -> DepthDistribution:
+    """The same with false matches among the failures, ``1 − (1 − f)(1 − m)``: part of what happens to a measurement."""
+    share = 0.0 if way == "calibration" else false_match_share(camera)
+    if share == 0.0:
+        return found
+    return replace(found, failures=lambda: found.failed + share * (1.0 - found.failed))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -161,7 +178,7 @@ class DepthErrors:
 
     @property
     def failed_fraction(self) -> FloatArray:
-        """Share of measurements that end beyond infinity."""
+        """Share of measurements that end beyond infinity or are false matches."""
         return self._distribution.failed_fraction
 
 
@@ -210,7 +227,7 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
         none = np.where(np.isnan(distance), np.nan, 0.0)
         return ModelError(half_width=none, intervals=none, failed_fraction=none)
     if (curved := second_order(camera, distance, field, way)) is not None:
-        line, read = distribution(camera, distance, way, field), curved.steepest
+        line, read = distribution(camera, distance, way, field), _with_false_matches(curved.steepest, camera, way)
         intervals = [_apart(line, read, coverage) + curved.across for coverage in camera.propagation.coverages]
         return ModelError(
             half_width=_apart(read, line, ONE_SIGMA) + curved.across,
@@ -218,7 +235,7 @@ def model_error(camera: DepthCamera, distance: FloatArray, way: str = "both", fi
             failed_fraction=np.abs(line.failed_fraction - read.failed_fraction),
         )
     places = known[np.unique(np.linspace(0, known.size - 1, _PILOTS).round().astype(int))]
-    draws = trial_distribution(camera, places, field, way)
+    draws = _with_false_matches(trial_distribution(camera, places, field, way), camera, way)
     line = distribution(camera, places, way, field)
     intervals = [_apart(line, draws, coverage) for coverage in camera.propagation.coverages]
     failed = np.abs(line.failed_fraction - draws.failed_fraction) + 2.0 * draws.failed_fraction_error

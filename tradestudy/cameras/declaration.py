@@ -13,6 +13,7 @@ from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityError, DisparityErrorLaw
 from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
 from tradestudy.cameras.stated_declaration import StatedPart
+from tradestudy.declarations.matcher import MatcherPart
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
@@ -86,11 +87,25 @@ class DisparityPart(Part):
         description="Whether the error is that of the disparity or of each image coordinate (× √2).",
     )
     discrimination_step: PositivePixels = Field(description="Disparity step of the depth discrimination.")
+    matcher: MatcherPart | None = Field(
+        default=None,
+        description="What a real matcher adds to a derived error; what is left out is that of scene.picture.matcher.",
+    )
 
     @model_validator(mode="after")
     def _derived_is_of_the_disparity(self) -> Self:
         if self.disparity_error == "derived" and self.error_of == "coordinate":
             raise MistakeAt(("error_of",), "a derived error is that of the disparity; leave error_of out")
+        return self
+
+    @model_validator(mode="after")
+    def _matcher_adds_to_a_bound(self) -> Self:
+        if self.matcher is not None and self.disparity_error != "derived":
+            raise MistakeAt(
+                ("matcher",),
+                "adds to a derived disparity error, and the error of this camera is declared; write disparity_error: "
+                "derived, or leave matcher out (null takes an inherited one back)",
+            )
         return self
 
     @property

@@ -49,7 +49,7 @@ class UsableCriteria:
     disparity_step_px
         The disparity step [px] that must still separate the distance from infinity.
     failed_fraction
-        Largest share of measurements that end beyond infinity.
+        Largest share of measurements that end beyond infinity or are false matches.
     relative_uncertainty
         Largest depth uncertainty over distance.
     """
@@ -69,6 +69,11 @@ class DisparityErrorLaw(Protocol):
     It is given the camera with every question, so that it stays true when the camera is changed.
     """
 
+    @property
+    def false_matches(self) -> float:
+        """Share of all measurements that are false and count as failed."""
+        ...
+
     def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """Standard deviation of the disparity of one measurement [px] at distances [m]; NaN without a picture."""
         ...
@@ -78,7 +83,7 @@ class DisparityErrorLaw(Protocol):
         ...
 
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
-        """Where a matcher can reach that error."""
+        """Where a matcher can reach the bound that it follows from."""
         ...
 
     def margin(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
@@ -280,6 +285,12 @@ def numerical_error_of_disparity_error(camera: DepthCamera, distance: ArrayLike)
     if isinstance(error, float | int):
         return np.zeros(np.shape(distance))
     return error.numerical_error_px(camera, distance)
+
+
+def false_match_share(camera: DepthCamera) -> float:
+    """Share of all measurements that are false: 0 where the disparity error is declared, and says nothing of them."""
+    error = camera.disparity_error_px
+    return 0.0 if isinstance(error, float | int) else error.false_matches
 
 
 def require_disparity_error(error: DisparityError) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.depth_camera import DepthCamera, Limit
+from tradestudy.imaging.matcher import AT_BOUND, Matcher
 from tradestudy.imaging.models import PictureModels, PictureSettings
 from tradestudy.imaging.optical_transfer import kirchhoff_points
 from tradestudy.imaging.picture import (
@@ -33,10 +34,10 @@ _REMEMBERED = 64
 
 @dataclass(frozen=True, kw_only=True)
 class PictureDisparityError:
-    """The Cramér–Rao bound of matching as the disparity error of a camera: a `DisparityErrorLaw`.
+    """The Cramér–Rao bound of matching, and what a real matcher adds, as a camera's error: a `DisparityErrorLaw`.
 
     It is evaluated at every distance asked for (what Kirchhoff adds to Fresnel is interpolated between defoci), and is
-    the same for a camera that is equal.
+    the same for a camera that is equal. Whether the bound applies is a matter of the picture, whoever matches it.
 
     Parameters
     ----------
@@ -44,19 +45,28 @@ class PictureDisparityError:
         What is looked at, and how it is matched.
     models
         Which physics counts.
+    matcher
+        What it adds to the bound.
     """
 
     settings: PictureSettings
     models: PictureModels
+    matcher: Matcher = AT_BOUND
+
+    @property
+    def false_matches(self) -> float:
+        """Share of the matches that are false."""
+        return self.matcher.false_matches
 
     def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """The bound [samples] at distances [m]; NaN where the camera forms no picture or that shows nothing."""
-        value = self.bound_px(camera, distance)
+        """What the matcher reaches [samples] at distances [m]; NaN where there is no picture or it shows nothing."""
+        value = self.matcher.error_px(self.bound_px(camera, distance))
         return np.where(np.isinf(value), np.nan, value).reshape(np.shape(distance))
 
     def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
         """Estimated numerical error of `error_px` [samples]."""
-        return self.derived(camera, distance).error.reshape(np.shape(distance))
+        found = self.derived(camera, distance)
+        return self.matcher.numerical_error_px(found.value, found.error).reshape(np.shape(distance))
 
     def derived(self, camera: DepthCamera, distance: ArrayLike) -> DerivedDisparityError:
         """The bound with its numerical error and the conditions that it breaks, over the distances in one row."""
@@ -84,9 +94,17 @@ class PictureDisparityError:
         return Limit(value=share, bound=1.0, met=share <= 1.0)
 
     def bound_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """`error_px` in one row, but infinite where the picture shows nothing."""
+        """The bound [samples] in one row; NaN without a picture, infinite where it shows nothing."""
         a = np.ascontiguousarray(distance, dtype=np.float64)
         return _bound_px(camera.as_pictured(), self.settings, self.models, a.tobytes())
+
+
+def at_bound(camera: DepthCamera) -> DepthCamera:
+    """The camera as if its matcher reached the bound; one whose error is declared stays as it is."""
+    law = camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError) or law.matcher == AT_BOUND:
+        return camera
+    return replace(camera, disparity_error_px=replace(law, matcher=AT_BOUND))
 
 
 @lru_cache(maxsize=_REMEMBERED)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.matcher import AT_BOUND
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, MappingEntry, ScalarEntry
 
@@ -28,7 +30,11 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
         path: Path = ("cameras", camera, "depth", "disparity_error")
         declared = definition.document.entry(path)
         if declared is None or not isinstance(declared, ScalarEntry) or declared.value == "derived":
-            return f"matching noise of {title}, derived from the picture"
+            law = definition.case.cameras[camera].disparity_error_px
+            real = isinstance(law, PictureDisparityError) and law.matcher != AT_BOUND
+            return f"matching noise of {title}, derived from the picture" + (
+                " and the declared matcher" if real else ""
+            )
         return f"matching noise of {title}{_rests(definition, path, declared.text)}"
     name = parameter.replace("_", " ")
     for path in (

@@ -8,7 +8,9 @@ from typing import Final
 
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.declaration import CameraDeclaration, DepthCameraDeclaration
+from tradestudy.declarations.matcher import MatcherPart
 from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.matcher import Matcher
 from tradestudy.imaging.models import closed_form_models
 from tradestudy.study.schema.scene import ScenePart
 
@@ -18,7 +20,7 @@ _NOT_CALIBRATED: Final[dict[str, bool | set[str]]] = {
     "note": True,
     "stated": True,
     "attributes": True,
-    "depth": {"disparity_error", "error_of", "discrimination_step"},
+    "depth": {"disparity_error", "error_of", "discrimination_step", "matcher"},
     "calibration": {"stability"},
 }
 
@@ -33,7 +35,7 @@ def camera_of(part: CameraDeclaration, scene: ScenePart | None) -> Camera:
     """
     if not isinstance(part, DepthCameraDeclaration):
         return part.design(None)
-    return part.design(_picture_law(scene, microlenses=part.camera.pictured_by_microlenses))
+    return part.design(_picture_law(scene, part.depth.matcher, microlenses=part.camera.pictured_by_microlenses))
 
 
 def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder: Path) -> str:
@@ -54,9 +56,18 @@ def posterior_key(name: str, part: DepthCameraDeclaration, *, seed: int, folder:
     return sha256("\n".join(said).encode()).hexdigest()
 
 
-def _picture_law(scene: ScenePart | None, *, microlenses: bool) -> PictureDisparityError | None:
-    """What a derived disparity error follows; None without a picture."""
+def _picture_law(
+    scene: ScenePart | None, own: MatcherPart | None, *, microlenses: bool
+) -> PictureDisparityError | None:
+    """What a derived disparity error follows, by the camera's own matcher over that of the scene; None without one."""
     if scene is None or scene.picture is None:
         return None
     settings = scene.picture.settings(scene.wavelength)
-    return PictureDisparityError(settings=settings, models=closed_form_models(settings, microlenses=microlenses))
+    said = {
+        key: value for part in (scene.picture.matcher, own) if part is not None for key, value in part.given().items()
+    }
+    return PictureDisparityError(
+        settings=settings,
+        models=closed_form_models(settings, microlenses=microlenses),
+        matcher=Matcher(**said),
+    )

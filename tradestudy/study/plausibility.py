@@ -7,10 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.errors import Problem
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import OUTSIDE, Entry, ListEntry, Path, ScalarEntry, walk
-from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, Dimension, UnitError, parse, pretty
+from tradestudy.units import ANGLE, ELECTRONS, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, UnitError, parse, pretty
 
 _SILENCED: Final = "; a basis silences this"
 
@@ -36,6 +37,9 @@ _USUAL: Final = (
     _Range(key="relative_uncertainty", dimension=FRACTION, low=0.0, high=0.99, below="usable_range"),
     _Range(key="below_relative", dimension=FRACTION, low=0.0, high=0.99),
     _Range(key="relative", dimension=FRACTION, low=0.0, high=0.99, below="solve"),
+    _Range(key="factor", dimension=NUMBER, low=1.0, high=10.0, below="matcher"),
+    _Range(key="floor", dimension=PIXELS, low=0.0, high=1.0, below="matcher"),
+    _Range(key="false_matches", dimension=FRACTION, low=0.0, high=0.5, below="matcher"),
     _Range(key="standard_deviation", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
     _Range(key="half_width", dimension=ANGLE, low=0.0, high=math.radians(10.0), below="errors"),
 )
@@ -44,7 +48,13 @@ _LARGE_TOLERANCE: Final = 0.05  # from which on a tolerance without a unit was p
 
 def implausible(definition: StudyDefinition) -> tuple[Problem, ...]:
     """Every value outside what is usual, at its place, each place once; none that states its basis."""
-    found = [*_outside_the_usual(definition), *_light(definition), *_tolerances(definition), *_requirements(definition)]
+    found = [
+        *_outside_the_usual(definition),
+        *_light(definition),
+        *_idle_matcher(definition),
+        *_tolerances(definition),
+        *_requirements(definition),
+    ]
     return tuple({(one.file, one.line, one.column, one.what): one for one in found}.values())
 
 
@@ -90,6 +100,17 @@ def _light(definition: StudyDefinition) -> Iterator[Problem]:
         path = (*above, "light", "electrons")
         what = f"{pretty(electrons, ELECTRONS)} are more than the full well of {pretty(full, ELECTRONS)} holds"
         yield _told(definition, path, what)
+
+
+def _idle_matcher(definition: StudyDefinition) -> Iterator[Problem]:
+    """A matcher of the scene that no camera has, since all their disparity errors are declared."""
+    scene, cameras = definition.file.scene, definition.file.cameras.values()
+    if scene is None or scene.picture is None or scene.picture.matcher is None:
+        return
+    if not any(isinstance(one, DepthCameraDeclaration) and one.depth.declared_error_px is None for one in cameras):
+        path = ("scene", "picture", "matcher")
+        what = "adds to derived disparity errors, and every camera declares its own: it changes nothing"
+        yield definition.document.locate(path).problem(path, what)
 
 
 def _tolerances(definition: StudyDefinition) -> Iterator[Problem]:

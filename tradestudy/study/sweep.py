@@ -33,6 +33,7 @@ _DIMENSIONS: tuple[Dimension, ...] = (
     LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
 )  # fmt: skip
 MOST_POINTS = 20_000
+_NO_PART_OF_THE_SCENE = "scene.picture.matcher."  # which says how pictures of it are matched
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +55,7 @@ class SweepAxis:
 def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
     """The axes that a study declares; none where it sweeps nothing."""
     for path, part in definition.file.sweep.items():
-        if path.startswith("scene."):
+        if path.startswith("scene.") and not path.startswith(_NO_PART_OF_THE_SCENE):
             raise UnitError(f"{path} cannot be swept: every design of a sweep is computed over the same scene")
         if not isinstance(part, SweepRangePart) and None in part:
             raise UnitError(f"{path}: null takes a value back, and a sweep gives values; leave it out")

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
 from tradestudy import units
+from tradestudy.declarations.matcher import MatcherPart
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
@@ -102,6 +103,11 @@ class PicturePart(Part):
     texture: TexturePart
     matching_window: PictureWindow = Field(
         description="Side of the square that is matched: pixels, or a length on the object. At most a micro-image."
+    )
+    matcher: MatcherPart | None = Field(
+        default=None,
+        description="What a real matcher adds to the bound. A camera's own depth.matcher counts before it, key by key; "
+        "without either, a derived error is the best that any matcher can reach.",
     )
     light: LightPart
     read_noise: NonNegativeElectrons = Field(description="Standard deviation of one reading of a pixel.")

@@ -42,7 +42,7 @@ class UsableRangePart(Part):
         default=None, description="Disparity step that must still separate a distance from infinity."
     )
     failed_fraction: Share | None = Field(
-        default=None, description="Largest share of measurements that end beyond infinity."
+        default=None, description="Largest share of measurements that end beyond infinity or are false matches."
     )
     relative_uncertainty: PositiveFraction | None = Field(
         default=None, description="Largest depth uncertainty / distance."

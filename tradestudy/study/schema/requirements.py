@@ -107,7 +107,7 @@ class RequirementPart(Part):
         default=None, description="Size of detail on the object that blur and samples still resolve."
     )
     failed_fraction: ShareBelowPart | None = Field(
-        default=None, description="Share of measurements that end beyond infinity."
+        default=None, description="Share of measurements that end beyond infinity or are false matches."
     )
     guard_band: GuardBandPart | None = None
 

@@ -1,0 +1,45 @@
+"""What a study declares of a real matcher, for the whole scene or for one camera."""
+
+from __future__ import annotations
+
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
+
+from tradestudy import units
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import Share, quantity
+
+NoiseFactor = Annotated[float, *quantity(units.NUMBER, at_least=1.0)]
+NoiseFloor = Annotated[float, *quantity(units.PIXELS, at_least=0.0)]
+LockingAmplitude = Annotated[float, *quantity(units.PIXELS, at_least=0.0, at_most=0.5)]
+FalseShare = Annotated[Share, Field(lt=1.0)]
+
+
+class MatcherPart(Part):
+    """What a real matcher adds to the bound of a derived disparity error; what is left out adds nothing."""
+
+    factor: NoiseFactor | None = Field(default=None, description="Noise that is achieved over the bound, 1 or more.")
+    floor: NoiseFloor | None = Field(
+        default=None, description="Noise that no light removes, as a standard deviation; it adds in quadrature."
+    )
+    pixel_locking: LockingAmplitude | None = Field(
+        default=None,
+        description="Amplitude of a bias that is periodic in the disparity. Its phase is unknown, so amplitude/√2 adds "
+        "in quadrature; it does not average out within one distance.",
+    )
+    false_matches: FalseShare | None = Field(
+        default=None, description="Share of the matches that are false; they count as failed measurements."
+    )
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if not self.given():
+            names = list(type(self).model_fields)
+            raise MistakeAt((), f"give at least one of {', '.join(names[:-1])} and {names[-1]}")
+        return self
+
+    def given(self) -> dict[str, float]:
+        """The values that are given, in SI and pixels, by name."""
+        return {name: value for name in type(self).model_fields if (value := getattr(self, name)) is not None}
