@@ -21,6 +21,7 @@ from tradestudy.imaging.picture import LARGEST_ERROR_PX, WeighedPicture
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 from tradestudy.plan.pieces.failed_fraction import (
     missed_by_the_line,
+    of_true_matches,
     shift_without_calibration,
     verdict_changed_without_calibration,
 )
@@ -194,7 +195,7 @@ class DepthVariant:
         return WeighedPicture(geometry=self.reference.picture_geometry(self._everywhere), settings=law.settings)
 
     def disparity_error_px(self, models: Models) -> FloatArray:
-        """Derived disparity error everywhere [samples] with models in closed form in their slots."""
+        """Bound of the disparity error everywhere [samples] with models in closed form in their slots."""
         law = self.law
         assert law is not None  # as above
         own = with_models(law.models, in_closed_form(models))
@@ -207,7 +208,7 @@ class DepthVariant:
         return self._errors_px[own]
 
     def _factor(self, models: Models) -> FloatArray:
-        """Disparity error everywhere over that of the reference; 1 where nothing is derived or passes."""
+        """That bound everywhere over that of the reference; 1 where nothing is derived or passes."""
         if self.law is None:
             return np.ones(self._everywhere.shape)
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -215,7 +216,15 @@ class DepthVariant:
         return np.where(np.isnan(found), 1.0, found)
 
     def _half_width(self, factor: FloatArray, beside: FloatArray) -> FloatArray:
-        return scaled_noise(self.reference, self._everywhere, 0.0, np.hypot(factor, beside)).half_width
+        """Half widths everywhere with a bound of the disparity error that is larger by a factor."""
+        noise = factor if self.law is None else self.law.matcher.change(self.disparity_error_px({}), factor)
+        return scaled_noise(self.reference, self._everywhere, 0.0, np.hypot(noise, beside)).half_width
+
+    @cached_property
+    def _failed_at_most(self) -> float | None:
+        """The largest failed fraction, of the true matches."""
+        bound = self.criteria.failed_fraction
+        return None if bound is None else float(of_true_matches(self.reference, bound))
 
     @cached_property
     def _whole(self) -> FloatArray:
@@ -235,7 +244,7 @@ class DepthVariant:
         models
             In place of the most complete ones.
         more_noise
-            A further relative change of the disparity error everywhere, to that side on which it changes more.
+            A further relative change of that bound everywhere, to that side on which it changes more.
         missed
             By how much the uncertainty may be off either way beside that, which moves ends of usable ranges.
         """
@@ -268,7 +277,7 @@ class DepthVariant:
                 of_matching = np.log(self._split(factor)[2][:, 1]) / self._slope(self.disparity_error_px({}))
                 shifts = np.maximum(shifts, np.where(by_matching, np.abs(of_matching), 0.0))
         largest = float(np.max(np.where(np.isnan(shifts), np.inf, shifts), initial=0.0))
-        if off and (bound := self.criteria.failed_fraction) is not None and self.ends.size:
+        if off and (bound := self._failed_at_most) is not None and self.ends.size:
             largest = max(largest, shift_without_calibration(self.reference, bound, self.ends))
         either = (half_width * (1.0 + missed), half_width / (1.0 + missed))
         anew = any(self._range_appears_or_vanishes(factor, one, largest, off=off) for one in either)
@@ -290,8 +299,11 @@ class DepthVariant:
             limit = limits.get(name)
             if limit is None:
                 return np.zeros(self.ends.shape, dtype=bool)
+            value, bound = limit.value, np.asarray(limit.bound)
+            if name == "failed_fraction":
+                value, bound = (of_true_matches(self.reference, one) for one in (value, bound))
             with np.errstate(invalid="ignore", divide="ignore"):
-                return np.abs(np.log(limit.value / limit.bound)) < share
+                return np.asarray(np.abs(np.log(value / bound)) < share)
 
         by_depth = near("relative_uncertainty", _NEAR_ITS_BOUND) | near("failed_fraction", _NEAR_A_STEEP_BOUND)
         return by_depth, near("matching", _NEAR_ITS_BOUND)
@@ -310,7 +322,7 @@ class DepthVariant:
             new, old = (self._split(one)[1] <= LARGEST_ERROR_PX for one in (error * factor, error))
             changed |= new != old
         compared = ["relative_uncertainty", "matching"]
-        if off and (bound := self.criteria.failed_fraction) is not None:
+        if off and (bound := self._failed_at_most) is not None:
             changed |= verdict_changed_without_calibration(self.reference, bound, self._imaged)
             compared.append("failed_fraction")
         others = {name: one for name, one in self.limits.items() if name not in compared}
@@ -375,8 +387,9 @@ class DepthVariant:
         found = [self._linear_error_at(camera, tried, place) for place in (0.0, *self.fields)]
         error = np.max(found, axis=0)
         largest, at = float(error.max()), float(tried[int(np.argmax(error))])
-        if (bound := self.criteria.failed_fraction) is not None and not largest > _CLEARLY:
+        if (bound := self._failed_at_most) is not None and not largest > _CLEARLY:
             failed = self.limits["failed_fraction"].value[self.reference.images(self.distance)]
+            failed = of_true_matches(camera, failed)
             largest = max(largest, missed_by_the_line(camera, bound, self._imaged, failed, self.ends))
         return largest, at
 

@@ -1,13 +1,18 @@
-"""What leaving calibration out, or propagating it along a line, does to a usable range that failures limit."""
+"""What leaving calibration out, or propagating it along a line, does to a usable range that failures limit.
+
+All shares are of the true matches: false ones are as many whatever model acts, and would hide how the rest depends on
+distance.
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from tradestudy.analysis.depth import DepthErrors, model_error
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_camera import DepthCamera, false_match_share
 from tradestudy.effects.models import OFF
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.study.acting import acting
@@ -16,9 +21,15 @@ _BESIDE: Final = 1e-2  # of the distance of an end, for the slope there
 _AT_AN_END: Final = 0.05  # as near to an end a fraction is as good as at its limit
 
 
+def of_true_matches(camera: DepthCamera, failed: ArrayLike) -> FloatArray:
+    """What a failed fraction, or its bound, is of the true matches alone; below 0 for one that false ones exceed."""
+    share = false_match_share(camera)
+    return np.asarray((np.asarray(failed) - share) / (1.0 - share))
+
+
 def failed_fraction(camera: DepthCamera, distance: FloatArray) -> FloatArray:
-    """Share of measurements beyond infinity, by the model of propagation that acts."""
-    return DepthErrors.of(camera, distance).failed_fraction
+    """Share of true matches that end beyond infinity, by the model of propagation that acts."""
+    return of_true_matches(camera, DepthErrors.of(camera, distance).failed_fraction)
 
 
 def verdict_changed_without_calibration(camera: DepthCamera, bound: float, distance: FloatArray) -> BoolArray:
@@ -30,7 +41,7 @@ def verdict_changed_without_calibration(camera: DepthCamera, bound: float, dista
 def shift_without_calibration(camera: DepthCamera, bound: float, ends: FloatArray) -> float:
     """The largest relative shift, to first order, of ends that the failed fraction sets; infinite if none fail."""
     own = failed_fraction(camera, ends)
-    by_failures = np.abs(np.log(np.maximum(own, _TINY) / bound)) < _NEAR
+    by_failures = _near(own, bound)
     if not by_failures.any():
         return 0.0
     without = failed_fraction(acting(camera, {"calibration": OFF}), ends[by_failures])
@@ -59,16 +70,16 @@ def missed_by_the_line(
     close = np.flatnonzero(apart & (failed > bound / _FAR) & (failed < bound * _FAR))  # else no error reaches it
     if close.size:
         close = close[np.unique(np.linspace(0, close.size - 1, _PLACES).round().astype(int))]
-        error = model_error(camera, places[close]).failed_fraction
+        error = _error(camera, places[close])
         if np.any((error > 0.0) & (np.abs(failed[close] - bound) <= error)):
             return np.inf
     if not ends.size:
         return 0.0
     own = failed_fraction(camera, ends)
-    set_here = ends[np.abs(np.log(np.maximum(own, _TINY) / bound)) < _NEAR]
+    set_here = ends[_near(own, bound)]
     if not set_here.size:
         return 0.0
-    error = np.nan_to_num(model_error(camera, set_here).failed_fraction)
+    error = np.nan_to_num(_error(camera, set_here))
     return float(np.max(np.log1p(error / failed_fraction(camera, set_here)) / _slope(camera, set_here)))
 
 
@@ -76,6 +87,17 @@ _TINY: Final = 1e-300
 _FAR: Final = 30.0
 _PLACES: Final = 9
 _NEAR: Final = 1.0  # of a logarithm: an end is known to a hundredth, over which a fraction changes manifold
+
+
+def _near(own: FloatArray, bound: float) -> BoolArray:
+    """Where a bound, 0 where false matches take up all of it, is as near as at an end that it sets."""
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.abs(np.log(np.maximum(own, _TINY) / bound)) < _NEAR)
+
+
+def _error(camera: DepthCamera, distance: FloatArray) -> FloatArray:
+    """What the model of propagation may miss of the failed fraction."""
+    return np.asarray(model_error(camera, distance).failed_fraction / (1.0 - false_match_share(camera)))
 
 
 def _slope(camera: DepthCamera, ends: FloatArray) -> FloatArray:
