@@ -75,7 +75,7 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "failed_fraction": Variable(
         dims=("camera", "distance", "way"),
         units="1",
-        long_name=f"share of measurements that end beyond infinity; {_UNSEEN}",
+        long_name=f"share of measurements that end beyond infinity or are declared false matches; {_UNSEEN}",
         symbol="P(a = ∞)",
         error="failed_fraction_error",
     ),
@@ -110,8 +110,8 @@ DEPTH: Final[Mapping[str, Variable]] = {
     "disparity_error_px": Variable(
         dims=("camera", "distance"),
         units="px",
-        long_name="standard deviation of one measured disparity, declared or the Cramér–Rao bound of matching; "
-        "for the views of an unfocused plenoptic camera a px is a microlens; "
+        long_name="standard deviation of one measured disparity: declared, or the bound of matching with what "
+        "a declared matcher adds; for the views of an unfocused plenoptic camera a px is a microlens; "
         "NaN where the camera forms no image or no texture is left in it",
         symbol="σ_d",
         reference=_MATCHING,
@@ -234,6 +234,31 @@ DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
         units="px",
         long_name="estimated numerical error of disparity_error_px_changed; NaN where that is not finite",
         error="an estimate of an error",
+    ),
+    "matched_error_px": Variable(
+        dims=("camera", "distance"),
+        units="px",
+        long_name="disparity_error_px with what the declared matcher adds; NaN and infinite as that",
+        symbol="σ_d",
+        error="see matched_error_px_error",
+    ),
+    "matched_error_px_error": Variable(
+        dims=("camera", "distance"),
+        units="px",
+        long_name="estimated numerical error of matched_error_px, that of the bound; NaN where that is not finite",
+        error="an estimate of an error",
+    ),
+    "matcher": Variable(
+        dims=("camera",),
+        units="",
+        long_name="what the study declares of its matcher, which depth and its failed fraction follow in all groups; "
+        "empty for the bound alone",
+    ),
+    "false_matches": Variable(
+        dims=("camera",),
+        units="1",
+        long_name="declared share of false matches, which failed_fraction of all groups contains",
+        error="declared",
     ),
     "brightest_camera": Variable(
         dims=("distance",),

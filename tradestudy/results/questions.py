@@ -219,6 +219,28 @@ REQUIREMENTS: Final[Mapping[str, Variable]] = {
         long_name="share of the variance that this input contributes alone, on the line in inverse depth",
         error="that of the line",
     ),
+    "bound_alone_met": Variable(
+        dims=_OF_REQUIREMENT,
+        units="1",
+        long_name="met, if matching reached its bound instead of what is declared of a matcher; −1 where undecided, or "
+        "where that makes no difference",
+    ),
+    "bound_alone_camera": Variable(
+        dims=_OF_REQUIREMENT, units="", long_name="camera_deciding then; empty where that makes no difference"
+    ),
+    "bound_alone_value": Variable(
+        dims=_OF_REQUIREMENT,
+        units="mixed",
+        long_name="value then, in SI; NaN where that makes no difference",
+        error="bound_alone_value_error",
+    ),
+    "bound_alone_value_error": Variable(
+        dims=_OF_REQUIREMENT, units="mixed", long_name="value_error then", error="an estimate of an error"
+    ),
+    "bound_alone_place": Variable(
+        dims=_OF_REQUIREMENT, units="m", long_name="place then", error="a hundredth of a hundredth"
+    ),
+    "bound_alone_reason": Variable(dims=_OF_REQUIREMENT, units="", long_name="reason then"),
     "camera_met": Variable(
         dims=_OF_CAMERA, units="1", long_name="1 met by this camera, 0 not met, −1 cannot be decided or not asked"
     ),

@@ -25,6 +25,7 @@ from tradestudy.report.document import (
 from tradestudy.report.words import length, limit_words, part_words, share, with_error
 from tradestudy.results.views.conclusions import (
     RequirementConclusion,
+    best_stretches,
     measure_first,
     requirement_conclusions,
     requirement_details,
@@ -43,6 +44,7 @@ from tradestudy.results.views.decision import (
 from tradestudy.results.views.depth import broken_limits, largest_part, nominal, nominal_is_declared
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
+from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, listed, span
 
@@ -71,7 +73,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
             blocks=(Bullets(tuple(map(_requirement, requirements))),),
             tone="warning" if missed else "answer",
         )
-    told = [*_rests_on(tree), *_reversed(tree), *_measure_first(tree)]
+    told = [*_rests_on(tree), *_at_the_bound(tree), *_reversed(tree), *_measure_first(tree)]
     if told:  # in one paragraph, so that the page has room for its figure
         yield Paragraph(tuple(span for text in told for span in (*text, Span(" "))))
     yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
@@ -108,6 +110,14 @@ def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     told = rests_on(tree)
     if told:
         yield say("**This rests on** {inputs}.", inputs="; ".join(told))
+
+
+def _at_the_bound(tree: xr.DataTree) -> Iterator[Spans]:
+    """That no real matcher stands behind the answers, for the cameras that they name."""
+    named = {title for one in best_stretches(tree) for title in one.cameras}
+    named |= {one.camera for one in requirement_conclusions(tree)}
+    if sentence := best_of_any_matcher(tuple(title for title in at_the_bound(tree) if title in named)):
+        yield say("{sentence}", sentence=sentence)
 
 
 def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:

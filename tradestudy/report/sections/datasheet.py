@@ -10,6 +10,7 @@ import xarray as xr
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import length, or_dash, share
 from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, declared_matchers
 from tradestudy.units import ANGLE, pretty, significant
 from tradestudy.wording import distance
 
@@ -28,7 +29,8 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             "the standard deviation of one disparity. *Plane-fit RMS*: what a plane fitted to a flat target leaves; "
             "calibration errors shift and tilt the plane as a whole, so noise remains. *Fill rate*: the share that "
             "both views, or enough microlenses, see, times one less the failed fraction; 0 where the camera is not "
-            "usable. *Field*: sensor size times distance over the distance from lens to sensor."
+            "usable. *Field*: sensor size times distance over the distance from lens to sensor.{matching}",
+            matching=_of_matching(tree),
         )
     )
     places = [float(place) for place in data["sheet_distance"].values]
@@ -45,6 +47,14 @@ def describe_datasheet(tree: xr.DataTree) -> Iterator[Block]:
             ),
             rows=tuple(_rows(one)),
         )
+
+
+def _of_matching(tree: xr.DataTree) -> str:
+    """Whose disparity errors no real matcher has, and what of a declared one is no temporal noise."""
+    told = best_of_any_matcher(at_the_bound(tree))
+    if declared_matchers(tree):
+        told += " Declared pixel locking is no temporal noise: repeating a measurement does not change it."
+    return f" {told.strip()}" if told else ""
 
 
 def _rows(one: xr.Dataset) -> Iterator[tuple[Text, ...]]:

@@ -11,8 +11,9 @@ import xarray as xr
 from tradestudy.report.document import Block, Bullets, Column, Heading, Paragraph, Table, Text, say
 from tradestudy.report.words import share
 from tradestudy.results.views.groups import group, has, titles_in
+from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, declared_matchers
 from tradestudy.units import significant
-from tradestudy.wording import distance
+from tradestudy.wording import distance, listed
 
 _COLUMNS: Final = {
     "no blur": "without blur",
@@ -45,7 +46,31 @@ def describe_disparity_causes(tree: xr.DataTree) -> Iterator[Block]:
         )
     )
     yield Bullets(tuple(_told(found.sel(camera=key), titles, middle) for key in titles))
+    yield from _of_matchers(tree)
     yield _table(found, titles)
+
+
+def _of_matchers(tree: xr.DataTree) -> Iterator[Block]:
+    """What stands behind each bound: no real matcher, or what the study declares of one."""
+    if told := best_of_any_matcher(at_the_bound(tree)):
+        yield Paragraph(
+            say(
+                "{told} `scene.picture.matcher`, or `depth.matcher` of a camera, declares what a real one adds.",
+                told=told,
+            )
+        )
+    declared = declared_matchers(tree)
+    if not declared:
+        return
+    alike = {words: [title for title, own in declared.items() if own == words] for words in declared.values()}
+    told = " ".join(f"The declared matcher of {listed(names)} adds {words}." for words, names in alike.items())
+    yield Paragraph(
+        say(
+            "{told} A floor and the rms of pixel locking add in quadrature; pixel locking does not average out within "
+            "one distance. False matches count as failed measurements.",
+            told=told,
+        )
+    )
 
 
 def _told(camera: xr.Dataset, titles: Mapping[str, str], middle: int) -> str:
@@ -84,8 +109,18 @@ def _sentence(there: xr.Dataset, titles: Mapping[str, str]) -> str:
         f"{words[name]} {_change(error, changed[name])}" for name in others
     )
     largest = _largest(there)
-    what = "None of these causes counts" if largest is None else f"What counts most is {_CAUSES[largest[0]]}"
+    real = _is_real(there)
+    most = "What counts most in the bound is" if real else "What counts most is"
+    what = "None of these causes counts" if largest is None else f"{most} {_CAUSES[largest[0]]}"
+    if real:
+        matched = f"a disparity error of {significant(float(there['matched_error_px']))} px by the declared matcher"
+        return f"{light}, {matched}, with a bound of {significant(error)} px. {what}: {told}."
     return f"{light}, a disparity error of {significant(error)} px. {what}: {told}."
+
+
+def _is_real(there: xr.Dataset) -> bool:
+    """Whether a matcher of the camera is declared."""
+    return "matcher" in there and bool(str(there["matcher"].item()))
 
 
 def _changed(there: xr.Dataset) -> dict[str, float]:
@@ -132,15 +167,23 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         there = found.sel(distance=place)
         rows.append((f"At {distance(float(place))}",))
         rows += [_row(there.sel(camera=key), title, changes) for key, title in titles.items()]
-    compared = "light of the brightest" in changes
+    compared, real = "light of the brightest" in changes, "matched_error_px" in found
     return Table(
         name="disparity-causes-table",
-        caption="Derived disparity error in pixels as it is, and with one cause taken away; in brackets how many times "
+        caption=(
+            "Disparity error in pixels by the declared matcher, its bound, and that"
+            if real
+            else "Derived disparity error in pixels as it is, and"
+        )
+        + " with one cause taken away; in brackets how many times "
         "smaller that is.",
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Electrons", align="right"),
-            Column(title="Disparity error", align="right"),
+            *(
+                Column(title=title, align="right")
+                for title in (("By matcher", "Bound") if real else ("Disparity error",))
+            ),
             *(Column(title=_COLUMNS[name], align="right") for name in changes),
         ),
         rows=tuple(rows),
@@ -159,10 +202,11 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
 
 def _row(there: xr.Dataset, title: str, changes: Sequence[str]) -> tuple[Text, ...]:
     error = float(there["disparity_error_px"])
+    matched = [significant(float(there["matched_error_px"]))] if "matched_error_px" in there else []
     if np.isnan(error):
-        return (title, "—", "no picture", *("—" for _ in changes))
+        return (title, "—", *("—" for _ in matched), "no picture", *("—" for _ in changes))
     cells = (_cell(there, error, name) for name in changes)
-    return (title, significant(float(there["electrons"])), significant(error), *cells)
+    return (title, significant(float(there["electrons"])), *matched, significant(error), *cells)
 
 
 def _cell(there: xr.Dataset, error: float, change: str) -> str:

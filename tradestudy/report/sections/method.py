@@ -9,6 +9,7 @@ import xarray as xr
 
 from tradestudy.report.document import Block, Bullets, Equation, Heading, Paragraph, say
 from tradestudy.results.views.groups import depth_methods, group, has
+from tradestudy.results.views.matching import declared_matchers
 
 
 def describe_method(tree: xr.DataTree) -> Iterator[Block]:
@@ -22,11 +23,12 @@ def describe_method(tree: xr.DataTree) -> Iterator[Block]:
     met = group(tree, "depth")["limit_met"]
     derived = bool((met.where(met["limit"] == "matching") >= 0).any())
     if derived:
-        yield from _derived_disparity(str(group(tree, "depth").attrs["matching_needs"]))
+        matchers = bool(declared_matchers(tree))
+        yield from _derived_disparity(str(group(tree, "depth").attrs["matching_needs"]), matchers=matchers)
     yield from _ranges(derived=derived)
 
 
-def _derived_disparity(needs: str) -> Iterator[Block]:
+def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
     yield Heading(text="Disparity errors that are derived from the picture", anchor="method-derived", level=2)
     yield Paragraph(
         "A derived disparity error is the Cramér–Rao bound of matching two windows of the camera's picture: "
@@ -44,6 +46,22 @@ def _derived_disparity(needs: str) -> Iterator[Block]:
         "of the window. The bound is what a good matcher reaches where the error is small against a pixel and the "
         f"window large against blur and texture: it takes {needs}. Where that is not so the distance is not usable, "
         "limit “matching”: the declared window decides it as much as the camera does."
+    )
+    if not matchers:
+        yield Paragraph(
+            "This bound is the best that any matcher can reach; the study declares nothing of what a real one adds."
+        )
+        return
+    yield Equation(
+        typst="sigma^2 = (k sigma_d)^2 + f^2 + A^2 / 2",
+        alt="sigma squared equals k sigma d squared, plus f squared, plus half of A squared",
+    )
+    yield Paragraph(
+        "That is the error of a declared matcher: k is its noise over the bound, f a floor that no light removes, A "
+        "the amplitude of its pixel locking. Pixel locking is a bias that is periodic in the disparity. Its phase is "
+        "unknown for one measurement, so its rms of A/√2 adds like noise, but it does not average out within one "
+        "distance. A false match measures nothing: with a share m of them and a share f of the others beyond infinity, "
+        "1 − (1 − f)(1 − m) of all measurements fail, and the depth uncertainty is that of the true matches."
     )
 
 
@@ -124,12 +142,17 @@ def _ranges(*, derived: bool) -> Iterator[Block]:
             say("**Availability**: the share of points that two of the microlenses which the estimator uses do see."),
             say("**Focus**: the geometric blur of the sharpest picture that the estimator needs, on the sensor."),
             say("**Last disparity step**: the disparity still differs from that of infinity by more than one step."),
-            say("**Failed measurements**: the share that noise and calibration put beyond infinity."),
+            say(
+                "**Failed measurements**: the share that noise and calibration put beyond infinity"
+                + (", and false matches where the study declares some." if derived else ".")
+            ),
             say("**Relative uncertainty**: the depth uncertainty as a share of the distance."),
             *(
                 (
                     say("**Saturation**: the brightest texture, three deviations above the mean, fits the pixels."),
-                    say("**Matching**: the derived disparity error is one that a matcher can reach, at most 0.25 px."),
+                    say(
+                        "**Matching**: the bound of the disparity error is one that a matcher can reach, up to 0.25 px."
+                    ),
                 )
                 if derived
                 else ()

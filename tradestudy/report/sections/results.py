@@ -15,6 +15,7 @@ from tradestudy.report.words import in_words, interval, length, or_dash, share, 
 from tradestudy.results.views.decision import solved_questions
 from tradestudy.results.views.depth import broken_limits, nominal, shares_at, told_depth, told_places
 from tradestudy.results.views.groups import camera_titles, depth_methods, group, has, titles_in
+from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher, false_matches_declared
 from tradestudy.wording import distance
 
 _NEGLIGIBLE_SHARE = 1e-6  # the error of the computed share
@@ -127,7 +128,10 @@ def _values_at_places(tree: xr.DataTree) -> Table:
             "Discrimination: the change of depth per declared step of disparity (nearer / farther where they "
             "differ). u: half the central 68.27 % interval of one measurement, for noise only, calibration only, "
             "and both; ± its error, where that exceeds 1 %. ∞: the interval has no far end. *: not "
-            "converged, sampling left more than the tolerance." + _numerical_error(tree) + _noise_is_coarse(tree),
+            "converged, sampling left more than the tolerance."
+            + _numerical_error(tree)
+            + _noise_is_coarse(tree)
+            + "".join(f" {sentence}" for sentence in (best_of_any_matcher(at_the_bound(tree)),) if sentence),
         ),
     )
 
@@ -215,7 +219,8 @@ def _over_places(tree: xr.DataTree) -> Iterator[Table]:
     yield table(
         "failed-table",
         "failed_fraction",
-        "Share of measurements that end beyond infinity, noise and calibration together.",
+        "Share of measurements that end beyond infinity"
+        f"{' or are false matches' * false_matches_declared(tree)}, noise and calibration together.",
         lambda value: share(value) if value >= _NEGLIGIBLE_SHARE else "< 1 ppm",
     )
 

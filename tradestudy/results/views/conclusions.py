@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -56,6 +56,23 @@ class MetFrom:
 
 
 @dataclass(frozen=True, kw_only=True)
+class BoundAlone:
+    """What would become of a requirement if matching reached its bound.
+
+    Parameters
+    ----------
+    met
+        None where it could not be decided.
+    camera, reason
+        As of `RequirementConclusion`.
+    """
+
+    met: bool | None
+    camera: str
+    reason: str
+
+
+@dataclass(frozen=True, kw_only=True)
 class RequirementConclusion:
     """What became of a requirement.
 
@@ -83,6 +100,8 @@ class RequirementConclusion:
         Where along the one swept parameter it is met; None without such a sweep.
     designs
         In how many designs of a sweep it is met, and of how many; None without one.
+    bound_alone
+        The same, if matching reached its bound instead of what is declared of a matcher; None where nothing is.
     """
 
     name: str
@@ -99,6 +118,7 @@ class RequirementConclusion:
     rests_on_share: float
     stretches: tuple[MetFrom, ...] | None
     designs: tuple[int, int] | None
+    bound_alone: BoundAlone | None
 
     @property
     def verdict(self) -> str:
@@ -163,6 +183,7 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
                 rests_on_share=float(row["rests_on_share"]),
                 stretches=_met_from(tree, number),
                 designs=_designs(tree, number),
+                bound_alone=_bound_alone(row, titles),
             )
         )
     return tuple(sorted(found, key=lambda one: one.priority != "must"))
@@ -177,9 +198,31 @@ def requirement_details(one: RequirementConclusion) -> str:
     """A requirement without its verdict."""
     wish = " (should)" if one.priority == "should" else ""
     told = f"{one.says}{wish}, {_by(one)} ({'; '.join(filter(None, (one.reason, _margin_words(one))))})"
+    if one.bound_alone is not None:
+        told = f"{told}; {_bound_alone_words(one, one.bound_alone)}"
     if one.stretches is not None:
         return f"{told}; {_along_words(one)}"
     return told if one.designs is None else f"{told}; met in {one.designs[0]} of {one.designs[1]} designs"
+
+
+def _bound_alone(row: Mapping[str, Any], titles: Mapping[str, str]) -> BoundAlone | None:
+    camera = str(row.get("bound_alone_camera", ""))
+    if not camera:
+        return None
+    met = int(row["bound_alone_met"])
+    return BoundAlone(met=None if met < 0 else bool(met), camera=titles[camera], reason=str(row["bound_alone_reason"]))
+
+
+def _bound_alone_words(one: RequirementConclusion, best: BoundAlone) -> str:
+    """Whether the bound of matching alone would meet it, and with which worst value."""
+    by = "" if best.camera == one.camera else f"{best.camera}: "
+    if best.met is None:
+        verdict = "undecided"
+    elif best.met == one.met:
+        verdict = "also met" if best.met else "not met even"
+    else:
+        verdict = "met" if best.met else "not met"
+    return f"{verdict} if matching reached its bound ({by}{best.reason})"
 
 
 def _by(one: RequirementConclusion) -> str:

@@ -42,6 +42,8 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
         name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
     }
     found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity")}
+    if (best := one.bound_alone) is not None:
+        found["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
     if one.designs is not None:
         found |= {"designs_met": one.designs[0], "designs": one.designs[1]}
     if one.stretches is not None:

@@ -75,7 +75,7 @@ def path_words(tree: xr.DataTree, path: str) -> str:
 
 def _words_and_camera(tree: xr.DataTree, path: str) -> tuple[str, str]:
     """What a path names, and the title of its camera; no title where it belongs to none."""
-    parts = path.removeprefix("cameras.").split(".")
+    parts = path.removeprefix("cameras.").removeprefix("scene.picture.").split(".")
     title = camera_titles(tree).get(parts[0], "")
     words = [part for part in parts[1:] if part not in _STRUCTURE] if title else parts
     if words[:2] == ["calibration", "errors"] and len(words) > _SHORTEST_SPREAD:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -12,6 +13,7 @@ from tradestudy.analysis.decision import is_usable
 from tradestudy.analysis.depth import DepthErrors, depth_uncertainty
 from tradestudy.analysis.usable import usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria, disparity_error_at
+from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
@@ -34,7 +36,7 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
         at_middle = camera.depth_behind_lens(middle)
         for key, values in {
             "z_accuracy": depth_uncertainty(camera, places, "calibration"),
-            "temporal_noise": noise,
+            "temporal_noise": depth_uncertainty(_repeating(camera), places, "noise"),
             "subpixel_rms": np.where(camera.images(places), disparity_error_at(camera, places), np.nan),
             "plane_fit_rms": noise,
             "fill_rate": np.where(usable, fill_rate(camera, places), 0.0),
@@ -51,6 +53,14 @@ def datasheet_group(definition: StudyDefinition) -> xr.Dataset:
         }.items():
             single.setdefault(key, []).append(value)
     return dataset("datasheet", {**columns, **single}, {"camera": list(case.cameras), "sheet_distance": places})
+
+
+def _repeating(camera: DepthCamera) -> DepthCamera:
+    """The camera without pixel locking, which is the same in every measurement of one distance."""
+    law = camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return camera
+    return replace(camera, disparity_error_px=replace(law, matcher=replace(law.matcher, pixel_locking=0.0)))
 
 
 def fill_rate(camera: DepthCamera, distance: FloatArray) -> FloatArray:

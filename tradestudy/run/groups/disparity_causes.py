@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import xarray as xr
@@ -13,8 +14,9 @@ from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError, kirchhoff_lattice
 from tradestudy.imaging.kirchhoff import kirchhoff_correction
+from tradestudy.imaging.matcher import AT_BOUND
 from tradestudy.imaging.passed_texture import picture_electrons
-from tradestudy.imaging.picture import CHANGES, error_causes, filled_share
+from tradestudy.imaging.picture import CHANGES, ErrorCauses, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.pieces.depth import applicable
 from tradestudy.results import dataset
@@ -62,9 +64,23 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
             "disparity_error_px_changed": np.stack([one.changed.T for one in found]),
             "disparity_error_px_changed_error": np.stack([one.changed_error.T for one in found]),
             "brightest_camera": ["" if k < 0 else names[k] for k in brightest],
+            **_by_matchers([law for _, law in derived.values()], found),
         },
         {"camera": names, "distance": distance, "change": list(CHANGES)},
     )
+
+
+def _by_matchers(laws: Sequence[PictureDisparityError], found: Sequence[ErrorCauses]) -> dict[str, Any]:
+    """What the declared matchers make of the bounds, beside which it stands; nothing where none is declared."""
+    if all(law.matcher == AT_BOUND for law in laws):
+        return {}
+    errors = [law.matcher.numerical_error_px(one.value, one.error) for law, one in zip(laws, found, strict=True)]
+    return {
+        "matched_error_px": np.stack([law.matcher.error_px(one.value) for law, one in zip(laws, found, strict=True)]),
+        "matched_error_px_error": np.stack(errors),
+        "matcher": ["" if law.matcher == AT_BOUND else law.matcher.words for law in laws],
+        "false_matches": [law.matcher.false_matches for law in laws],
+    }
 
 
 def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -5,23 +5,25 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.causes import largest_cause
-from tradestudy.analysis.requirements import ALL, Held, Judge
+from tradestudy.analysis.requirements import ALL, ANY, Held, Judge
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
+from tradestudy.imaging.derived_error import at_bound
 from tradestudy.results import dataset
 from tradestudy.run.groups.depth import DepthTables
 from tradestudy.study.bases import input_words
-from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.schema.requirements import RequirementPart
 from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
 
+_BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # what a matcher changes
 _ROOT_TO: Final = 0.1  # of the tolerance: how well an end is known, relative to the value
 
 
@@ -54,6 +56,7 @@ def requirements_group(
         "within_tolerance": [float(abs(100.0 * one.margin) <= tolerance) for one in deciding],
         "reason": [one.reason for one in deciding],
         **_rests_on(definition, deciding),
+        **_with_matching_at_its_bound(definition, judge),
         "camera_met": [[-1 if one is None else _verdict(one) for one in row] for row in by_camera],
         "camera_margin_percent": margins,
         "camera_reason": [["" if one is None else one.reason for one in row] for row in by_camera],
@@ -103,6 +106,33 @@ def _rests_on(definition: StudyDefinition, deciding: Sequence[Held]) -> dict[str
         words.append("" if cause is None else input_words(definition, held.camera, cause.parameter))
         shares.append(math.nan if cause is None else cause.share)
     return {"rests_on": words, "rests_on_share": shares}
+
+
+def _with_matching_at_its_bound(definition: StudyDefinition, judge: Judge) -> dict[str, Any]:
+    """What would become of requirements whose cameras have a declared matcher, were it the best that any can be."""
+    case = definition.case
+    best = replace(case, cameras={name: at_bound(camera) for name, camera in case.cameras.items()})
+    found = [
+        judge.answer(one, best)[0] if one.quantity in _BY_MATCHING and _concerns_a_matcher(one, case, best) else None
+        for one in definition.file.requirements.values()
+    ]
+    if not any(found):
+        return {}
+    return {
+        "bound_alone_met": [-1 if one is None else _verdict(one) for one in found],
+        "bound_alone_camera": ["" if one is None else one.camera for one in found],
+        "bound_alone_value": [math.nan if one is None else one.value for one in found],
+        "bound_alone_value_error": [math.nan if one is None else one.error for one in found],
+        "bound_alone_place": [math.nan if one is None else one.place for one in found],
+        "bound_alone_reason": ["" if one is None else one.reason for one in found],
+    }
+
+
+def _concerns_a_matcher(requirement: RequirementPart, case: Case, best: Case) -> bool:
+    return any(
+        requirement.camera in (ANY, ALL, name) and camera is not best.cameras[name]
+        for name, camera in case.cameras.items()
+    )
 
 
 def _verdict(held: Held) -> int:

@@ -1,0 +1,39 @@
+"""Derived disparity errors in words: the bound of any matcher, or what a declared one reaches."""
+
+from __future__ import annotations
+
+import xarray as xr
+
+from tradestudy.results.views.groups import group, has, titles_in
+from tradestudy.wording import listed
+
+NAME = "disparity_causes"
+
+
+def declared_matchers(tree: xr.DataTree) -> dict[str, str]:
+    """What the study declares of the matcher of each camera whose disparity error is derived, by titles, in words."""
+    if not has(tree, NAME, "matcher"):
+        return {}
+    words = dict(zip(group(tree, NAME)["camera"].values, group(tree, NAME)["matcher"].values, strict=True))
+    return {title: str(words[key]) for key, title in titles_in(tree, NAME).items() if words[key]}
+
+
+def false_matches_declared(tree: xr.DataTree) -> bool:
+    """Whether failed measurements contain false matches."""
+    return has(tree, NAME, "false_matches") and bool((group(tree, NAME)["false_matches"] > 0.0).any())
+
+
+def at_the_bound(tree: xr.DataTree) -> tuple[str, ...]:
+    """Titles of the cameras whose derived disparity error is that of no real matcher."""
+    if not has(tree, NAME):
+        return ()
+    real = declared_matchers(tree)
+    return tuple(title for title in titles_in(tree, NAME).values() if title not in real)
+
+
+def best_of_any_matcher(titles: tuple[str, ...]) -> str:
+    """The sentence that such errors need wherever they are used; empty for no cameras."""
+    if not titles:
+        return ""
+    what = "disparity error of {} is" if len(titles) == 1 else "disparity errors of {} are"
+    return f"The {what.format(listed(titles))} derived from the picture: the best that any matcher can reach."
