@@ -198,7 +198,7 @@ def test_a_run_does_so_before_depth(study: StudyDefinition, monkeypatch: pytest.
     def depth(*_: object) -> None:
         raise ReachedError
 
-    monkeypatch.setattr(runner, "depth_group", depth)
+    monkeypatch.setattr(runner, "depth_tables", depth)
     few = {"scene.distances": {"from": "55 mm", "to": "55.5 mm", "points": 2, "spacing": "log"}}
     forced = study.with_values({**few, "effects": {"main_lens_diffraction": "kirchhoff"}})
     told: list[tuple[str, float]] = []

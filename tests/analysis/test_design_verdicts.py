@@ -17,7 +17,12 @@ GRID = np.geomspace(0.1, 5.0, 40)
 
 
 def curve(values: np.ndarray, usable: tuple[float, float] = (0.1, 5.0), error: float = 0.0) -> Curve:
-    return Curve(distance=GRID, uncertainty=values, error=error * values, usable=[usable])
+    return Curve(
+        distance=GRID,
+        uncertainty=values,
+        error=np.where(np.isinf(values), 0.0, error) * np.nan_to_num(values),
+        usable=[usable],
+    )
 
 
 def test_two_power_laws_cross_where_they_do_on_paper() -> None:
@@ -49,6 +54,13 @@ def test_only_usable_cameras_are_best_and_equal_ones_are_tied() -> None:
     assert best_at({"near": near, "far": far}, places) == ["near", "far", ""]
     alike = {"a": curve(0.01 * GRID, error=0.02), "b": curve(0.0101 * GRID)}
     assert best_at(alike, np.array([0.5])) == ["a, b"]
+
+
+def test_an_unbounded_uncertainty_is_no_reason_to_warn_and_never_best() -> None:
+    unbounded = curve(np.where(GRID > 1.0, np.inf, 0.001 * GRID), error=0.0)
+    places = np.array([GRID[5], 3.0])
+    assert best_at({"one": unbounded, "other": curve(0.02 * GRID)}, places) == ["one", "other"]
+    assert crossings(unbounded, curve(0.02 * GRID), ("one", "other")) == ()
 
 
 def test_curves_say_what_a_full_evaluation_says() -> None:

@@ -69,7 +69,8 @@ class Curve:
         on_grid = np.min(np.abs(np.log(places)[:, None] - logs), axis=1) < _ROUNDING
         own = np.interp(np.log(places), logs, relative)
         uncertainty = np.exp(found)
-        return uncertainty, (own + np.where(on_grid, 0.0, np.nan_to_num(missed))) * uncertainty
+        share = own + np.where(on_grid, 0.0, np.nan_to_num(missed))
+        return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
 
 
 def _widened(values: FloatArray) -> FloatArray:

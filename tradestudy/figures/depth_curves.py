@@ -104,7 +104,7 @@ def _band(axes: Axes, view: xr.Dataset, camera: CameraTrace, nearer: FloatArray,
 def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     """Uncertainty over the whole range, log–log, with usable intervals and the best camera as bars below."""
     depth, shown = nominal(tree), traces(tree)
-    figure = new_figure(2.6 + 0.16 * len(shown))
+    figure = new_figure(2.4 + 0.16 * len(shown))
     curves, bars = figure.subplots(2, 1, sharex=True, height_ratios=(2.5, 0.17 * (len(shown) + 1) + 0.25))
     distance = np.asarray(depth["distance"].values, dtype=float)
     drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]

@@ -71,17 +71,16 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
 def _whole_range(tree: xr.DataTree) -> Drawing:
     depth, shown = nominal(tree), traces(tree)
     caption = (
-        "Depth uncertainty (half the central 68.27 % interval of one measurement) over the whole range, noise and "
-        "calibration together; bold where the camera is usable, thin elsewhere. Grey lines: equal shares of the "
-        "distance. Bars: usable distances."
+        "Depth uncertainty (half the central 68.27 % interval of one measurement) from noise and calibration, bold "
+        "where the camera is usable. Grey lines: equal shares of the distance. Bars: usable distances."
     )
     caption += _design_words(tree)
     if has_winners(tree):
         among = [camera.title for camera in shown if camera.key in candidates(tree)]
         caption += (
-            " The last bar names the usable camera with the smallest uncertainty"
+            " The last bar is the usable camera with the smallest uncertainty"
             + (f", of the candidates {listed(among)}" if among else "")
-            + ", and all whose difference from it is below its error; dashed lines mark where they change."
+            + ", with all that differ by less than its error; dotted lines mark where it changes."
         )
     return Drawing(
         name="whole_range",

@@ -20,9 +20,9 @@ def in_words(name: str) -> str:
 
 _LIMITS: Final[Mapping[str, str]] = {
     "real_image": "no real image",
-    "overlap": "too little overlap of the views",
-    "total_covering_plane": "each point seen by too few microlenses",
-    "availability": "too few points seen by two microlenses",
+    "overlap": "too little overlap",
+    "total_covering_plane": "points seen by too few microlenses",
+    "availability": "too few points seen twice",
     "focus": "out of focus",
     "saturation": "brightest pixels full",
     "matching": "too little to match in the picture",
@@ -32,11 +32,11 @@ _LIMITS: Final[Mapping[str, str]] = {
 }
 _PARTS: Final[Mapping[str, str]] = {
     "noise": "measurement noise",
-    "relative rotation": "rotation between its cameras",
-    "relative position": "position of its cameras",
-    "interior orientation": "its focal length and principal point",
-    "array": "position of its microlenses",
-    "ageing": "what has changed since its calibration",
+    "relative rotation": "camera rotation",
+    "relative position": "camera position",
+    "interior orientation": "focal length and principal point",
+    "array": "microlens positions",
+    "ageing": "changes since calibration",
 }
 
 

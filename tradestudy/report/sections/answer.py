@@ -132,11 +132,13 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     found = tuple(flips(tree))
     if not any(one.alternatives for one in found):
         return
-    told = [f"at {distance(one.place)} under {len(one.flipped)}" for one in found if one.flipped]
-    if told:
+    turned = [one for one in found if one.flipped]
+    if turned:
+        counts = sorted({len(one.flipped) for one in turned})
         yield say(
-            "**Reversed** {told} of {all} other readings ([](#verdict-table)).",
-            told=listed(told),
+            "**Reversed** at {places} under {counts} of {all} other readings ([](#verdict-table)).",
+            places=listed([distance(one.place) for one in turned]),
+            counts=str(counts[0]) if len(counts) == 1 else f"{counts[0]} to {counts[-1]}",
             all=str(max(one.alternatives for one in found)),
         )
     else:
