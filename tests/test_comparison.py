@@ -1,138 +1,471 @@
-"""Two runs side by side."""
+"""Two runs side by side: every sentence, results beyond their error, the figure and the page."""
 
 from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from html import unescape
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import xarray as xr
+from typer.testing import CliRunner
 
-from tradestudy.comparison import compare_runs
+import tradestudy
+from tradestudy.cli import app
+from tradestudy.comparison import Comparison, compare_runs
 from tradestudy.errors import OutOfRangeError
+from tradestudy.results import dataset
+
+DISTANCE = np.geomspace(0.1, 10.0, 41)
+CAMERAS = {"a": "Near head", "b": "Far head"}
+WHOLE = (0.1, 10.0)
+ROBOT = Path(__file__).parent.parent / "studies" / "robot.yaml"
 
 
-def tree(uncertainty: list[float], verdict: str) -> xr.DataTree:
-    depth = xr.Dataset({"u": ("distance", np.array(uncertainty))}, coords={"distance": [0.5, 1.0, 2.0]})
-    claims = xr.Dataset({"verdict": ("claim", np.array([verdict], dtype=object))}, coords={"claim": ["C1"]})
-    return xr.DataTree.from_dict({"/depth": depth, "/claims": claims})
+def requirement(verdict: int, worst: float = 1.0, camera: str = "a", **other: Any) -> dict[str, Any]:
+    """A row of /requirements; its value has an error of 1 %."""
+    return {
+        "says": "2 % at 1 m",
+        "priority": "must",
+        "quantity": "depth_uncertainty",
+        "of": "any",
+        "met": verdict,
+        "camera_deciding": camera,
+        "value": worst / 100.0,
+        "value_error": worst / 1e4,
+        "bound": 0.02,
+        "place": 1.0,
+        "margin_percent": 10.0,
+        "conformity": 1.0,
+        "reason": f"worst {worst:g} % at 1 m",
+        "rests_on": "",
+        "rests_on_share": 0.0,
+    } | other
 
 
-def record(baseline: str) -> dict[str, object]:
-    return {"inputs": {"cameras.a.baseline": baseline, "scene.wavelength": "550 nm"}}
-
-
-def test_inputs_and_results_that_differ_are_named_with_the_largest_move() -> None:
-    found = compare_runs(
-        ["one", "two"],
-        [record("100 mm"), record("50 mm")],
-        [tree([1.0, 4.0, np.inf], "met"), tree([1.0, 5.0, np.inf], "not met")],
+def tree(
+    *,
+    handover: float = 1.0,
+    usable: Mapping[str, tuple[float, float] | None] | None = None,
+    end_error: float = 0.0,
+    factor: float = 1.0,
+    error: float = 1e-6,
+    asked: Mapping[str, dict[str, Any]] | None = None,
+    verdict: str = "met",
+    cameras: Mapping[str, str] | None = None,
+    left_out: float = 0.0,
+    propagation: str = "linear",
+    distance: np.ndarray = DISTANCE,
+) -> xr.DataTree:
+    """A study of two cameras: a is best up to the handover, b beyond; depth uncertainty Z²/100, of b `factor` times."""
+    titles = CAMERAS if cameras is None else cameras
+    ranges = dict.fromkeys(titles, WHOLE) | dict(usable or {})
+    uncertainty = np.stack([distance**2 / 100.0 * (factor if key == "b" else 1.0) for key in titles])
+    ends = np.array([ranges[key] or (np.nan, np.nan) for key in titles])
+    depth = dataset(
+        "depth",
+        {
+            "depth_uncertainty": uncertainty,
+            "depth_uncertainty_error": error * uncertainty,
+            "usable": (distance >= ends[:, :1]) & (distance <= ends[:, 1:]),
+            "usable_near": ends[:, :1],
+            "usable_far": ends[:, 1:],
+            "usable_near_error": np.full((len(titles), 1), end_error),
+            "usable_far_error": np.full((len(titles), 1), end_error),
+            "near_limit": [["overlap"]] * len(titles),
+            "far_limit": [["relative_uncertainty"]] * len(titles),
+        },
+        {"camera": list(titles), "distance": distance},
     )
-    assert [(d.what, d.values) for d in found.inputs] == [("cameras.a.baseline", ("100 mm", "50 mm"))]
-    assert [(d.what, d.values) for d in found.results] == [
-        ("claims/verdict at claim=C1", ("met", "not met")),
-        ("depth/u", ("reference", "up to +25 % at distance=1")),
+    best = np.where(distance < handover, *list(titles)[:2])
+    decision = dataset(
+        "decision",
+        {
+            "best_camera": best[:, None].astype(object),
+            "crossover_distance": [[[handover]]],
+            "crossover_error": [[[1e-4]]],
+        },
+        {"distance": distance, "way": ["both"], "reading": ["as declared"]},
+    )
+    groups = {
+        "cameras": dataset("cameras", {"title": list(titles.values())}, {"camera": list(titles)}),
+        "depth": depth,
+        "decision": decision,
+        "claims": dataset("claims", {"says": ["as its maker says"], "verdict": [verdict]}, {"claim": ["C1"]}),
+        "effects": dataset(
+            "effects",
+            {
+                "joint_change": np.full((len(titles), 2), left_out),
+                "situation": list(titles),
+                "slot": ["calibration"] * len(titles),
+                "model": [propagation] * len(titles),
+                "chosen": [1.0] * len(titles),
+                "piece_title": list(titles.values()),
+            },
+            {"piece": list(titles), "quantity": ["depth_uncertainty", "usable_range"], "decision": list(titles)},
+        ),
+    }
+    rows = asked or {}
+    if rows:
+        names = next(iter(rows.values()))
+        columns = {name: [row[name] for row in rows.values()] for name in names}
+        groups["requirements"] = dataset("requirements", columns, {"requirement": list(rows)})
+    return xr.DataTree.from_dict({f"/{name}": data for name, data in groups.items()})
+
+
+def compared(*trees: xr.DataTree, **inputs: tuple[str, ...]) -> Comparison:
+    records = [
+        {"study": "s", "inputs": {name.replace("__", "."): values[k] for name, values in inputs.items()}}
+        for k in range(len(trees))
+    ]
+    return compare_runs([f"run{k}" for k in range(len(trees))], records, trees)
+
+
+def sentences(*trees: xr.DataTree) -> list[str]:
+    return [one.replace("\N{NO-BREAK SPACE}", " ") for one in compared(*trees).sentences()]
+
+
+REST = "Unchanged: 1 claim; the best camera from 0.1 to 10 m; the usable range of 2 cameras."
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "sentence"),
+    [
+        (requirement(1, 0.87), requirement(0, 2.31), "met → not met (Near head: worst 0.87 % → 2.31 % at 1 m)."),
+        (requirement(0, 2.31), requirement(1, 0.87), "not met → met (Near head: worst 2.31 % → 0.87 % at 1 m)."),
+        (
+            requirement(1),
+            requirement(-1, np.nan, "b", reason="the camera has none"),
+            "met → cannot be decided (Near head: worst 1 % at 1 m → Far head: the camera has none).",
+        ),
+        (
+            requirement(0, 3.0, reason="not usable at 2 m; worst 3 % at 1 m"),
+            requirement(1, 1.0),
+            "not met → met (Near head: not usable at 2 m; worst 3 % at 1 m → worst 1 % at 1 m).",
+        ),
+        (requirement(1), requirement(1, 1.0, "b"), "met, by Near head → met, by Far head."),
+        (
+            requirement(0, 3.0),
+            requirement(0, 3.0, "b"),
+            "not met, nearest is Near head → not met, nearest is Far head.",
+        ),
+        (
+            requirement(1),
+            requirement(0, bound=0.005),
+            "met → not met (Near head: worst 1 % at 1 m; its bound differs).",
+        ),
+    ],
+)
+def test_a_requirement_that_is_answered_differently(
+    before: dict[str, Any], after: dict[str, Any], sentence: str
+) -> None:
+    found = sentences(tree(asked={"r": before}), tree(asked={"r": after}))
+    assert found == [f'Requirement "2 % at 1 m": {sentence}', REST]
+
+
+def test_a_requirement_that_one_run_does_not_ask() -> None:
+    found = sentences(tree(asked={"r": requirement(1)}), tree())
+    assert found == ['Requirement "2 % at 1 m": met → not asked (Near head: worst 1 % at 1 m).', REST]
+
+
+def test_a_worst_value_beyond_its_error_is_a_result_and_within_it_is_none() -> None:
+    def told(after: float) -> list[str]:
+        found = compared(tree(asked={"r": requirement(1, 1.0)}), tree(asked={"r": requirement(1, after)}))
+        assert found.conclusions == ()
+        return [str(one) for one in found.results]
+
+    assert told(1.25) == ['requirement "2 % at 1 m": worst 1 % at 1 m → worst 1.25 % at 1 m (+25 %)']
+    assert told(1.01) == []  # √2 of the 1 % that each may be off by
+
+
+def test_a_claim_that_is_answered_differently() -> None:
+    assert sentences(tree(), tree(verdict="not met"))[0] == 'Claim "as its maker says": met → not met.'
+
+
+def test_the_best_camera_changes_between_distances() -> None:
+    found = sentences(tree(handover=1.0), tree(handover=2.0))
+    assert found == [
+        "Best camera: Far head → Near head from 1 to 2 m; otherwise unchanged.",
+        "Unchanged: 1 claim; the usable range of 2 cameras.",
     ]
 
 
-def test_equal_runs_have_nothing_to_tell() -> None:
-    same = tree([1.0, np.nan, np.inf], "met")
-    found = compare_runs(["one", "two"], [record("1 m")] * 2, [same, same])
-    assert found.inputs == ()
-    assert found.results == ()
+def test_the_best_camera_changes_everywhere() -> None:
+    found = sentences(tree(handover=20.0), tree(handover=0.01))
+    assert found[0] == "Best camera: Near head → Far head from 0.1 to 10 m."
 
 
-def test_a_value_that_became_infinite_is_shown_and_a_missing_group_is_named() -> None:
-    without = xr.DataTree.from_dict({"/depth": tree([1.0, np.inf, 3.0], "met")["depth"].to_dataset()})
-    found = compare_runs(["one", "two"], [record("1 m")] * 2, [tree([1.0, 2.0, 3.0], "met"), without])
-    assert [(d.what, d.values) for d in found.results] == [
-        ("claims/verdict", ("present", "—")),
-        ("depth/u", ("reference", "2 → inf at distance=1")),
+def test_a_handover_that_moves_by_less_than_its_error_is_no_change() -> None:
+    close = REST.replace("to 10 m;", "to 10 m, apart from the error of where it changes;")
+    assert sentences(tree(handover=1.0), tree(handover=1.0007)) == [close]
+    assert sentences(tree(handover=1.0), tree(handover=1.02))[0].startswith("Best camera")
+
+
+def test_studies_of_other_distances_are_compared_where_both_look() -> None:
+    near = DISTANCE[:31]  # to 3.16 m
+    found = sentences(tree(), tree(handover=2.0, distance=near, usable={"a": (0.1, 3.2), "b": (0.1, 3.2)}))
+    assert found == [
+        "Best camera: Far head → Near head from 1 to 2 m; otherwise unchanged.",
+        "Unchanged: 1 claim; the usable range of 2 cameras.",
+    ]
+    apart = compared(tree(distance=near), tree(distance=np.geomspace(4.0, 10.0, 5)))
+    assert not any(one.what == "Best camera" for one in apart.conclusions)
+    assert apart.notes == ("No distance or design is in every run, so not compared: depth uncertainty.",)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "sentence"),
+    [
+        (WHOLE, (0.1, 4.0), "0.1 to 10 m → 0.1 to 4 m (far end set by the relative uncertainty)."),
+        ((0.3, 4.0), (0.4, 4.0), "0.3 to 4 m → 0.4 to 4 m (near end set by the overlap)."),
+        (None, (1.0, 4.0), "nowhere → 1 to 4 m."),
+        ((1.0, 4.0), None, "1 to 4 m → nowhere."),
+        ((1.0, np.inf), (1.0, 4.0), "1 to 10 m → 1 to 4 m (far end set by the relative uncertainty)."),
+    ],
+)
+def test_a_usable_range_moves_appears_and_vanishes(
+    before: tuple[float, float] | None, after: tuple[float, float] | None, sentence: str
+) -> None:
+    found = sentences(tree(usable={"a": before}), tree(usable={"a": after}))
+    assert found[0] == f"Usable range of Near head: {sentence}"
+    assert found[-1].endswith("the usable range of 1 camera.")
+
+
+def test_usable_ranges_of_a_sweep_without_the_declared_design_are_counted() -> None:
+    def swept(*ends: float) -> xr.DataTree:
+        found = tree()
+        axis = xr.Variable("cameras.a.baseline", [0.05, 0.1, 0.2][: len(ends)], {"units": "m", "declared": 0.07})
+        designs = [tree(usable={"a": (0.1, end)})["depth"].to_dataset() for end in ends]
+        found["depth"] = xr.DataTree(xr.concat(designs, dim=axis, data_vars="all"))
+        return found
+
+    (line,) = compared(swept(5.0, 6.0, 7.0), swept(5.0, 6.5, 8.0)).conclusions
+    assert str(line) == "Usable range of Near head: moved in 2 of 3 designs"
+    assert compared(swept(5.0, 6.0), swept(5.0, 6.0, 7.0)).conclusions == ()  # the two that both have
+
+
+def test_an_end_that_moves_by_less_than_its_error_is_no_change() -> None:
+    def moved(after: float, **known: float) -> bool:
+        return sentences(tree(usable={"a": (1.0, 4.0)}, **known), tree(usable={"a": (1.0, after)}, **known)) != [REST]
+
+    assert moved(4.02)
+    assert not moved(4.02, end_error=0.01)  # 0.02 m is two standard errors
+    assert moved(4.2, end_error=0.01)
+    assert not moved(4.02, left_out=0.01)  # what the models leave out may move it by 0.04 m
+
+
+def test_a_result_differs_where_both_errors_together_are_exceeded() -> None:
+    def told(**known: float) -> list[str]:
+        return [
+            str(one).replace("\N{NO-BREAK SPACE}", " ") for one in compared(tree(), tree(factor=1.05, **known)).results
+        ]
+
+    line = ["depth uncertainty of Far head: 100 µm → 105 µm at 0.1 m (+5 %)"]
+    assert told() == line
+    assert told(error=0.04) == line
+    assert told(error=0.06) == []
+    assert told(left_out=0.06) == []
+
+
+def test_standard_errors_of_draws_count_as_often_as_in_decisions() -> None:
+    def drawn(factor: float) -> xr.DataTree:
+        return tree(factor=factor, error=0.01, propagation="exact")
+
+    limit = 5.4 * 0.01 * np.sqrt(2.0)
+    assert compared(drawn(1.0), drawn(1.0 + 0.9 * limit)).results == ()
+    assert len(compared(drawn(1.0), drawn(1.0 + 1.2 * limit)).results) == 1
+
+
+def many(factors: np.ndarray) -> xr.DataTree:
+    """A study of as many cameras as factors of their depth uncertainty."""
+    keys = [f"c{k}" for k in range(factors.size)]
+    found = tree(cameras={key: f"Camera {key[1:]}" for key in keys})
+    depth = found["depth"].to_dataset()
+    found["depth"] = xr.DataTree(depth.assign(depth_uncertainty=depth["depth_uncertainty"] * factors[:, None]))
+    return found
+
+
+def test_the_largest_come_first_and_the_rest_is_counted() -> None:
+    found = compared(many(np.ones(13)), many(1.0 + np.arange(13) / 100.0))
+    lines = str(found).splitlines()
+    start = lines.index("Results that differ by more than their error, 12 of 13:")
+    assert [re.findall(r"Camera (\d+)", line)[0] for line in lines[start + 1 : start + 11]] == [
+        str(k) for k in range(12, 2, -1)
+    ]
+    assert lines[start + 11 :] == ["  and 2 more"]
+    assert (len(found.results), found.same_results) == (12, 1)
+    assert found.overlay is not None
+    assert found.overlay.caption.endswith(
+        "Not drawn: " + ", ".join(f"Camera {k}" for k in range(7, 12)) + " and Camera 12."
+    )
+
+
+@pytest.mark.parametrize(
+    ("after", "change"),
+    [(2.0, "(+100 %)"), (0.5, "(−50 %)"), (11.0, "(+1000 %)"), (178.0, "(178 times)"), (np.inf, "")],
+)
+def test_large_changes_are_factors_and_infinite_ones_speak_for_themselves(after: float, change: str) -> None:
+    (found,) = compared(tree(), tree(factor=after)).results
+    assert found.values[0] == "100 µm"
+    assert found.where.replace("\N{NO-BREAK SPACE}", " ") == f"at 0.1 m {change}".strip()
+
+
+def test_changes_where_the_camera_can_be_used_are_told_first() -> None:
+    bent = tree(usable={"b": (1.0, 2.0)})
+    depth = bent["depth"].to_dataset().copy(deep=True)
+    depth["depth_uncertainty"][1] *= np.where(DISTANCE < 0.5, 50.0, 1.1)
+    bent["depth"] = xr.DataTree(depth)
+    (found,) = compared(tree(usable={"b": (1.0, 2.0)}), bent).results
+    assert found.where.endswith("(+10 %)")
+
+
+def test_inputs_that_mean_the_same_do_not_differ_and_units_are_those_of_people() -> None:
+    found = compared(
+        tree(),
+        tree(),
+        cameras__a__baseline=("0.075 m", "75mm"),
+        cameras__a__lenses__focal_length=("2.65mm", "0.003 m"),
+        accuracy__tolerance=("1 %", "0.05"),
+        scene__distances__points=("40", "80"),
+        cameras__a__depth__disparity_error=("derived", "0.1 px"),
+        decision__between=("['a', 'b']", "['b', 'a']"),
+        sweep__a__baseline=("['50mm', '0.1 m']", "not set"),
+    )
+    assert [str(one) for one in found.inputs] == [
+        "focal length of Near head: 2.65 mm → 0.003 m",
+        "accuracy tolerance: 1 % → 0.05",
+        "scene distances points: 40 → 80",
+        "disparity error of Near head: derived → 0.1 px",
+        "decision between: Near head, Far head → Far head, Near head",
+        "sweep Near head baseline: 50 mm, 0.1 m → not set",
+    ]
+    assert found.same_inputs == 1
+
+
+def test_models_that_were_chosen_differently_are_named() -> None:
+    lines = str(compared(tree(), tree(propagation="exact"))).splitlines()
+    start = lines.index("Models chosen differently:")
+    assert (
+        lines[start + 1] == "  Near head: calibration errors propagated linearly → calibration errors drawn at random"
+    )
+
+
+def test_nothing_changed() -> None:
+    assert str(compared(tree(), tree(), a=("1 m", "1 m"))).splitlines() == [
+        "run0 → run1",
+        REST,
+        "Inputs that differ: none of 1",
+        "Results that differ by more than their error: none of 2",
     ]
 
 
-def test_the_error_of_a_distance_is_a_stated_error() -> None:
-    def crossing(error: float) -> xr.DataTree:
-        at = {"crossover_distance": 0.4, "crossover_error": error, "rounding_error": error}
-        return xr.DataTree.from_dict({"/decision": xr.Dataset({name: ("k", [value]) for name, value in at.items()})})
+def test_a_run_beside_itself_is_said_to_be_the_same() -> None:
+    found = compare_runs(["x", "x"], [{"results_sha256": "1"}] * 2, [tree()] * 2)
+    assert found.notes == ("These are the same results, to the last bit.",)
+    assert found.labels == ("x (1)", "x (2)")
 
-    found = compare_runs(["one", "two"], [record("1 m")] * 2, [crossing(0.1), crossing(0.2)])
-    assert [(d.what, d.values[1]) for d in found.results] == [
-        ("decision/rounding_error", "up to +100 % at k=0"),
-        ("decision/stated numerical errors", "moved for 1 variable"),
+
+def test_other_studies_versions_and_cameras_are_said() -> None:
+    found = compare_runs(
+        ["x", "y"],
+        [{"study": "one", "code_hash": "1"}, {"study": "two", "code_hash": "2"}],
+        [tree(), tree(cameras={"a": "Near head", "c": "Third head"})],
+    )
+    assert found.notes == (
+        "The runs are of different studies, one and two: only what they share is compared.",
+        "Different versions of the program computed the runs: results can differ where no input does.",
+        "Not in every run, so not compared: Far head (x).",
+        "Not in every run, so not compared: Third head (y).",
+    )
+    assert str(found.conclusions[0]).startswith("Best camera: Far head → Third head from 1 to 10")
+
+
+def test_runs_without_conclusions_say_so() -> None:
+    empty = xr.DataTree.from_dict({"/hard_cases": xr.Dataset()})
+    assert list(compared(empty, empty).sentences()) == ["The runs draw no conclusions that could be compared."]
+    assert compared(empty, empty).without_overlay.startswith("No figure: the runs have no camera in common")
+
+
+def test_three_runs_are_told_in_their_order() -> None:
+    found = compared(tree(), tree(handover=2.0), tree(factor=2.0), a=("1 m", "2 m", "1 m"))
+    assert str(found).splitlines()[:2] == [
+        "run0 → run1 → run2",
+        "Best camera: Far head → Near head → Far head from 1 to 2 m; otherwise unchanged.",
     ]
+    assert found.inputs[0].values == ("1 m", "2 m", "1 m")
+    assert (
+        found.results[0].change.replace("\N{NO-BREAK SPACE}", " ") == "100 µm → 100 µm → 200 µm at 0.1 m (+0 %, +100 %)"
+    )
+
+
+def test_other_results_are_told_with_what_tells_their_places_apart_and_the_largest_error_that_concerns_them() -> None:
+    def optics(factor: float) -> xr.DataTree:
+        error = {"units": "1", "error": "width_numerical"}
+        data = {
+            "width": (("element", "f_number"), factor * np.array([[1.0, 2.0], [3.0, 4.0]]), error),
+            "width_numerical": (("element", "f_number", "window"), np.full((2, 2, 2), [0.0, 0.15]), {"units": "1"}),
+        }
+        coords = {"element": ["main lens", "microlens"], "f_number": [2.0, 4.0]}
+        return xr.DataTree.from_dict({"/fresnel_validity": xr.Dataset(data, coords)})
+
+    (line,) = compared(optics(1.0), optics(1.1)).results
+    assert str(line) == "width (fresnel validity): 3 → 3.3 for element microlens, f number 2 (+10 %)"
+    assert compared(optics(1.0), optics(1.05)).results == ()  # 0.2 of at most 4, both known to 0.15
 
 
 def test_one_run_cannot_be_compared() -> None:
     with pytest.raises(OutOfRangeError, match="at least 2"):
-        compare_runs(["one"], [{}], [tree([1.0, 2.0, 3.0], "met")])
+        compare_runs(["one"], [{}], [tree()])
 
 
-def decided(best: list[str], usable: list[bool], why: str, error: float) -> xr.DataTree:
-    """A study of four distances: best camera by two ways, flags by camera, a reason, a number and its stated error."""
-    distance = [0.042, 0.0425, 0.043, 0.08]
-    decision = xr.Dataset(
-        {"best": (("distance", "way"), np.array([best, best], dtype=object).T)},
-        coords={"distance": distance, "way": ["noise", "both"]},
-    )
-    depth = xr.Dataset(
-        {
-            "usable": (("camera", "distance"), np.array([usable, [True] * 4])),
-            "u": ("distance", np.ones(4)),
-            "u_error": ("distance", np.full(4, error)),
-            "same": ("distance", np.arange(4.0)),
-        },
-        coords={"camera": ["a", "b"], "distance": distance},
-    )
-    effects = xr.Dataset({"why": ("model", np.array([why], dtype=object))}, coords={"model": ["blur"]})
-    return xr.DataTree.from_dict({"/effects": effects, "/depth": depth, "/decision": decision})
+def test_the_overlay_draws_each_run_in_its_line_style_and_names_the_cameras() -> None:
+    overlay = compared(tree(), tree(factor=2.0), scene__wavelength=("1 m", "2 m")).overlay
+    assert overlay is not None
+    assert "solid, scene wavelength: 1 m and dashed, scene wavelength: 2 m" in overlay.caption
+    axes = overlay.draw().axes[0]
+    assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+    assert axes.get_title(loc="left").endswith("?")
+    assert {"Near head", "Far head"} <= {text.get_text() for text in axes.texts}
+    colored = [line for line in axes.lines if line.get_color() == "#D55E00"]  # of the second camera
+    assert {line.get_linestyle() for line in colored} == {"-", "--"}
+    drawn = {line.get_linestyle(): np.asarray(line.get_ydata(), dtype=float) for line in colored}
+    np.testing.assert_allclose(drawn["--"], 2.0 * drawn["-"])
+    np.testing.assert_allclose(drawn["-"], DISTANCE**2 / 100.0 * 1e3)  # in millimetres
 
 
-def test_what_a_reader_asks_comes_first_grouped_and_the_rest_is_counted() -> None:
-    one = decided(["a", "a", "b", "b"], [True] * 4, "changes at most 4.7 %", 1e-6)
-    two = decided(["", "", "b", "a"], [False, False, True, True], "changes at most 7.9e-1 %", 3e-6)
-    assert str(compare_runs(["x", "y"], [record("1 m"), record("2 m")], [one, two])).splitlines() == [
-        "x → y",
-        "Conclusions that changed: none",
-        "Inputs that differ: 1, 1 other the same",
-        "  cameras.a.baseline: 1 m → 2 m",
-        "Results that moved: 3, 2 others the same",
-        "  decision",
-        "    best at distance=0.042 to 0.0425, way=both and way=noise: a → none",
-        "    best at distance=0.08, way=both and way=noise: b → a",
-        "  depth",
-        "    usable: differs in 2 of 8 places, all at camera=a",
-        "    stated numerical errors: moved for 1 variable",
-        "  effects",
-        "    why: other numbers in 1 place",
+def test_no_curve_that_changed_is_no_figure() -> None:
+    found = compared(tree(), tree(handover=2.0))
+    assert found.overlay is None
+    assert found.without_overlay == "No figure: no curve of depth uncertainty differs by more than its error."
+    assert found.without_overlay in found.html().decode()
+
+
+def test_the_page_asks_no_host_and_its_file_is_replaced_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    study = tradestudy.load(ROBOT).with_values({"scene.distances.points": 12})
+    for name, one in (("wide", study), ("narrow", study.with_values({"stereo-75mm.baseline": "40 mm"}))):
+        one.run().write(tmp_path / name, pdf=False)
+    page = tmp_path / "pages" / "compared.html"
+    runs = [str(tmp_path / name) for name in ("wide", "narrow")]
+    done = CliRunner().invoke(app, ["compare", *runs, "--html", str(page)])
+    assert done.exit_code == 0, done.output
+    lines = done.stdout.splitlines()
+    assert lines[0] == " → ".join(runs)
+    assert lines[1:3] == [
+        'Requirement "20 mm or better from 0.4 to 1 m": met, by Stereo head, 75 mm → met, by Stereo head, 50 mm.',
+        "Best camera: Stereo head, 75 mm → Stereo head, 50 mm from 0.3 to 4 m.",
     ]
-
-
-def test_a_neighbouring_change_of_another_kind_is_a_stretch_of_its_own() -> None:
-    one = decided(["a", "a", "b", "b"], [True] * 4, "", 1.0)
-    two = decided(["c", "b", "a", "b"], [True] * 4, "", 1.0)
-    found = compare_runs(["x", "y"], [{}, {}], [one, two]).results
-    assert [(d.what.removeprefix("decision/best at distance=").split(",")[0], d.values) for d in found] == [
-        ("0.042", ("a", "c")),
-        ("0.0425", ("a", "b")),
-        ("0.043", ("b", "a")),
-    ]
-
-
-def test_many_changes_are_counted_after_the_first() -> None:
-    def texts(end: str) -> xr.DataTree:
-        table = xr.Dataset({"t": ("k", np.array([f"{letter} {end}" for letter in "abcdefghi"], dtype=object))})
-        return xr.DataTree.from_dict({"/claims": table})
-
-    found = compare_runs(["x", "y", "z"], [{}] * 3, [texts("old"), texts("new"), texts("old")])
-    assert len(found.results) == 7
-    assert found.results[-1].values == ("reference", "more changes in 3 places", "more changes in 3 places")
-    assert (found.moved_results, found.same_results) == (1, 0)
-    assert str(found).splitlines()[5:9] == ["    t at k=0", "      x: a old", "      y: a new", "      z: a old"]
-
-
-@pytest.mark.parametrize(
-    ("after", "text"),
-    [(2.0, "up to +100 %"), (0.5, "up to -50 %"), (11.0, "up to +1000 %"), (178.0, "up to 178 times")],
-)
-def test_large_changes_are_factors(after: float, text: str) -> None:
-    found = compare_runs(["x", "y"], [{}, {}], [tree([1.0, 1.0, 1.0], ""), tree([1.0, after, 1.0], "")])
-    assert found.results[0].values == ("reference", f"{text} at distance=1")
+    assert "  baseline of Stereo head, 75 mm: 75 mm → 40 mm" in lines
+    assert lines[-1] == f"Page: {page}"
+    text = page.read_text(encoding="utf-8")
+    assert not re.findall(r"https?://|<script|<link|@import", text)
+    assert text.count("data:image/svg+xml;base64,") == 1
+    for sentence in tradestudy.compare(runs).sentences():
+        assert sentence in unescape(text)
+    # A page that cannot be made leaves the old one.
+    monkeypatch.setattr(Comparison, "html", lambda _: 1 / 0)
+    assert CliRunner().invoke(app, ["compare", *runs, "--html", str(page)]).exit_code == 1
+    assert page.read_text(encoding="utf-8") == text
+    assert [one.name for one in page.parent.iterdir()] == [page.name]

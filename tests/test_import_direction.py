@@ -17,7 +17,7 @@ ORDER = (
     "optics", "declarations", "uncertainty", "execution",
     "cameras", "imaging", "calibration", "effects",
     "study", "analysis", "verification", "results", "plan", "run",
-    "comparison", "figures", "report", "cost", "api", "cli", "__main__",
+    "figures", "report", "comparison", "cost", "api", "cli", "__main__",
 )  # fmt: skip
 # Figures and reports are made from results, and from nothing that computes them.
 READ_RESULTS_ONLY = ("figures", "report")

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tradestudy.api import Result, Study, load, open_result
+    from tradestudy.api import Result, Study, compare, load, open_result
 
-__all__ = ["Result", "Study", "load", "open_result"]
+__all__ = ["Result", "Study", "compare", "load", "open_result"]
 
 
 def __getattr__(name: str) -> Any:

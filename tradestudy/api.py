@@ -88,10 +88,12 @@ class Study:
     def folder_name(self) -> str:
         """Of the report: the study's name, and what was set for this run, so that no variant overwrites the study."""
         document, tolerance = self.definition.document, self.definition.tolerance
-        said = [f"{'.'.join(map(str, one.path))}={one.text or 'none'}" for one in document.overrides]
+        said = sorted(f"{'.'.join(map(str, one.path))}={one.text or 'none'}" for one in document.overrides)
         said += [] if tolerance is None else [f"tolerance={tolerance}"]
         found = "--".join([self.name, *(_folder_text(one) for one in said)])
-        return found if len(found) <= _LONGEST_FOLDER else f"{self.name}--{provenance.study_hash({'set': said})[:12]}"
+        if len(found.encode()) <= _LONGEST_FOLDER:
+            return found
+        return f"{self.name}--{provenance.study_hash({'set': said})[:12]}"
 
     def __repr__(self) -> str:
         return f"<Study {self.check_summary()}>"
@@ -376,12 +378,17 @@ class Result:
 _LONGEST_SETTING, _LONGEST_FOLDER = 60, 150
 
 
+_QUANTITY = re.compile(r"([^=]*=[+-]?[\d.]+(?:e[+-]?\d+)?) (\w+|%)")
+
+
 def _folder_text(text: str) -> str:
-    """A setting as part of a folder's name; a long one is cut and told apart by its hash."""
-    plain = re.sub(r"[^\w.+=%-]+", "-", text).strip("-")
-    if len(plain) <= _LONGEST_SETTING and plain == text.replace(" ", "-"):
+    """A setting as part of a folder's name, and no other's; one that does not fit there whole is told by its hash."""
+    whole = _QUANTITY.sub(r"\1\2", text) if _QUANTITY.fullmatch(text) else text  # "50 mm" and "50mm" are one setting
+    plain = re.sub(r"[^\w.+=%-]+|-{2,}", "-", whole).strip("-.")
+    if len(plain.encode()) <= _LONGEST_SETTING and plain == whole:
         return plain
-    return f"{plain[:_LONGEST_SETTING]}-{provenance.study_hash({'set': text})[:8]}"
+    cut = plain.encode()[:_LONGEST_SETTING].decode(errors="ignore")
+    return f"{cut}-{provenance.study_hash({'set': text})[:8]}"
 
 
 def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
@@ -511,7 +518,10 @@ def cost(
 
 
 def compare(directories: Sequence[str | Path]) -> Comparison:
-    """Finished runs side by side: conclusions and inputs that differ, results that moved against the first run.
+    """Finished runs side by side: conclusions that changed, inputs that differ, results beyond their error.
+
+    ``str`` of what it returns is what the command prints; ``html()`` is its page, and ``overlay``, where there is one,
+    draws the figure.
 
     Raises
     ------

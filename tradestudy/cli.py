@@ -160,7 +160,7 @@ def cost(
         from tradestudy import api
 
         loaded = _warned(api.load(study, set_ or (), tolerance=tolerance))
-        directory = out if out is not None else Path("reports") / loaded.name
+        directory = out if out is not None else Path("reports") / loaded.folder_name
         with _shown_progress(quiet=quiet, is_predicted=False) as progress:  # what fits shows only as it is measured
             told = api.cost(loaded, directory, budget=budget, progress=progress)
         if not quiet:
@@ -215,13 +215,23 @@ def compare(
     directories: Annotated[
         list[Path], typer.Argument(metavar="DIR DIR…", help="Folders of finished runs.", show_default=False)
     ],
+    html: Annotated[
+        Path | None,
+        typer.Option("--html", metavar="FILE", help="Write a page, too, with a figure of the curves that changed."),
+    ] = None,
     debug: DebugOption = False,
 ) -> None:
-    """Show runs side by side: conclusions that changed, inputs that differ, results that moved."""
+    """Show runs side by side: conclusions that changed, inputs that differ, results that differ beyond their error."""
     with _answering(debug=debug):
         from tradestudy import api
+        from tradestudy.results.storage import replace_file
 
-        typer.echo(str(api.compare(directories)))
+        found = api.compare(directories)
+        if html is not None:
+            replace_file(html, found.html())
+        typer.echo(str(found))
+        if html is not None:
+            typer.echo(f"Page: {html}")
 
 
 @app.command()

@@ -203,7 +203,7 @@ def test_a_run_with_something_set_has_a_folder_of_its_own(tmp_path: Path, monkey
     plain = tradestudy.load(study)
     other = tradestudy.load(study, ["stereo-75mm.baseline=90 mm"], tolerance="5 %")
     assert plain.folder_name == "robot"
-    assert other.folder_name == "robot--cameras.stereo-75mm.baseline=90-mm--tolerance=5-%"
+    assert other.folder_name == "robot--cameras.stereo-75mm.baseline=90mm--tolerance=5%"
     long = tradestudy.load(study, ["title=" + "x" * 300])
     assert len(long.folder_name) < 100
     assert long.folder_name != tradestudy.load(study, ["title=" + "x" * 301]).folder_name
@@ -227,13 +227,54 @@ def test_comparing_begins_with_conclusions_that_changed(swept: Result) -> None:
     narrow = {"stereo-75mm.baseline": "40 mm", "stereo-50mm.baseline": "40 mm"}
     other = ran(ASKED, narrow)
     found = compare_runs(["wide", "narrow"], [{}, {}], [swept.data, other.data])
-    told = {one.what: one.values for one in found.conclusions}
-    assert told["1 % from 0.4 to 3 m"] == ("met, Stereo head, 75 mm", "not met, Stereo head, 75 mm")
-    lines = str(found).splitlines()
-    assert lines[1] == f"Conclusions that changed: {len(told)}"
-    assert "  1 % from 0.4 to 3 m: met, Stereo head, 75 mm → not met, Stereo head, 75 mm" in lines
+    first, *rest = found.sentences()
+    assert re.fullmatch(
+        r'Requirement "1 % from 0\.4 to 3 m": met → not met '
+        r"\(Stereo head, 75 mm: worst 0\.7\d+ % → 1\.3\d* % at 3 m\)\.",
+        first,
+    )
+    assert not any("1 % from" in one for one in rest)
     same = compare_runs(["one", "other"], [{}, {}], [swept.data, swept.data])
-    assert str(same).splitlines()[1] == "Conclusions that changed: none"
+    assert same.conclusions == ()
+    assert same.unchanged[0] == "2 requirements"
+
+
+def test_a_stretch_of_a_sweep_that_moved_is_a_conclusion(swept: Result) -> None:
+    """Depth uncertainty by yaw goes as Z² ψ / B: a third more yaw takes a third more baseline."""
+    yaw = "stereo-75mm.calibration.errors.yaw.standard_deviation"
+    found = compare_runs(["x", "y"], [{}, {}], [swept.data, ran(ASKED, SWEPT, {yaw: "0.0133 deg"}).data])
+    (along,) = [one for one in found.conclusions if "along the" in one.what]
+    assert along.what == 'Requirement "1 % from 0.4 to 3 m", along the baseline of Stereo head, 75 mm'
+    ends = [
+        float(re.fullmatch(r"met from ([\d.]+) mm on \(tried up to 150 mm\)", value)[1])  # type: ignore[index] # it matches
+        for value in along.values
+    ]
+    assert ends[1] / ends[0] == pytest.approx(1.33, rel=0.02)
+    assert all("best camera" in one or "along" in one or "equire" in one or "range" in one for one in found.sentences())
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "same"),
+    [
+        (["title=Few", "scene.distances.points=5"], ["scene.distances.points=5", "title=Few"], True),
+        (["stereo-75mm.baseline=90 mm"], ["cameras.stereo-75mm.baseline=90mm"], True),
+        (["title=a b"], ["title=a-b"], False),
+        (["title=a--question=b"], ["title=a", "question=b"], False),
+        (["title=a/b"], ["title=a-b"], False),
+        (["title=../a"], ["title=a"], False),
+        (["title=" + "x" * 300], ["title=" + "x" * 299], False),
+        (["title=" + "µ" * 60], ["title=" + "µ" * 61], False),
+        (["stereo-75mm.baseline=50 mm"], ["stereo-75mm.baseline=5 mm"], False),
+    ],
+)
+def test_a_change_has_a_folder_of_its_own_in_whatever_order_it_is_given(
+    one: list[str], other: list[str], same: bool
+) -> None:
+    folders = [tradestudy.load(STUDIES / "robot.yaml", given).folder_name for given in (one, other)]
+    assert (folders[0] == folders[1]) is same
+    for folder in folders:
+        assert re.fullmatch(r"robot--[\w.+=%-]+", folder)
+        assert len(folder.encode()) <= 150
 
 
 def test_margins_without_an_end_are_not_drawn(swept: Result) -> None:

@@ -52,20 +52,20 @@ def draw_discrimination_and_uncertainty(tree: xr.DataTree, near: float, far: flo
         nearer = of_camera(view, "depth_discrimination", camera.key, side="nearer")
         farther = of_camera(view, "depth_discrimination", camera.key, side="farther")
         uncertainty = of_camera(view, "depth_uncertainty", camera.key)
-        _curve(left, view, camera, nearer)
+        draw_curve(left, view, camera, nearer)
         _band(left, view, camera, nearer, farther)
-        _curve(right, view, camera, uncertainty)
+        draw_curve(right, view, camera, uncertainty)
         drawn += [nearer, uncertainty]
     for axes, title in ((left, "Discriminating power"), (right, "Uncertainty (68 %)")):
         log_axis(axes, "y", tick=length_tick)
         axes.set(xlim=(near, far), xlabel=distance_label(far), title=title)
         axes.xaxis.set_major_formatter(FuncFormatter(distance_tick(far)))
-    left.set(ylabel="depth", ylim=_limits(drawn, view["distance"].values, near, far))
+    left.set(ylabel="depth", ylim=depth_limits(drawn, view["distance"].values, near, far))
     _camera_legend(figure, shown)
     return figure
 
 
-def _limits(curves: list[FloatArray], distance: FloatArray, near: float, far: float) -> tuple[float, float]:
+def depth_limits(curves: list[FloatArray], distance: FloatArray, near: float, far: float) -> tuple[float, float]:
     """Depth limits [mm] that hold the curves between two distances, but little above the distance itself."""
     inside = (distance >= near) & (distance <= far)
     values = np.concatenate([curve[inside] for curve in curves])
@@ -76,7 +76,7 @@ def _limits(curves: list[FloatArray], distance: FloatArray, near: float, far: fl
     return float(np.percentile(values, 2.0)) / 1.5, min(float(values.max()) * 1.5, 2.0 * far * MM)
 
 
-def _curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray) -> None:
+def draw_curve(axes: Axes, view: xr.Dataset, camera: CameraTrace, metres: FloatArray) -> None:
     """A curve over all distances, bold where the camera is usable."""
     distance = np.asarray(view["distance"].values, dtype=float)
     y = np.where(np.isfinite(metres) & (metres > 0), metres * MM, np.nan)
@@ -109,12 +109,12 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     distance = np.asarray(depth["distance"].values, dtype=float)
     drawn = [of_camera(depth, "depth_uncertainty", camera.key) for camera in shown]
     for camera, uncertainty in zip(shown, drawn, strict=True):
-        _curve(curves, depth, camera, uncertainty)
+        draw_curve(curves, depth, camera, uncertainty)
     log_axis(curves, "y", tick=length_tick)
     distance_axis(curves, (float(distance[0]), float(distance[-1])), dense=True)
-    limits = _limits(drawn, distance, float(distance[0]), float(distance[-1]))
+    limits = depth_limits(drawn, distance, float(distance[0]), float(distance[-1]))
     curves.set(ylim=limits, ylabel="depth uncertainty (68 %)")
-    _relative_guides(curves, distance)
+    draw_relative_guides(curves, distance)
     _bars(bars, depth, shown)
     if has_winners(tree):
         _best_camera_bar(bars, tree, shown)
@@ -123,7 +123,7 @@ def draw_whole_range(tree: xr.DataTree) -> StudyFigure:
     return figure
 
 
-def _relative_guides(axes: Axes, distance: FloatArray) -> None:
+def draw_relative_guides(axes: Axes, distance: FloatArray) -> None:
     """Lines of equal relative uncertainty, named inside the panel at its right edge."""
     bottom, top = axes.get_ylim()
     for share, name in ((1e-4, "0.01 %"), (1e-3, "0.1 %"), (1e-2, "1 %"), (1e-1, "10 %"), (1.0, "100 %")):

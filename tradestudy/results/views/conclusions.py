@@ -197,7 +197,7 @@ def requirement_sentence(one: RequirementConclusion) -> str:
 def requirement_details(one: RequirementConclusion) -> str:
     """A requirement without its verdict."""
     wish = " (should)" if one.priority == "should" else ""
-    told = f"{one.says}{wish}, {_by(one)} ({'; '.join(filter(None, (one.reason, _margin_words(one))))})"
+    told = f"{one.says}{wish}, {decided_by(one)} ({'; '.join(filter(None, (one.reason, _margin_words(one))))})"
     if one.bound_alone is not None:
         told = f"{told}; {_bound_alone_words(one, one.bound_alone)}"
     if one.stretches is not None:
@@ -225,8 +225,8 @@ def _bound_alone_words(one: RequirementConclusion, best: BoundAlone) -> str:
     return f"{verdict} if matching reached its bound ({by}{best.reason})"
 
 
-def _by(one: RequirementConclusion) -> str:
-    """The camera that decides, and how."""
+def decided_by(one: RequirementConclusion) -> str:
+    """The camera that decides, and how: "by A", "nearest is A"."""
     if one.met is None:
         return f"undecided for {one.camera}"
     if one.of == "all":

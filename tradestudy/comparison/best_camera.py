@@ -1,0 +1,166 @@
+"""Between which distances another camera is best."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.comparison.difference import Difference, Run, titles_of
+from tradestudy.comparison.stated_errors import SURE, left_out_share
+from tradestudy.results.views.decision import answer_title, tied, told_winners
+from tradestudy.results.views.depth import nominal, nominal_is_declared, of_camera, swept
+from tradestudy.results.views.groups import group, has
+from tradestudy.wording import distance, span
+
+NOBODY = "no usable camera"
+_SAME = 1e-9
+Winner = tuple[float, float, str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Piece:
+    """Distances [m] between which nothing changes hands in any run, and the best cameras there in each."""
+
+    near: float
+    far: float
+    names: tuple[str, ...]
+
+    @property
+    def differs(self) -> bool:
+        """Whether the runs name different cameras."""
+        return len({frozenset(tied(name)) for name in self.names}) > 1
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edge:
+    """A distance where the best camera changes [m], what it may be off by [m], and the cameras nearer and farther."""
+
+    place: float
+    error: float
+    between: tuple[frozenset[str], frozenset[str]]
+
+
+def best_is_compared(runs: Sequence[Run]) -> bool:
+    """Whether every run names a best camera, for some distances of every other."""
+    if not all(has(run.tree, "decision", "best_camera") and has(run.tree, "depth") for run in runs):
+        return False
+    near, far = common_range(runs)
+    return near < far
+
+
+@dataclass(frozen=True, kw_only=True)
+class Best:
+    """Where the runs name different best cameras, and whether the error of a change of hands explains more."""
+
+    changed: tuple[Difference, ...]
+    has_explained: bool
+
+
+def compare_best(runs: Sequence[Run]) -> Best:
+    """Where runs that name best cameras name different ones; what the errors of the distances explain is left out."""
+    told = [list(told_winners(run.tree)) for run in runs]
+    pieces = list(_pieces(told, common_range(runs)))
+    edges = [edge for run, found in zip(runs, told, strict=True) for edge in _edges(run.tree, found)]
+    differing = [one for one in pieces if one.differs]
+    changed = [one for one in differing if not _is_explained(one, edges)]
+    titles = titles_of(runs)
+    what = "Best camera, as declared" if any(swept(group(run.tree, "depth")) for run in runs) else "Best camera"
+    rest = "; otherwise unchanged" if len(changed) < len(pieces) else ""
+    found = tuple(
+        Difference(
+            what=what,
+            values=tuple(answer_title(titles, name, NOBODY) for name in one.names),
+            where=f"from {span(one.near, one.far)}{rest if one is changed[-1] else ''}",
+        )
+        for one in changed
+    )
+    return Best(changed=found, has_explained=len(changed) < len(differing))
+
+
+def common_range(runs: Sequence[Run]) -> tuple[float, float]:
+    """The distances [m] between which every run names a best camera."""
+    ends = [group(run.tree, "decision")["distance"].values[[0, -1]] for run in runs]
+    return float(max(near for near, _ in ends)), float(min(far for _, far in ends))
+
+
+def _pieces(told: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> Iterator[Piece]:
+    """The common distances cut wherever a camera changes hands in any run, equal neighbours joined."""
+    inside = {edge for found in told for start, stop, _ in found for edge in (start, stop) if ends[0] < edge < ends[1]}
+    cuts = sorted({*ends, *inside})
+    pieces = [
+        Piece(near=a, far=b, names=tuple(_best_at(found, float(np.sqrt(a * b))) for found in told))
+        for a, b in itertools.pairwise(cuts)
+    ]
+    for names, members in itertools.groupby(pieces, key=lambda one: one.names if one.differs else None):
+        stretch = list(members)
+        yield Piece(near=stretch[0].near, far=stretch[-1].far, names=stretch[0].names if names is None else names)
+
+
+def _best_at(found: Sequence[Winner], place: float) -> str:
+    return next(names for start, stop, names in found if start <= place <= stop)
+
+
+def _is_explained(piece: Piece, edges: Sequence[Edge]) -> bool:
+    """Whether a sentence could not tell its ends apart, or one change of hands lies at both, within its error."""
+    return distance(piece.near) == distance(piece.far) or any(
+        one.between == other.between and piece.far - piece.near <= one.error + other.error
+        for one in edges
+        for other in edges
+        if _is_same(one.place, piece.near) and _is_same(other.place, piece.far)
+    )
+
+
+def _is_same(one: float, other: float) -> bool:
+    return abs(one - other) <= _SAME * other
+
+
+def _edges(tree: xr.DataTree, found: Sequence[Winner]) -> Iterator[Edge]:
+    """Where the best camera changes: known as well as the root there, else within the gap of the distances."""
+    depth = nominal(tree)
+    every = np.asarray(depth["distance"].values, dtype=np.float64)
+    is_declared = nominal_is_declared(tree)  # else the curves are of another design than the decision
+    exact = [*_crossovers(tree), *(_ends_of_use(tree, depth) if is_declared else ())]
+    for (_, place, before), (_, _, after) in itertools.pairwise(found):
+        index = int(np.clip(np.searchsorted(every, place), 1, every.size - 1))
+        gap = float(every[index] - every[index - 1])
+        error = next((error for at, error in exact if _is_same(at, place) and np.isfinite(error)), gap)
+        yield Edge(
+            place=place,
+            error=error + (_moved_by_models(tree, depth, place, {*tied(before), *tied(after)}) if is_declared else 0.0),
+            between=(frozenset(tied(before)), frozenset(tied(after))),
+        )
+
+
+def _crossovers(tree: xr.DataTree) -> Iterator[tuple[float, float]]:
+    decision = group(tree, "decision")
+    if "crossover_distance" in decision:
+        own = decision.isel(reading=0).sel(way="both")
+        yield from zip(own["crossover_distance"].values, SURE * own["crossover_error"].values, strict=True)
+
+
+def _ends_of_use(tree: xr.DataTree, depth: xr.Dataset) -> Iterator[tuple[float, float]]:
+    for end in ("near", "far"):
+        for camera in depth["camera"].values:
+            share = left_out_share(tree, str(camera), "usable_range")
+            ends, errors = (of_camera(depth, f"usable_{end}{more}", str(camera)) for more in ("", "_error"))
+            yield from zip(ends, SURE * errors + share * np.where(np.isfinite(ends), ends, 0.0), strict=True)
+
+
+def _moved_by_models(tree: xr.DataTree, depth: xr.Dataset, place: float, cameras: set[str]) -> float:
+    """How far the crossing of two curves moves where each is off by what its models leave out [m]."""
+    shares = [left_out_share(tree, camera, "depth_uncertainty") for camera in cameras]
+    if len(cameras) != 2 or not any(shares):
+        return 0.0
+    first, second = (of_camera(depth, "depth_uncertainty", camera) for camera in sorted(cameras))
+    known = np.isfinite(first) & np.isfinite(second)
+    if np.count_nonzero(known) < 2:
+        return 0.0
+    log_distance = np.log(np.asarray(depth["distance"].values, dtype=np.float64)[known])
+    slopes = np.gradient(np.log(first[known] / second[known]), log_distance)
+    slope = abs(float(np.interp(np.log(place), log_distance, slopes)))
+    return place * math.hypot(*shares) / slope if slope else math.inf

@@ -1,0 +1,148 @@
+"""What a comparison of runs says, as text and as a page."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+from tradestudy.comparison.difference import ARROW, Difference
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Bullets, Callout, Column, Heading, Paragraph, Picture, Report, Table
+from tradestudy.wording import counted
+
+_MOST_LINES: Final = 10
+_MOST_ROWS: Final = 40
+_INPUTS: Final = "Inputs that differ"
+_MODELS: Final = "Models chosen differently"
+_RESULTS: Final = "Results that differ by more than their error"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Comparison:
+    """What differs between runs, in their order, and how much does not.
+
+    Parameters
+    ----------
+    names, labels
+        What each run is called: its folder, and briefly.
+    notes
+        Sentences on what the runs do not share: the study, the program, cameras, distances.
+    conclusions
+        Answers that changed: requirements, claims, questions, the best camera along the distance, usable ranges.
+    unchanged
+        Conclusions that did not change, in words.
+    inputs, models
+        Declared values, and models that were chosen, that differ.
+    same_inputs
+        How many declared values do not.
+    results
+        Numbers that differ by more than their error, the largest difference first.
+    same_results
+        How many do not.
+    overlay
+        The figure of the curves that changed; None where there is none to draw.
+    without_overlay
+        Why there is none, as a sentence.
+    """
+
+    names: tuple[str, ...]
+    labels: tuple[str, ...]
+    notes: tuple[str, ...]
+    conclusions: tuple[Difference, ...]
+    unchanged: tuple[str, ...]
+    inputs: tuple[Difference, ...]
+    same_inputs: int
+    models: tuple[Difference, ...]
+    results: tuple[Difference, ...]
+    same_results: int
+    overlay: Drawing | None = field(compare=False, repr=False)
+    without_overlay: str
+
+    def __str__(self) -> str:
+        return "\n".join(self._lines()).replace("\N{NO-BREAK SPACE}", " ")
+
+    def _lines(self) -> Iterator[str]:
+        yield ARROW.join(self.names)
+        yield from self.sentences()
+        yield from self.notes
+        yield from _section(_INPUTS, self.inputs, self.same_inputs)
+        if self.models:
+            yield from _section(_MODELS, self.models)
+        yield from _section(_RESULTS, self.results, self.same_results)
+
+    def sentences(self) -> Iterator[str]:
+        """The conclusions that changed, a sentence each, and what did not change."""
+        for what, members in itertools.groupby(self.conclusions, key=lambda one: one.what):
+            yield f"{what}: {'; '.join(one.change for one in members)}."
+        if self.unchanged:
+            yield f"Unchanged: {'; '.join(self.unchanged)}."
+        elif not self.conclusions:
+            yield "The runs draw no conclusions that could be compared."
+
+    def page(self) -> Report:
+        """The comparison as a document."""
+        return Report(
+            title=f"{counted(len(self.names), 'run')} side by side",
+            subtitle=ARROW.join(self.names),
+            blocks=tuple(self._blocks()),
+        )
+
+    def html(self) -> bytes:
+        """The comparison as one self-contained HTML file."""
+        from tradestudy.report.html import render_html
+
+        pictures = {} if self.overlay is None else {self.overlay.name: self.overlay.draw().svg()}
+        return render_html(self.page(), pictures)
+
+    def _blocks(self) -> Iterator[Block]:
+        yield Callout(title="What changed", blocks=(Bullets(tuple(self.sentences())),), tone="answer")
+        for note in self.notes:
+            yield Paragraph(note)
+        yield Heading(text=_INPUTS, anchor="inputs")
+        yield from self._table("differing-inputs", _INPUTS, self.inputs, self.same_inputs)
+        if self.models:
+            yield Heading(text=_MODELS, anchor="models")
+            yield from self._table("differing-models", _MODELS, self.models)
+        yield Heading(text=_RESULTS, anchor="results")
+        if self.overlay is None:
+            yield Paragraph(self.without_overlay)
+        else:
+            yield Picture(name=self.overlay.name, caption=self.overlay.caption, alt=self.overlay.alt)
+        yield from self._table("differing-results", _RESULTS, self.results, self.same_results)
+
+    def _table(self, name: str, title: str, found: Sequence[Difference], same: int | None = None) -> Iterator[Block]:
+        shown = found[:_MOST_ROWS]
+        if not shown:
+            yield Paragraph("None." if same is None else f"None of {same}.")
+            return
+        wide = any(one.where for one in shown)
+        columns = [Column(title="What", weight=3), *(Column(title=label, weight=2) for label in self.labels)]
+        rows = [(one.what, *one.values, *([one.where] if wide else [])) for one in shown]
+        yield Table(
+            name=name,
+            caption=f"{_heading(title, found, same)}.",
+            columns=(*columns, *([Column(title="Where, and by how much", weight=2)] if wide else [])),
+            rows=tuple(rows),
+            notes=(_more(found, _MOST_ROWS),) if len(found) > _MOST_ROWS else (),
+        )
+
+
+def _section(title: str, found: Sequence[Difference], same: int | None = None) -> Iterator[str]:
+    """A heading with how many there are, and the first of them, one a line."""
+    if not found:
+        yield f"{title}: none{'' if same is None else f' of {same}'}"
+        return
+    yield f"{_heading(title, found, same)}:"
+    yield from (f"  {one}" for one in found[:_MOST_LINES])
+    if len(found) > _MOST_LINES:
+        yield f"  {_more(found, _MOST_LINES)}"
+
+
+def _heading(title: str, found: Sequence[Difference], same: int | None) -> str:
+    return title if same is None else f"{title}, {len(found)} of {len(found) + same}"
+
+
+def _more(found: Sequence[Difference], shown: int) -> str:
+    return f"and {len(found) - shown} more"

@@ -1,0 +1,95 @@
+"""Results in words: what they are called, their values, and where in an array they stand."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.views.depth import field_words
+from tradestudy.results.views.designs import path_words
+from tradestudy.units import ANGLE, ELECTRONS, LENGTH, NUMBER, PIXELS, Dimension, pretty, significant
+from tradestudy.wording import distance
+
+_BY_UNIT: Final[Mapping[str, Dimension]] = {
+    "m": LENGTH, "rad": ANGLE, "px": PIXELS, "1": NUMBER, "electrons": ELECTRONS,
+}  # fmt: skip
+_LABELS: Final[Mapping[tuple[str, str], str]] = {
+    ("side", "nearer"): "to the nearer side",
+    ("side", "farther"): "to the farther side",
+    ("way", "noise"): "noise only",
+    ("way", "calibration"): "calibration only",
+    ("way", "both"): "noise and calibration",
+}
+_UNNAMED_GROUPS: Final = ("depth", "depth_at_places", "disparity_causes")
+_MOST_PERCENT: Final = 1000.0
+
+
+def result_words(variable: str) -> str:
+    """A variable of the results as words."""
+    return variable.removesuffix("_px").replace("_", " ")
+
+
+def group_words(name: str) -> str:
+    """The group of a variable in brackets, where its name alone does not say enough."""
+    return "" if name in _UNNAMED_GROUPS else f" ({name.replace('_', ' ')})"
+
+
+def dimension_of(array: xr.DataArray) -> Dimension | None:
+    """What an array measures; None where its unit says no more than itself."""
+    return _BY_UNIT.get(str(array.attrs.get("units", "")))
+
+
+def value_in_words(value: float, dimension: Dimension | None) -> str:
+    """A value with its unit; "none" where there is none."""
+    if math.isnan(value):
+        return "none"
+    return significant(value) if dimension is None else pretty(value, dimension)
+
+
+def changes_in_words(values: Sequence[float]) -> str:
+    """How much each value differs from the first, in brackets."""
+    return f"({', '.join(_percent(values[0], value) for value in values[1:])})"
+
+
+def _percent(before: float, after: float) -> str:
+    """A change in per cent; as a factor where that is beyond 1000 %."""
+    percent = 100.0 * (after / before - 1.0)
+    if abs(percent) > _MOST_PERCENT:
+        return f"{significant(after / before)} times"
+    text = f"{percent:+.0f}" if abs(percent) >= 100.0 else f"{percent:+.2g}"
+    return f"{text.replace('-', '−')} %"
+
+
+def place_in_words(tree: xr.DataTree, values: xr.DataArray, at: tuple[int, ...], titles: Mapping[str, str]) -> str:
+    """Where in an array, in words, without what makes no difference: "at 2 m, noise only", "for f number 2"."""
+    parts = [
+        _coordinate(tree, dim, values[dim], at[axis], titles)
+        for axis, dim in enumerate(map(str, values.dims))
+        if dim.endswith("distance") or varies(values, axis, at)
+    ]
+    parts.sort(key=lambda part: not part.startswith("at "))
+    return ("" if not parts or parts[0].startswith("at ") else "for ") + ", ".join(parts)
+
+
+def varies(values: xr.DataArray, axis: int, at: tuple[int, ...]) -> bool:
+    """Whether the values at a place are others further along an axis."""
+    here = np.moveaxis(np.asarray(values.values, dtype=np.float64), axis, -1)[(*at[:axis], *at[axis + 1 :])]
+    return len(set(here[~np.isnan(here)].tolist())) > 1
+
+
+def _coordinate(tree: xr.DataTree, dim: str, coordinate: xr.DataArray, position: int, titles: Mapping[str, str]) -> str:
+    if dim not in coordinate.coords:
+        return f"{dim.replace('_', ' ')} {position + 1}"
+    label: Any = coordinate.values[position]
+    if dim == "field":
+        return field_words(float(label))
+    name = path_words(tree, dim) if "." in dim else result_words(dim)  # swept
+    if isinstance(label, str):
+        return _LABELS.get((dim, label), f"{name} {titles.get(label, label)}")
+    if dim.endswith("distance"):
+        return f"at {distance(float(label))}"
+    return f"{name} {value_in_words(float(label), dimension_of(coordinate))}"
