@@ -23,7 +23,8 @@ _STEP: Final = 1e-3
 _LEAST_NOISE_PX: Final = 1e-3  # of the steps of the noise: less would be lost in rounding
 _NEVER: Final = 1e-18
 _FARTHEST_SCORE: Final = 9.0  # beyond it the probability is below 1e-18
-_BISECTIONS: Final = 28  # to 1e-7 of a standard deviation
+_SECTIONS: Final = 16
+_ROUNDS: Final = 7  # to 1e-7 of a standard deviation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,14 +154,17 @@ def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores
 
 
 def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
-    """The score of the noise at which infinity is read, by bisection; ∓reach (distances,) where it lies beyond."""
+    """The score of the noise at which infinity is read, by repeated division; ∓reach (distances,) where it lies beyond."""
     beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])
     low, high = -reach[open_], reach[open_]
-    for _ in range(_BISECTIONS if open_.size else 0):
-        middle = 0.5 * (low + high)
-        lost = _under_noise(camera, distance[open_], field, middle[None])[0] <= 0.0
-        low, high = np.where(lost, middle, low), np.where(lost, high, middle)
+    shares, columns = np.linspace(0.0, 1.0, _SECTIONS + 1)[:, None], np.arange(open_.size)
+    for _ in range(_ROUNDS if open_.size else 0):
+        scores = low + shares * (high - low)
+        inside = _under_noise(camera, distance[open_], field, scores[1:-1]) <= 0.0
+        # Infinity is read at low and not at high.
+        last = np.sum(np.logical_and.accumulate(inside, axis=0), axis=0)
+        low, high = scores[last, columns], scores[last + 1, columns]
     found[open_] = 0.5 * (low + high)
     return np.asarray(found)

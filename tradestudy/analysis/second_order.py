@@ -130,7 +130,7 @@ def _along(camera: DepthCamera, read: Reader, steepest: FloatArray) -> DepthDist
 
 def _across(read: Reader, steepest: FloatArray, length: FloatArray) -> FloatArray:
     # Orthonormal vectors across each direction, shape (dimensions, others, distances).
-    basis = np.stack([np.linalg.svd(one[np.newaxis])[2][1:].T for one in steepest.T], axis=2)
+    basis = np.moveaxis(np.linalg.svd(steepest.T[:, np.newaxis])[2][:, 1:], 0, 2).swapaxes(0, 1)
     origin, along = read(np.zeros((len(steepest), 1, 1))), read(steepest[:, np.newaxis])
     above, below = read(basis), read(-basis)
     curvature = above + below - 2.0 * origin
