@@ -154,7 +154,7 @@ def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores
 
 
 def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:
-    """The score of the noise at which infinity is read, by repeated division; ∓reach (distances,) where it lies beyond."""
+    """The score of the noise at which infinity is read, by division; ∓reach (distances,) where it lies beyond."""
     beyond = _under_noise(camera, distance, field, np.stack([-reach, reach])) <= 0.0
     found = np.where(beyond[1], reach, -reach)
     open_ = np.flatnonzero(beyond[0] & ~beyond[1])
