@@ -66,6 +66,13 @@ def test_degrees_celsius_are_what_pint_makes_of_them() -> None:
         ("15 ms", units.DURATION, "second"),
         ("23 ppm/K", units.EXPANSION, "1/kelvin"),
         ("23e-6 1/K", units.EXPANSION, "1/kelvin"),
+        ("380 g", units.MASS, "kilogram"),
+        ("1.2 kg", units.MASS, "kilogram"),
+        ("90 mg", units.MASS, "kilogram"),
+        ("2500 mW", units.POWER, "watt"),
+        ("1.1 kW", units.POWER, "watt"),
+        ("12 MB", units.DATA, "bit"),
+        ("0.4 msr", units.SOLID_ANGLE, "steradian"),
     ],
 )
 def test_agrees_with_the_full_registry(text: str, dimension: Dimension, si_unit: str) -> None:

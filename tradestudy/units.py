@@ -31,6 +31,7 @@ centi- = 1e-2 = c-
 hecto- = 1e2 = h-
 kilo- = 1e3 = k-
 mega- = 1e6 = M-
+giga- = 1e9 = G-
 metre = [length] = m = meter
 angstrom = 1e-10 * metre
 inch = 0.0254 * metre
@@ -39,7 +40,13 @@ astronomical_unit = 149597870700 * metre = au = AU
 second = [time] = s
 minute = 60 * second = min
 hour = 3600 * second = h
+kilogram = [mass] = kg
+gram = 1e-3 * kilogram = g
+watt = [power] = W
+bit = [data]
+byte = 8 * bit = B
 radian = [angle] = rad
+steradian = radian ** 2 = sr
 degree = 0.017453292519943295 * radian = deg
 arcminute = degree / 60 = arcmin
 arcsecond = degree / 3600 = arcsec
@@ -74,6 +81,7 @@ _COMMON_UNITS = (
     "nm", "um", "mm", "cm", "m", "km", "ft", "au", "metres", "millimetres",
     "deg", "rad", "mrad", "arcmin", "arcsec", "px", "pixels", "electrons",
     "waves", "percent", "ppm", "K", "degC", "Pa", "kPa", "hPa", "bar", "s", "ms", "min", "h",
+    "g", "kg", "W", "mW", "MB", "GB",
 )  # fmt: skip
 _LONGEST_UNIT = 60
 _SHORTEST_BEGINNING = 3
@@ -206,6 +214,42 @@ EXPANSION = Dimension(
     unit="1/K",
     example="23 ppm/K",
     display=(DisplayUnit(label=" ppm/K", size=1e-6),),
+)
+MASS = Dimension(
+    name="a mass",
+    unit="kg",
+    example="380 g",
+    display=(
+        DisplayUnit(label=" mg", size=1e-6),
+        DisplayUnit(label=" g", size=1e-3, used_from=1e-3),
+        DisplayUnit(label=" kg", size=1.0, used_from=1.0),
+    ),
+)
+POWER = Dimension(
+    name="a power",
+    unit="W",
+    example="2.5 W",
+    display=(
+        DisplayUnit(label=" mW", size=1e-3),
+        DisplayUnit(label=" W", size=1.0, used_from=1.0),
+    ),
+)
+DATA = Dimension(
+    name="an amount of data",
+    unit="bit",
+    example="12 MB",
+    display=(
+        DisplayUnit(label=" bit", size=1.0),
+        DisplayUnit(label=" kB", size=8e3, used_from=8e3),
+        DisplayUnit(label=" MB", size=8e6, used_from=8e6),
+        DisplayUnit(label=" GB", size=8e9, used_from=8e9),
+    ),
+)
+SOLID_ANGLE = Dimension(
+    name="a solid angle",
+    unit="sr",
+    example="400 usr",
+    display=(DisplayUnit(label=" µsr", size=1e-6),),
 )
 
 
@@ -349,6 +393,9 @@ _USUAL: Mapping[str, _Unit] = {
         "[temperature]": {"K": 1.0},
         "1/[temperature]": {"1/K": 1.0, "ppm/K": 1e-6},
         "[pressure]": {"Pa": 1.0, "hPa": 100.0, "kPa": 1000.0},
+        "[mass]": {"g": 1e-3, "kg": 1.0},
+        "[power]": {"mW": 1e-3, "W": 1.0},
+        "[data]": {"bit": 1.0, "MB": 8e6},
         "[pixel]": {"px": 1.0},
         "[electron]": {"electron": 1.0, "electrons": 1.0},
         "[wave]": {"wave": 1.0, "waves": 1.0},
@@ -413,6 +460,7 @@ def _name_of(dimensions: frozenset[tuple[str, object]]) -> str:
 
 _KNOWN = (
     LENGTH, ANGLE, PIXELS, ELECTRONS, WAVES, FRACTION, DURATION, TEMPERATURE, PRESSURE, EXPANSION,
+    MASS, POWER, DATA, SOLID_ANGLE,
 )  # fmt: skip
 
 

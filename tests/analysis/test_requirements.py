@@ -12,7 +12,8 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty, depth_uncertainty_error, evaluate_depth
-from tradestudy.analysis.requirements import Held, Judge, hold, is_kept
+from tradestudy.analysis.held import Held
+from tradestudy.analysis.requirements import Judge, hold, is_kept
 from tradestudy.errors import StudyError
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.schema.requirements import GuardBandPart, RequirementPart

@@ -10,7 +10,8 @@ import pytest
 import tradestudy
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens
-from tradestudy.plan.pieces.depth_of_field import NAME, DepthOfFieldPiece
+from tradestudy.plan.pieces.depth_of_field import DepthOfFieldPiece
+from tradestudy.study.schema.depth_of_field import PIECE
 
 STUDIES = Path(__file__).parents[2] / "studies"
 
@@ -36,9 +37,9 @@ def test_the_diffraction_spot_moves_sharp_ends_as_the_closed_form_says() -> None
 
 def test_a_study_keeps_the_spot_and_is_told_what_leaving_it_out_moves() -> None:
     kept = tradestudy.load(STUDIES / "hand_lens.yaml").plan()
-    assert kept.models(NAME) == {"main_lens_diffraction": "airy"}
+    assert kept.models(PIECE) == {"main_lens_diffraction": "airy"}
     forced = tradestudy.load(STUDIES / "hand_lens.yaml", ["effects.main_lens_diffraction=off"]).plan()
-    piece = next(one for one in forced.pieces if one.name == NAME)
+    piece = next(one for one in forced.pieces if one.name == PIECE)
     assert piece.models == {"main_lens_diffraction": "off"}
     case, asked = forced.definition.case, forced.definition.file.depth_of_field
     assert asked is not None

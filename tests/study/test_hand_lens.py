@@ -329,6 +329,6 @@ def test_what_the_criteria_call_sharp_is_what_the_selection_does() -> None:
         file = plan.definition.file
         assert file.relief is not None
         assert file.depth_of_field is not None
-        found = criteria_group(plan.definition, file.relief, file.depth_of_field, plan.models("depth-of-field"))
+        found = criteria_group(plan.definition)
         images.append(found["number"].sel(criterion="images per scene").values[1])
     assert not np.array_equal(images[0], images[1], equal_nan=True)

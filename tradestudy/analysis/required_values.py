@@ -10,8 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.analysis.held import Held
 from tradestudy.analysis.inverse_questions import Solution, Solved, beside_declared
-from tradestudy.analysis.requirements import Held, Judge
+from tradestudy.analysis.requirements import Judge
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying

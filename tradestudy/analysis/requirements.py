@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from statistics import NormalDist
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from tradestudy.analysis.decision import is_usable
 from tradestudy.analysis.depth import DepthErrors, depth_uncertainty, depth_uncertainty_error, evaluate_depth
+from tradestudy.analysis.held import Held
+from tradestudy.analysis.requirements_of_any_camera import hold_criterion, hold_sharp
 from tradestudy.analysis.usable import END_OF_STUDY, Interval, usable_intervals
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.definition import Case
 from tradestudy.study.schema.requirements import (
     BoundOverPart,
+    CriterionPart,
     LengthBelowPart,
-    Required,
+    MeasuredPart,
     RequirementPart,
     ShareAbovePart,
     ShareBelowPart,
+    SharpPart,
     UsablePart,
 )
 from tradestudy.units import FRACTION, LENGTH, Dimension, pretty
@@ -35,67 +38,27 @@ _LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # of a distance, for rounding
 _ABSENT: Final = "the camera has none"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Held:
-    """One requirement held against one camera.
-
-    Parameters
-    ----------
-    camera
-        Its name.
-    met
-        Whether it holds over all distances, its guard band included; None where there is no value.
-    value, bound
-        The worst value, and what it is held against, in the SI unit of the quantity.
-    place
-        Where the worst value lies [m].
-    error
-        Estimated error of the worst value.
-    margin
-        By which share the worst value could be worse and still keep the bound, negative where it is broken. Where the
-        camera cannot be used everywhere it is at most minus the share of the distances, on a logarithmic scale, where
-        it cannot.
-    unusable
-        That share.
-    reason
-        In words.
-    """
-
-    camera: str
-    met: bool | None
-    value: float
-    bound: float
-    place: float
-    error: float
-    margin: float
-    unusable: float
-    reason: str
-
-    @property
-    def margin_in_errors(self) -> float:
-        """Distance of the worst value from its bound in standard errors, negative where it is broken; NaN without."""
-        if not self.error > 0.0 or self.unusable > 0.0 or not math.isfinite(self.value):
-            return math.nan
-        return math.copysign(abs(self.bound - self.value) / self.error, self.margin)
-
-    @property
-    def conformity(self) -> float:
-        """Probability that the true worst value keeps the bound, its error taken as normal; NaN without a value."""
-        if self.met is None or math.isnan(self.margin):
-            return math.nan
-        in_errors = self.margin_in_errors
-        return float(self.margin >= 0.0) if math.isnan(in_errors) else NormalDist().cdf(in_errors)
-
-
 def hold(requirement: RequirementPart, case: Case, name: str, known: Sequence[Interval] | None = None) -> Held:
-    """Hold a requirement against one camera that measures depth.
+    """Hold a requirement against one camera, which measures depth where the requirement asks for that.
 
     Its usable intervals over the distances of the study are found where they are not ``known``.
     """
-    camera, required = case.cameras[name], requirement.required
-    intervals = _intervals(case, name, required.over, known)
-    if isinstance(required, UsablePart):
-        return _hold_use(required, intervals, name)
+    match requirement.required:
+        case CriterionPart() as criterion:
+            return hold_criterion(criterion, case, name)
+        case SharpPart() as sharp:
+            return hold_sharp(sharp, case, name)
+        case UsablePart() as usable:
+            return _hold_use(usable, _intervals(case, name, usable.over, known), name)
+        case measured:
+            intervals = _intervals(case, name, measured.over, known)
+            return _hold_measured(requirement, measured, case, name, intervals)
+
+
+def _hold_measured(
+    requirement: RequirementPart, required: MeasuredPart, case: Case, name: str, intervals: Sequence[Interval]
+) -> Held:
+    camera = case.cameras[name]
     above = isinstance(required, ShareAbovePart)
     bound, dimension = _bound(required)
 
@@ -108,7 +71,7 @@ def hold(requirement: RequirementPart, case: Case, name: str, known: Sequence[In
         return np.where(np.isnan(values), np.inf, -values if above else values)
 
     if requirement.quantity == "overlap" and np.isnan(measured(np.array(required.over))).all():
-        return _unknown(name, bound, _ABSENT)
+        return Held.unknown(name, bound, _ABSENT)
     place = _worst_place(broken_by, required.over)
     at = np.array([place])
     value = float(measured(at)[0])
@@ -154,7 +117,7 @@ class Judge:
         Of ``any`` the camera that comes nearest, or keeps it best; of ``all`` the one that keeps it worst, or one that
         has no value, which leaves it undecided.
         """
-        names = list(case.cameras) if requirement.camera in (ANY, ALL) else [requirement.camera]
+        names = _names(requirement, case)
         found = {name: self._held(requirement, case, name) for name in names}
         known = [one for one in found.values() if one.met is not None]
         silent = [one for one in found.values() if one.met is None]
@@ -164,6 +127,8 @@ class Judge:
         return deciding(known, key=_nearness), found
 
     def _held(self, requirement: RequirementPart, case: Case, name: str) -> Held:
+        if not requirement.asks_for_depth:  # closed forms of more than the camera
+            return hold(requirement, case, name)
         key = (requirement, case.cameras[name], case.criteria)
         if key not in self._known:
             self._known[key] = hold(requirement, case, name, self._usable.get(key[1:]))
@@ -172,15 +137,23 @@ class Judge:
 
 def is_kept(requirement: RequirementPart, case: Case) -> bool:
     """Whether a requirement holds, on a coarse grid of distances and without its guard band: for many draws."""
-    names = list(case.cameras) if requirement.camera in (ANY, ALL) else [requirement.camera]
-    points = np.geomspace(requirement.required.over[0], requirement.required.over[1], _COARSE)
-    together = all if requirement.camera == ALL else any
+    names, together = _names(requirement, case), all if requirement.camera == ALL else any
+    if not requirement.asks_for_depth:
+        return together(hold(requirement, case, name).met is True for name in names)
+    points = np.geomspace(requirement.over[0], requirement.over[1], _COARSE)
     return together(_is_kept_by(requirement, case, name, points) for name in names)
+
+
+def _names(requirement: RequirementPart, case: Case) -> list[str]:
+    """The cameras that a requirement concerns."""
+    if requirement.camera not in (ANY, ALL):
+        return [requirement.camera]
+    return list(case.cameras if requirement.asks_for_depth else case.all_cameras)
 
 
 def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: FloatArray) -> bool:
     required = requirement.required
-    if not isinstance(required, UsablePart):
+    if isinstance(required, MeasuredPart):
         bound, _ = _bound(required)
         values = _MEASURED[requirement.quantity](case.cameras[name], points) / _scale(required, points)
         kept = values >= bound if isinstance(required, ShareAbovePart) else values < bound
@@ -255,7 +228,7 @@ def _worst_place(broken_by: Callable[[FloatArray], FloatArray], over: tuple[floa
     return float(np.append(around, points[worst])[int(np.argmax(values))])
 
 
-def _bound(required: BoundOverPart | ShareAbovePart | ShareBelowPart | LengthBelowPart) -> tuple[float, Dimension]:
+def _bound(required: MeasuredPart) -> tuple[float, Dimension]:
     match required:
         case BoundOverPart():
             return required.limit, FRACTION if required.is_relative else LENGTH
@@ -267,24 +240,9 @@ def _bound(required: BoundOverPart | ShareAbovePart | ShareBelowPart | LengthBel
             return required.below, LENGTH
 
 
-def _scale(required: Required, points: FloatArray) -> FloatArray:
+def _scale(required: MeasuredPart, points: FloatArray) -> FloatArray:
     """What a value is divided by before it is held against its bound: the distance, where that is relative."""
     return points if isinstance(required, BoundOverPart) and required.is_relative else np.ones(points.shape)
-
-
-def _unknown(name: str, bound: float, reason: str) -> Held:
-    nan = math.nan
-    return Held(
-        camera=name,
-        met=None,
-        value=nan,
-        bound=bound,
-        place=nan,
-        error=nan,
-        margin=nan,
-        unusable=nan,
-        reason=reason,
-    )
 
 
 def _overlap(camera: DepthCamera, distance: FloatArray) -> FloatArray:

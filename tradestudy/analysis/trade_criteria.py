@@ -10,11 +10,14 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.declaration import AttributesPart, CameraDeclaration
+from tradestudy.cameras.declaration import AttributesPart
 from tradestudy.cameras.focus import BlurCriterion, EveryObjectFocus
 from tradestudy.optics.occlusion import foreshortening_ratio, hidden_strip_width
 from tradestudy.optics.thin_lens import image_distance
-from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, pretty, significant
+from tradestudy.study.definition import Case
+from tradestudy.study.schema.criteria import DERIVED as DIMENSIONS
+from tradestudy.study.schema.criteria import criterion_dimension, is_number
+from tradestudy.units import DURATION, FRACTION, LENGTH, NUMBER, parse, pretty, significant
 
 DERIVED: Final = "derived"
 _NOT_SAID: Final = "not said"
@@ -56,10 +59,23 @@ class Relief:
         """Halfway [m]."""
         return (self.near + self.far) / 2.0
 
+    @classmethod
+    def of(cls, case: Case) -> Relief:
+        """That of a study which has one; the first criterion of sharpness counts."""
+        assert case.relief is not None  # asked only where there is one, which needs a depth of field
+        assert case.depth_of_field is not None
+        return cls(
+            near=case.depth_of_field.range[0],
+            far=case.depth_of_field.range[1],
+            sharp=next(iter(case.sharp.values())),
+            step_height=case.relief.step_height,
+            surface_tilt=case.relief.surface_tilt,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Criterion:
-    """A row of the comparison: its name, what it is, the SI unit of its numbers, and how it is found.
+    """A row of the comparison: its name, what it is, and how it is found.
 
     Parameters
     ----------
@@ -69,22 +85,27 @@ class Criterion:
 
     name: str
     says: str
-    units: str
-    of: Callable[[Camera, CameraDeclaration, Relief], Attribute]
+    of: Callable[[Camera, AttributesPart, Relief], Attribute]
     path: str = ""
+
+    @property
+    def units(self) -> str:
+        """SI unit of its numbers; empty for words."""
+        dimension = DIMENSIONS[self.name]
+        return "" if dimension is None else dimension.unit or "1"
 
 
 def _images(camera: Camera, relief: Relief) -> int:
     return camera.focus.images(relief.sharp, relief.near, relief.far)
 
 
-def _moving_parts(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001 - all criteria are called alike
-    declared = part.attributes.moving_parts
+def _moving_parts(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001 - all criteria are called alike
+    declared = part.moving_parts
     count = camera.focus.mechanisms if declared is None else declared
     return Attribute(text=str(count), number=float(count), basis=DERIVED if declared is None else "")
 
 
-def _images_per_scene(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+def _images_per_scene(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     count = _images(camera, relief)
     if count == 0:
         return Attribute(text="no number is enough")
@@ -95,7 +116,7 @@ def _images_per_scene(camera: Camera, part: CameraDeclaration, relief: Relief) -
     return Attribute(text=text, number=float(count))
 
 
-def _time_per_scene(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+def _time_per_scene(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     images = _images(camera, relief)
     if images == 0:
         return Attribute(text="—")
@@ -107,19 +128,19 @@ def _time_per_scene(camera: Camera, part: CameraDeclaration, relief: Relief) -> 
     return Attribute(text=pretty(seconds, DURATION), number=seconds)
 
 
-def _data_volume(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:
+def _data_volume(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:
     if not camera.makes_depth_map:
         return Attribute(text="no depth map")
     pixels = camera.sensor.columns * camera.sensor.rows * camera.lens_count * _images(camera, relief)
     if pixels == 0:
         return Attribute(text="—")
-    bits = part.attributes.bits_per_pixel
+    bits = part.bits_per_pixel
     if bits is None:
         return Attribute(text=f"{pixels / 1e6:.3g} Mpx; bits per pixel {_NOT_SAID}")
     return Attribute(text=f"{pixels * bits / 8e6:.3g} MB", number=pixels * bits)
 
 
-def _depth_map_samples(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+def _depth_map_samples(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     """Lateral samples that are independent of each other, in one all-in-focus image at the middle of the scene."""
     width = np.array([relief.middle])
     lens = camera.gathering_lens
@@ -131,21 +152,21 @@ def _depth_map_samples(camera: Camera, part: CameraDeclaration, relief: Relief) 
     return Attribute(text=significant(count / size) + unit, number=count)
 
 
-def _aperture(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+def _aperture(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     diameter = camera.gathering_lens.pupil_diameter
     twice = "2 × " if camera.lens_count == 2 else ""
     return Attribute(text=twice + pretty(diameter, LENGTH), number=diameter)
 
 
-def _light(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+def _light(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     """Solid angle of light that one exposure gathers from a point in the middle of the scene, over all lenses."""
     half = camera.gathering_lens.pupil_diameter / 2.0
     solid_angle = 2.0 * math.pi * (1.0 - relief.middle / math.hypot(relief.middle, half)) * camera.lens_count
     return Attribute(text=f"{solid_angle * 1e6:.3g} µsr", number=solid_angle)
 
 
-def _size(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:
-    envelope = part.attributes.envelope
+def _size(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:
+    envelope = part.envelope
     if envelope is not None:
         return Attribute(text=" × ".join(pretty(side, LENGTH) for side in envelope), basis="")
     width = max(camera.sensor.diagonal, camera.gathering_lens.pupil_diameter)
@@ -153,14 +174,14 @@ def _size(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:
     return Attribute(text=f"{pretty(camera.depth_behind_lens(relief.near), LENGTH)} × {pretty(across, LENGTH)}")
 
 
-def _hidden_strip(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+def _hidden_strip(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     if not camera.makes_depth_map:
         return Attribute(text="a single view")
     width = float(hidden_strip_width(relief.step_height, relief.middle, camera.view_baseline))
     return Attribute(text=pretty(width, LENGTH), number=width)
 
 
-def _foreshortening(camera: Camera, part: CameraDeclaration, relief: Relief) -> Attribute:  # noqa: ARG001
+def _foreshortening(camera: Camera, part: AttributesPart, relief: Relief) -> Attribute:  # noqa: ARG001
     if not camera.makes_depth_map:
         return Attribute(text="a single view")
     ratio = float(foreshortening_ratio(relief.surface_tilt, relief.middle, camera.view_baseline))
@@ -171,58 +192,60 @@ CRITERIA: Final = (
     Criterion(
         name="moving parts",
         says="mechanisms that must work",
-        units="1",
         of=_moving_parts,
         path="attributes.moving_parts",
     ),
     Criterion(
         name="images per scene",
         says="exposures taken for the scene by the first blur criterion, and what is sharp if not all of it",
-        units="1",
         of=_images_per_scene,
     ),
-    Criterion(name="time per scene", says="exposures and refocusing", units="s", of=_time_per_scene),
+    Criterion(name="time per scene", says="exposures and refocusing", of=_time_per_scene),
     Criterion(
         name="data per depth map",
         says="raw pixels of all exposures of one depth map, before compression",
-        units="bit",
         of=_data_volume,
     ),
     Criterion(
         name="resolved samples",
         says="field of view at the middle of the scene over the area of one resolved detail there",
-        units="1",
         of=_depth_map_samples,
     ),
-    Criterion(name="aperture", says="diameter of the pupil that gathers the light", units="m", of=_aperture),
+    Criterion(name="aperture", says="diameter of the pupil that gathers the light", of=_aperture),
     Criterion(
         name="light gathered",
         says="solid angle of one exposure from a point in the middle of the scene, all lenses together",
-        units="sr",
         of=_light,
     ),
     Criterion(
         name="size",
         says="declared, or at least: from the principal plane to the sensor × across lens, sensor and baseline",
-        units="m",
         of=_size,
         path="attributes.envelope",
     ),
     Criterion(
         name="hidden beside a step",
         says="strip on the lower surface that one of the two outermost views cannot see, h B/Z",
-        units="m",
         of=_hidden_strip,
     ),
     Criterion(
         name="foreshortening",
         says="width of a tilted patch in one of the two outermost views over that in the other",
-        units="1",
         of=_foreshortening,
     ),
 )
 
 
-def declared_others(attributes: AttributesPart) -> dict[str, Attribute]:
-    """Rows that a study adds in words."""
-    return {name: Attribute(text=text, basis="") for name, text in attributes.others.items()}
+def criterion_of(case: Case, camera: str, name: str) -> Attribute:
+    """One criterion of one camera of a study: a declared one, or one that is derived for the relief."""
+    own = case.attributes[camera]
+    derived = next((one for one in CRITERIA if one.name == name), None)
+    if derived is not None:
+        return derived.of(case.all_cameras[camera], own, Relief.of(case))
+    text = own.others.get(name)
+    if text is None:
+        return Attribute(text=_NOT_SAID, basis="")
+    dimension = criterion_dimension(name, case.attributes.values())
+    if dimension is None or not is_number(text):
+        return Attribute(text=text, basis="")
+    return Attribute(text=text, number=parse(text, dimension), basis="")

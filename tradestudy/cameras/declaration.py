@@ -25,6 +25,7 @@ from tradestudy.declarations.quantities import (
     PositiveCount,
     PositiveLength,
     PositivePixels,
+    QuantityText,
 )
 from tradestudy.errors import OutOfRangeError
 
@@ -144,8 +145,10 @@ class AttributesPart(Part):
     envelope: tuple[PositiveLength, PositiveLength, PositiveLength] | None = Field(
         default=None, description="Length, width and height of the whole instrument."
     )
-    others: dict[AttributeName, Annotated[str, Field(min_length=1, max_length=200)]] = Field(
-        default={}, description="Anything else worth a row of the comparison, in words."
+    others: dict[AttributeName, Annotated[QuantityText, Field(min_length=1, max_length=200)]] = Field(
+        default={},
+        description="Anything else worth a row of the comparison: a number with its unit (mass: 380 g), by which "
+        "requirements and trade-offs can go, or words.",
     )
 
 

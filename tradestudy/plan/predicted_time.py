@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Final
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.imaging.derived_error import kirchhoff_lattice
 from tradestudy.plan import pilots
-from tradestudy.plan.pieces import depth_of_field
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, Value
+from tradestudy.study.schema.depth_of_field import PIECE
 from tradestudy.study.schema.light_spot import LightSpotPart
 from tradestudy.study.schema.questions import (
     ClaimPart,
@@ -121,7 +121,7 @@ class _Prediction:
                 name="depth of field",
                 seconds=seconds,
                 work=counted(cameras, "camera"),
-                pieces={depth_of_field.NAME: seconds},
+                pieces={PIECE: seconds},
             )
         if file.fresnel_validity is not None:
             yield from self._fresnel_validity()

@@ -11,7 +11,7 @@ from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.datasheet import datasheet_group
 from tradestudy.run.groups.decision import claims_group, decision_group
-from tradestudy.run.groups.depth import depth_at_places_group, depth_field_group, depth_group, depth_tables
+from tradestudy.run.groups.depth import DepthTables, depth_at_places_group, depth_field_group, depth_group, depth_tables
 from tradestudy.run.groups.designs import design_verdicts
 from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
 from tradestudy.run.groups.effects import effects_group
@@ -72,6 +72,7 @@ def compute(
         groups["/calibration"] = calibration_group(inferred)
     if plan.pieces:
         groups["/effects"] = effects_group(plan)
+    tables: DepthTables = {}
     if definition.case.cameras:
         compute_kirchhoff_pictures(definition, progress)
         tables = depth_tables(definition, designs, steps)
@@ -99,14 +100,12 @@ def compute(
 
         groups["/sensitivity"] = sensitivity_group(definition, np.array(file.sensitivity.at), steps)
     if file.depth_of_field is not None:
-        from tradestudy.plan.pieces import depth_of_field
         from tradestudy.run.groups.depth_of_field import criteria_group, depth_of_field_group
 
-        sharp = plan.models(depth_of_field.NAME)
         progress("depth of field", 0.0)
-        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field, sharp)
+        groups["/depth_of_field"] = depth_of_field_group(definition, file.depth_of_field)
         if file.relief is not None:
-            groups["/criteria"] = criteria_group(definition, file.relief, file.depth_of_field, sharp)
+            groups["/criteria"] = criteria_group(definition)
         progress("depth of field", 1.0)
     if file.fresnel_validity is not None:
         from tradestudy.run.groups.fresnel_validity import fresnel_validity_group

@@ -15,10 +15,11 @@ from tradestudy.accuracy import QUANTITIES
 from tradestudy.calibration.sources import calibration_of, given_twice, mistakes_of_files
 from tradestudy.cameras.calibration import Calibration, Propagation
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.declaration import DepthCameraDeclaration
+from tradestudy.cameras.declaration import AttributesPart, DepthCameraDeclaration
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
+from tradestudy.cameras.focus import BlurCriterion
 from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.effects.models import Models
+from tradestudy.effects.models import OFF, Models
 from tradestudy.errors import Problem, StudyError, TradestudyError
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.acting import acting
@@ -27,6 +28,7 @@ from tradestudy.study.document import Document, Entry, MappingEntry, ScalarEntry
 from tradestudy.study.reader import with_values
 from tradestudy.study.renamed import validated
 from tradestudy.study.schema.changes import validate_changes
+from tradestudy.study.schema.depth_of_field import PIECE, DepthOfFieldPart, ReliefPart
 from tradestudy.study.schema.light_spot import LOOSEST_PICTURE, LightSpotPart
 from tradestudy.study.schema.root import StudyFile
 from tradestudy.study.schema.wave_optics import FresnelValidityPart
@@ -49,6 +51,10 @@ class Case:
         Every camera of the study, in its order.
     criteria, distance, wavelength
         Limits of the usable range, distances [m], and the light [m]; no distances and NaN in a study without a scene.
+    attributes
+        What cameras declare that is not a curve.
+    depth_of_field, sharp, relief
+        What must be sharp, what counts as sharp by the models that act, and what criteria are derived for.
     fresnel_validity, light_spot
         What is asked of wave optics.
     """
@@ -58,6 +64,10 @@ class Case:
     criteria: UsableCriteria
     distance: FloatArray
     wavelength: float
+    attributes: Mapping[str, AttributesPart] = field(default_factory=dict)
+    depth_of_field: DepthOfFieldPart | None = None
+    sharp: Mapping[str, BlurCriterion] = field(default_factory=dict)
+    relief: ReliefPart | None = None
     fresnel_validity: FresnelValidityPart | None = None
     light_spot: LightSpotPart | None = None
 
@@ -171,9 +181,22 @@ class StudyDefinition:
             criteria=self.file.usable_range.criteria(),
             distance=distance,
             wavelength=self._wavelength,
+            attributes={name: part.attributes for name, part in self.file.cameras.items()},
+            depth_of_field=self.file.depth_of_field,
+            sharp=self._sharp(),
+            relief=self.file.relief,
             fresnel_validity=self.file.fresnel_validity,
             light_spot=self.file.light_spot,
         )
+
+    def _sharp(self) -> dict[str, BlurCriterion]:
+        """Criteria of sharpness by name; without the diffraction spot where the models leave it out."""
+        if self.file.depth_of_field is None:
+            return {}
+        sharp = {name: one.criterion(self._wavelength) for name, one in self.file.depth_of_field.criteria.items()}
+        if self.models.get(PIECE, {}).get("main_lens_diffraction") == OFF:
+            return {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
+        return sharp
 
     def _propagation(self, distance: FloatArray) -> Propagation:
         """How errors are propagated: draws are settled at some of the distances [m], and wherever the study asks."""
@@ -182,7 +205,7 @@ class StudyDefinition:
             distance[np.unique(np.linspace(0, distance.size - 1, _JUDGED).round().astype(int))] if distance.size else ()
         )
         asked = {float(one) for one in some} | set(() if file.decision is None else file.decision.at)
-        asked |= {end for one in file.requirements.values() for end in one.required.over}
+        asked |= {end for one in file.requirements.values() if one.asks_for_depth for end in one.over}
         return replace(
             file.propagation.propagation(file.accuracy.asked().tolerances["depth_uncertainty"]),
             judged=tuple(sorted(asked)),

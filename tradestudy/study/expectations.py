@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+from tradestudy.declarations.dimensions import common_dimension
 from tradestudy.errors import OutOfRangeError
 from tradestudy.study.schema.questions import (
     ClaimPart,
@@ -20,7 +21,6 @@ from tradestudy.study.schema.questions import (
     ShareBetterClaim,
     UncertaintyRatioClaim,
 )
-from tradestudy.study.sweep import common_dimension
 from tradestudy.units import FRACTION, LENGTH, NUMBER, Dimension, parse
 
 

@@ -139,8 +139,10 @@ def _requirements(definition: StudyDefinition) -> Iterator[Problem]:
     """Requirements over distances that the study does not compute."""
     distance = definition.case.distance
     for name, one in definition.file.requirements.items():
-        near, far = one.required.over
-        if distance.size and (near < distance[0] * (1.0 - 1e-9) or far > distance[-1] * (1.0 + 1e-9)):
+        if not (distance.size and one.over):
+            continue
+        near, far = one.over
+        if near < distance[0] * (1.0 - 1e-9) or far > distance[-1] * (1.0 + 1e-9):
             path = ("requirements", name, one.quantity, "over")
             ends = " to ".join(f"{end:g} m" for end in (distance[0], distance[-1]))
             what = f"reaches beyond the distances of the scene, {ends}: only figures and tables end there"

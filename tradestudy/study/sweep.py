@@ -8,30 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tradestudy.declarations.dimensions import common_dimension
 from tradestudy.errors import UnaffordableError
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.document import Entry, ScalarEntry, text_of
 from tradestudy.study.schema.questions import SweepRangePart
-from tradestudy.units import (
-    ANGLE,
-    DURATION,
-    ELECTRONS,
-    EXPANSION,
-    FRACTION,
-    LENGTH,
-    NUMBER,
-    PIXELS,
-    PRESSURE,
-    TEMPERATURE_DIFFERENCE,
-    Dimension,
-    UnitError,
-    parse,
-)
+from tradestudy.units import Dimension, UnitError, parse
 
-# A number without a unit is a plain number before it is anything else.
-_DIMENSIONS: tuple[Dimension, ...] = (
-    LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
-)  # fmt: skip
 MOST_POINTS = 20_000
 _NO_PART_OF_THE_SCENE = "scene.picture.matcher."  # which says how pictures of it are matched
 
@@ -141,15 +124,3 @@ def _axis(path: str, values: tuple[ScalarEntry, ...], definition: StudyDefinitio
         declared=next((label for label in labels if math.isclose(label, own, rel_tol=1e-12)), ""),
         dimension=dimension,
     )
-
-
-def common_dimension(*texts: str) -> Dimension | None:
-    """The dimension in which all texts can be read, or None."""
-    for dimension in _DIMENSIONS:
-        try:
-            for text in texts:
-                parse(text, dimension)
-        except UnitError:
-            continue
-        return dimension
-    return None

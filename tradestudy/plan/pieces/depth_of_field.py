@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
@@ -13,8 +12,7 @@ from tradestudy.cameras.focus import BlurCriterion, Focus
 from tradestudy.effects.choice import Change, Changes, Piece, Slot
 from tradestudy.effects.models import OFF, Models, models_of
 from tradestudy.optics.arrays import FloatArray
-
-NAME: Final = "depth-of-field"
+from tradestudy.study.schema.depth_of_field import PIECE
 
 
 class DepthOfFieldPiece(Piece):
@@ -23,7 +21,7 @@ class DepthOfFieldPiece(Piece):
     Both models are closed forms that take no time, so the diffraction spot counts unless the study leaves it out.
     """
 
-    name, title = NAME, "Depth of field"
+    name, title = PIECE, "Depth of field"
     asked = ("depth_of_field",)
 
     def __init__(self, focuses: Sequence[Focus], criteria: Sequence[BlurCriterion], forced: Models) -> None:

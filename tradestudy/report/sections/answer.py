@@ -54,6 +54,7 @@ _MOST_REASONS = 3
 def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
     """Say which camera for which distance, which requirements are met, what decides that, and what would reverse it."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
+        yield from _requirements(tree)  # of cameras that measure no depth
         return
     solved = (say("{says} **{answer}**.", says=says, answer=answer) for says, answer in solved_questions(tree))
     yield Heading(text="The answer", anchor="answer")
@@ -65,14 +66,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         blocks=(Bullets((*_stretches(tree), *_changes(tree), *solved)),),
         tone="answer",
     )
-    requirements = requirement_conclusions(tree)
-    if requirements:
-        missed = any(one.met is not True and one.priority == "must" for one in requirements)
-        yield Callout(
-            title="Requirements" + (", as declared" if designs else ""),
-            blocks=(Bullets(tuple(map(_requirement, requirements))),),
-            tone="warning" if missed else "answer",
-        )
+    yield from _requirements(tree, as_declared=bool(designs))
     told = [*_rests_on(tree), *_at_the_bound(tree), *_reversed(tree), *_measure_first(tree)]
     if told:  # in one paragraph, so that the page has room for its figure
         yield Paragraph(tuple(span for text in told for span in (*text, Span(" "))))
@@ -86,6 +80,18 @@ def describe_verdicts(tree: xr.DataTree) -> Iterator[Block]:
         yield Heading(text="What each source of error favours, and under which readings", anchor="verdicts")
         yield Bullets(ways)
         yield from table
+
+
+def _requirements(tree: xr.DataTree, *, as_declared: bool = False) -> Iterator[Block]:
+    """What became of every requirement, what must hold first."""
+    requirements = requirement_conclusions(tree)
+    if requirements:
+        missed = any(one.met is not True and one.priority == "must" for one in requirements)
+        yield Callout(
+            title="Requirements" + (", as declared" if as_declared else ""),
+            blocks=(Bullets(tuple(map(_requirement, requirements))),),
+            tone="warning" if missed else "answer",
+        )
 
 
 def _requirement(one: RequirementConclusion) -> Spans:

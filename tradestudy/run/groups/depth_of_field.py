@@ -3,42 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
 
-from tradestudy.analysis.trade_criteria import CRITERIA, Attribute, Relief, declared_others
+from tradestudy.analysis.trade_criteria import CRITERIA, Relief, criterion_of
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.focus import BlurCriterion, SharpRange
-from tradestudy.effects.models import OFF, Models
+from tradestudy.cameras.focus import SharpRange
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.depth_of_field import DepthOfFieldPart, ReliefPart
+from tradestudy.study.schema.criteria import criterion_dimension
+from tradestudy.study.schema.depth_of_field import DepthOfFieldPart
 
 # Resolution within the scene has its extreme at an end or where blur takes over from the sample; 401 points find it.
 _SCENE_POINTS: Final = 401
-_MISSING: Final = Attribute(text="not said", basis="")
 
 
-def acting_criteria(asked: DepthOfFieldPart, wavelength: float, models: Models) -> dict[str, BlurCriterion]:
-    """Criteria of sharpness by name; without the diffraction spot where the models leave it out."""
-    sharp = {name: part.criterion(wavelength) for name, part in asked.criteria.items()}
-    if models["main_lens_diffraction"] == OFF:
-        return {name: replace(criterion, measure="none") for name, criterion in sharp.items()}
-    return sharp
-
-
-def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart, models: Models) -> xr.Dataset:
+def depth_of_field_group(definition: StudyDefinition, asked: DepthOfFieldPart) -> xr.Dataset:
     """/depth_of_field over (camera, criterion, distance).
 
     Models that leave diffraction out take it out of every criterion; ``diffraction`` says what counted.
     """
     case, wavelength = definition.case, definition.case.wavelength
-    cameras = case.all_cameras
-    sharp = acting_criteria(asked, wavelength, models)
+    cameras, sharp = case.all_cameras, case.sharp
     ranges = [[one.focus.sharp_range(criterion) for criterion in sharp.values()] for one in cameras.values()]
     values = {
         "blur_px": [criterion.blur_px for criterion in sharp.values()],
@@ -117,24 +106,14 @@ def _resolutions(
     }
 
 
-def criteria_group(
-    definition: StudyDefinition, asked: ReliefPart, focus: DepthOfFieldPart, models: Models
-) -> xr.Dataset:
+def criteria_group(definition: StudyDefinition) -> xr.Dataset:
     """/criteria over (camera, criterion), each value with what it rests on; what is sharp as the models have it."""
-    parts, cameras = definition.file.cameras, definition.case.all_cameras
-    relief = Relief(
-        near=focus.range[0],
-        far=focus.range[1],
-        sharp=next(iter(acting_criteria(focus, definition.case.wavelength, models).values())),
-        step_height=asked.step_height,
-        surface_tilt=asked.surface_tilt,
-    )
-    others = list(dict.fromkeys(name for part in parts.values() for name in part.attributes.others))
-    rows = [
-        [criterion.of(camera, parts[name], relief) for criterion in CRITERIA]
-        + [declared_others(parts[name].attributes).get(other, _MISSING) for other in others]
-        for name, camera in cameras.items()
-    ]
+    case = definition.case
+    cameras, relief = case.all_cameras, Relief.of(case)
+    others = list(dict.fromkeys(name for part in case.attributes.values() for name in part.others))
+    names = [*(criterion.name for criterion in CRITERIA), *others]
+    rows = [[criterion_of(case, camera, name) for name in names] for camera in cameras]
+    units = [criterion_dimension(name, case.attributes.values()) for name in others]
     paths = [*(criterion.path for criterion in CRITERIA), *(f"attributes.others.{other}" for other in others)]
     basis = [
         [attribute.basis or _basis(definition, name, path) for attribute, path in zip(row, paths, strict=True)]
@@ -146,10 +125,13 @@ def criteria_group(
             "value": [[attribute.text for attribute in row] for row in rows],
             "number": [[attribute.number for attribute in row] for row in rows],
             "basis": basis,
-            "number_units": [*(criterion.units for criterion in CRITERIA), *[""] * len(others)],
+            "number_units": [
+                *(criterion.units for criterion in CRITERIA),
+                *("" if one is None else one.unit or "1" for one in units),
+            ],
             "says": [*(criterion.says for criterion in CRITERIA), *["as declared"] * len(others)],
         },
-        {"camera": list(cameras), "criterion": [*(criterion.name for criterion in CRITERIA), *others]},
+        {"camera": list(cameras), "criterion": names},
         attributes={
             "scene_near": relief.near,
             "scene_far": relief.far,

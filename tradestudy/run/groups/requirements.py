@@ -12,7 +12,8 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.causes import largest_cause
-from tradestudy.analysis.requirements import ALL, ANY, Held, Judge
+from tradestudy.analysis.held import Held
+from tradestudy.analysis.requirements import ALL, ANY, Judge
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.derived_error import at_bound
@@ -34,8 +35,8 @@ def requirements_group(
     requirements, axes = definition.file.requirements, sweep_axes(definition)
     judge = Judge({one: table.intervals for one, table in tables.items()})
     found = {name: judge.answer(one, definition.case) for name, one in requirements.items()}
-    cameras = list(definition.case.cameras)
-    tolerance = 100.0 * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
+    only_depth = all(one.asks_for_depth for one in requirements.values())
+    cameras = list(definition.case.cameras if only_depth else definition.case.all_cameras)
     deciding = [one for one, _ in found.values()]
     by_camera = [[every.get(name) for name in cameras] for _, every in found.values()]
     margins = [[math.nan if one is None else 100.0 * one.margin for one in row] for row in by_camera]
@@ -53,7 +54,10 @@ def requirements_group(
         "margin_percent": [100.0 * one.margin for one in deciding],
         "margin_sigma": [one.margin_in_errors for one in deciding],
         "conformity": [one.conformity for one in deciding],
-        "within_tolerance": [float(abs(100.0 * one.margin) <= tolerance) for one in deciding],
+        "within_tolerance": [
+            float(abs(one.margin) <= _tolerance(definition, required))
+            for one, required in zip(deciding, requirements.values(), strict=True)
+        ],
         "reason": [one.reason for one in deciding],
         **_rests_on(definition, deciding),
         **_with_matching_at_its_bound(definition, judge),
@@ -133,6 +137,14 @@ def _concerns_a_matcher(requirement: RequirementPart, case: Case, best: Case) ->
         requirement.camera in (ANY, ALL, name) and camera is not best.cameras[name]
         for name, camera in case.cameras.items()
     )
+
+
+def _tolerance(definition: StudyDefinition, requirement: RequirementPart) -> float:
+    """By how much what was left out may move what a requirement asks for; what is declared does not move."""
+    if requirement.quantity == "criterion":
+        return -math.inf
+    is_sharpness = requirement.quantity == "depth_of_field"
+    return definition.file.accuracy.asked().tolerances["depth_of_field" if is_sharpness else "depth_uncertainty"]
 
 
 def _verdict(held: Held) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -13,6 +13,8 @@ from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import NonNegativeAngle, PositiveLength, PositivePixels
 
 CriterionName = Annotated[str, Field(pattern=r"^[\w][\w.+-]*$", max_length=60)]
+PIECE: Final = "depth-of-field"
+"""Under which name models are chosen for it."""
 Diffraction = Literal["none", "airy-diameter", "fwhm"]
 
 

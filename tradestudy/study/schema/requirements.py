@@ -1,4 +1,4 @@
-"""What a study requires of its cameras: a quantity, its bound, and the distances over which it has to hold."""
+"""What a study requires of its cameras: a quantity, its bound, and where there are any, the distances that count."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
-from tradestudy.declarations.quantities import PositiveFraction, PositiveLength, PositiveNumber, Share
+from tradestudy.declarations.quantities import PositiveFraction, PositiveLength, PositiveNumber, QuantityText, Share
 from tradestudy.declarations.words import CameraName, Span, Text
 
 Risk = Annotated[PositiveFraction, Field(lt=0.5)]
@@ -65,6 +65,46 @@ class LengthBelowPart(Part):
     over: Span
 
 
+class SharpPart(Part):
+    """What the depth of field has to hold, or how deep it has to be, all that is sharp together."""
+
+    over: Span | None = Field(default=None, description="All of it must be sharp.")
+    above: PositiveLength | None = Field(default=None, description="Instead: the least depth of field.")
+    criterion: Text | None = Field(
+        default=None, description="What counts as sharp: one of depth_of_field.criteria; default: the first."
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.over is None) == (self.above is None):
+            raise MistakeAt((), "give exactly one of over (a range that must be sharp) and above (a least depth)")
+        return self
+
+
+class CriterionPart(Part):
+    """A criterion of a camera, declared under its attributes or derived for the relief, and its bound."""
+
+    name: Text
+    below: QuantityText | None = Field(default=None, description="It must be less, such as 500 g.")
+    above: QuantityText | None = Field(default=None, description="It must be at least this.")
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.below is None) == (self.above is None):
+            raise MistakeAt((), "give exactly one of below and above")
+        return self
+
+    @property
+    def side(self) -> str:
+        """On which side of the bound it has to lie: the key of the bound."""
+        return "below" if self.below is not None else "above"
+
+    @property
+    def bound(self) -> str:
+        """With its unit."""
+        return self.below if self.below is not None else self.above or ""
+
+
 class GuardBandPart(Part):
     """How far a value has to stay inside its bound: so many of its standard errors, or by the risk that it leaves."""
 
@@ -88,8 +128,12 @@ class GuardBandPart(Part):
         return -NormalDist().inv_cdf(self.risk)
 
 
-_QUANTITIES = ("depth_uncertainty", "usable", "overlap", "lateral_resolution", "failed_fraction")
-Required = BoundOverPart | UsablePart | ShareAbovePart | ShareBelowPart | LengthBelowPart
+_OF_ANY_CAMERA = ("depth_of_field", "criterion")
+_QUANTITIES = (
+    "depth_uncertainty", "usable", "overlap", "lateral_resolution", "failed_fraction", *_OF_ANY_CAMERA,
+)  # fmt: skip
+MeasuredPart = BoundOverPart | ShareAbovePart | ShareBelowPart | LengthBelowPart
+Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 
 
 class RequirementPart(Part):
@@ -109,13 +153,33 @@ class RequirementPart(Part):
     failed_fraction: ShareBelowPart | None = Field(
         default=None, description="Share of measurements that end beyond infinity or are false matches."
     )
+    depth_of_field: SharpPart | None = Field(
+        default=None, description="Of any camera, whether it measures depth or not: what it keeps sharp."
+    )
+    criterion: CriterionPart | None = Field(
+        default=None, description="Of any camera, whether it measures depth or not: mass, power, moving parts, …"
+    )
     guard_band: GuardBandPart | None = None
 
     @model_validator(mode="after")
     def _one_quantity(self) -> Self:
         if sum(getattr(self, name) is not None for name in _QUANTITIES) != 1:
             raise MistakeAt((), f"give exactly one of {', '.join(_QUANTITIES[:-1])} and {_QUANTITIES[-1]}")
+        if self.guard_band is not None and not self.asks_for_depth:
+            raise MistakeAt(
+                ("guard_band",), f"{self.quantity} has no standard error to keep off its bound; leave this out"
+            )
         return self
+
+    @property
+    def asks_for_depth(self) -> bool:
+        """Whether only cameras that measure depth can be asked."""
+        return self.quantity not in _OF_ANY_CAMERA
+
+    @property
+    def over(self) -> tuple[float, ...]:
+        """Nearest and farthest distance that it speaks of [m]; none where it speaks of none."""
+        return getattr(self.required, "over", None) or ()
 
     @property
     def quantity(self) -> str:

@@ -26,6 +26,7 @@ from tradestudy.study.schema.questions import (
     SweepValues,
     UsableRangePart,
 )
+from tradestudy.study.schema.requirement_mistakes import requirement_mistakes
 from tradestudy.study.schema.requirements import RequirementPart
 from tradestudy.study.schema.scene import ScenePart
 from tradestudy.study.schema.value_of_information import ValueOfInformationPart
@@ -115,16 +116,22 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
         if self.relief is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose scene it is worked out for"))
+        measures_depth = any(isinstance(p, DepthCameraDeclaration) for p in self.cameras.values())
         if self.value_of_information is not None:
-            if not any(isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()):
+            if not measures_depth:
                 mistakes.append(MistakeAt(("value_of_information",), "needs cameras that measure depth"))
             mistakes += self.value_of_information.mistakes_of_owners(
                 {name: tuple(one.set) for name, one in self.readings.items()}
             )
-        if self.sensitivity is not None and not any(
-            isinstance(p, DepthCameraDeclaration) for p in self.cameras.values()
-        ):
+        if self.sensitivity is not None and not measures_depth:
             mistakes.append(MistakeAt(("sensitivity",), "needs a camera that measures depth"))
+        mistakes += requirement_mistakes(
+            self.requirements,
+            {name: part.attributes for name, part in self.cameras.items()},
+            focus=self.depth_of_field,
+            relief=self.relief is not None,
+            measures_depth=measures_depth,
+        )
         return mistakes
 
     def with_parts(self, parts: Mapping[str, Any]) -> Self:
@@ -144,8 +151,11 @@ class StudyFile(Part):
         asked: list[tuple[Location, str]] = []
         for path, name in _named_cameras(dict(self)):
             claim = self.claims.get(str(path[1])) if path[0] == "claims" else None
-            if claim is None or claim.quantity not in ("depth_of_field", "depth_of_field_ratio"):
-                asked.append((path, name))
+            if claim is not None and claim.quantity in ("depth_of_field", "depth_of_field_ratio"):
+                continue
+            if path[0] == "requirements" and not self.requirements[str(path[1])].asks_for_depth:
+                continue
+            asked.append((path, name))
         return asked
 
 

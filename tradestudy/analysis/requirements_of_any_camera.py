@@ -1,0 +1,98 @@
+"""Requirements on criteria and on depth of field, held against any camera, whether it measures depth or not."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from tradestudy.analysis.held import Held
+from tradestudy.analysis.trade_criteria import criterion_of
+from tradestudy.cameras.focus import SharpRange
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.definition import Case
+from tradestudy.study.schema.criteria import criterion_dimension
+from tradestudy.study.schema.requirements import CriterionPart, SharpPart
+from tradestudy.units import LENGTH, parse, pretty
+
+_LESS, _MORE = 1.0 - 1e-9, 1.0 + 1e-9  # of a distance, for rounding
+_LEAST_MISS: Final = 1e-9  # share of a range: what is missed by less than rounding is still missed
+
+
+def hold_criterion(required: CriterionPart, case: Case, name: str) -> Held:
+    """Hold a bound against a criterion of one camera; undecided where the camera has no number."""
+    dimension = criterion_dimension(required.name, case.attributes.values())
+    assert dimension is not None  # of a study without mistakes
+    bound, found = parse(required.bound, dimension), criterion_of(case, name, required.name)
+    if math.isnan(found.number):
+        return Held.unknown(name, bound, f"{required.name}: {found.text}")
+    value = found.number
+    is_above = required.side == "above"
+    kept = value >= bound if is_above else value < bound
+    small, large = (bound, value) if is_above else (value, bound)
+    ratio = large / small if small > 0.0 else math.copysign(math.inf, 1.0 if kept else -1.0)
+    return _exact(
+        name,
+        kept=kept,
+        value=value,
+        bound=bound,
+        margin=ratio - 1.0,
+        reason=f"{required.name} {pretty(value, dimension)}",
+    )
+
+
+def hold_sharp(required: SharpPart, case: Case, name: str) -> Held:
+    """Hold a requirement against what one camera keeps sharp, all its slices together, by a blur criterion."""
+    criterion = required.criterion or next(iter(case.sharp))
+    found = case.all_cameras[name].focus.sharp_range(case.sharp[criterion])
+    if required.above is not None:
+        depth = found.extent
+        reason = f"depth of field {pretty(depth, LENGTH)}" if depth > 0.0 else f"nothing is sharp: {found.reason}"
+        kept, margin = depth >= required.above, depth / required.above - 1.0
+        return _exact(name, kept=kept, value=depth, bound=required.above, margin=margin, reason=reason)
+    assert required.over is not None  # one of the two is given
+    return _hold_range(found, (required.over[0], required.over[1]), name)
+
+
+def _hold_range(found: SharpRange, over: tuple[float, float], name: str) -> Held:
+    """How far what is sharp reaches beyond a range, at the end where it does so least; or how much it leaves out."""
+    near, far = over
+    around = [row for row in found.union.covered if row[0] <= near * _MORE and row[1] >= far * _LESS]
+    if around:
+        first, last = (float(end) for end in around[0])
+        beyond = {near: near / first - 1.0 if first > 0.0 else math.inf, far: last / far - 1.0}
+        place = min(beyond, key=lambda end: beyond[end])
+        reason = f"sharp from {pretty(first, LENGTH)} to {pretty(last, LENGTH)}"
+        # An end that touches but for rounding holds.
+        margin = max(beyond[place], 0.0)
+        return _exact(name, kept=True, value=1.0, bound=1.0, margin=margin, reason=reason, place=place)
+    clipped = np.clip(found.union.covered, near, far)
+    unsharp = 1.0 - float(np.sum(np.log(clipped[:, 1] / clipped[:, 0]))) / math.log(far / near)
+    place = _nearest_unsharp(found.union.covered, near)
+    why = f": {found.reason}" if found.extent == 0.0 and found.reason else ""
+    reason = f"not sharp {'at' if place == near else 'just beyond'} {pretty(place, LENGTH)}{why}"
+    margin = -max(unsharp, _LEAST_MISS)
+    return _exact(name, kept=False, value=1.0 - unsharp, bound=1.0, margin=margin, reason=reason, place=place)
+
+
+def _nearest_unsharp(covered: FloatArray, near: float) -> float:
+    """The nearest distance [m] from which on something is not sharp."""
+    return next((float(last) for first, last in covered if first <= near * _MORE and last > near), near)
+
+
+def _exact(
+    name: str, *, kept: bool, value: float, bound: float, margin: float, reason: str, place: float = math.nan
+) -> Held:
+    """An answer from closed forms and declared values, exact but for rounding."""
+    return Held(
+        camera=name,
+        met=kept,
+        value=value,
+        bound=bound,
+        place=place,
+        error=0.0,
+        margin=margin,
+        unusable=0.0,
+        reason=reason,
+    )

@@ -1,0 +1,41 @@
+"""In which dimension a text can be read where its key does not say: swept values, ends of questions, criteria."""
+
+from __future__ import annotations
+
+from tradestudy.units import (
+    ANGLE,
+    DATA,
+    DURATION,
+    ELECTRONS,
+    EXPANSION,
+    FRACTION,
+    LENGTH,
+    MASS,
+    NUMBER,
+    PIXELS,
+    POWER,
+    PRESSURE,
+    SOLID_ANGLE,
+    TEMPERATURE_DIFFERENCE,
+    Dimension,
+    UnitError,
+    parse,
+)
+
+# A number without a unit is a plain number before it is anything else.
+_DIMENSIONS: tuple[Dimension, ...] = (
+    LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
+    MASS, POWER, DATA, SOLID_ANGLE,
+)  # fmt: skip
+
+
+def common_dimension(*texts: str) -> Dimension | None:
+    """The dimension in which all texts can be read, or None."""
+    for dimension in _DIMENSIONS:
+        try:
+            for text in texts:
+                parse(text, dimension)
+        except UnitError:
+            continue
+        return dimension
+    return None
