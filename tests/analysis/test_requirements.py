@@ -186,7 +186,7 @@ def test_the_end_of_a_stretch_is_a_root_and_not_a_design() -> None:
         {"sweep": {"stereo-75mm.baseline": ["30 mm", "60 mm", "90 mm"]}}
     )
     definition = study.plan().definition
-    found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), {}, _Quiet())
+    found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), _Quiet())
     low, high = 0.03, 0.09
     while high - low > 1e-6:
         middle = (low + high) / 2.0

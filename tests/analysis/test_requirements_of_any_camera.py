@@ -12,6 +12,7 @@ import pytest
 import tradestudy
 from tradestudy.analysis.requirements import Judge, is_kept
 from tradestudy.errors import StudyError
+from tradestudy.execution import Steps
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.plausibility import implausible
 from tradestudy.study.sweep import sweep_axes, sweep_points
@@ -150,9 +151,7 @@ def test_a_sweep_finds_the_f_number_from_which_a_range_is_sharp() -> None:
     f, a, c = 12.5e-3, 0.15, 5.5e-6
     expected = f**2 * (1 - a / 0.152) / (c * (a - f))
     definition = study.definition
-    found = requirements_group(
-        definition, sweep_points(definition, sweep_axes(definition)), tradestudy.execution.Steps()
-    )
+    found = requirements_group(definition, sweep_points(definition, sweep_axes(definition)), Judge(), Steps())
     own = found.sel(requirement="own")
     assert own["met_from"].values[0] == pytest.approx(expected, rel=2e-3)
     assert list(own["camera"].values) == list(definition.case.all_cameras)

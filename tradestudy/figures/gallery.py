@@ -23,6 +23,7 @@ from tradestudy.figures.calibration_gallery import calibration_drawings
 from tradestudy.figures.cost import cost_drawing
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
+from tradestudy.figures.rank_acceptability import rank_drawing
 from tradestudy.figures.requirement_margins import margins_drawing
 from tradestudy.figures.style import CameraTrace, traces
 from tradestudy.figures.worths import worths_drawing
@@ -56,6 +57,8 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
             yield from _sweeps(tree)
     if (worth := worths_drawing(tree)) is not None:
         yield worth
+    if (ranks := rank_drawing(tree)) is not None:
+        yield ranks
     if "decision" in tree.children and "uncertainty_ratio" in tree["decision"]:
         yield _readings(tree)
     yield from calibration_drawings(tree)

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tradestudy.accuracy import Accuracy
+from tradestudy.analysis.trade_off import refuse_words
 from tradestudy.effects.models import Models
 from tradestudy.errors import UnaffordableError
 from tradestudy.plan.choice import Chosen, choose_models
@@ -61,8 +62,9 @@ def plan_of(definition: StudyDefinition) -> Plan:
     UnaffordableError
         Where not even the most complete models keep the tolerance, or the run would exceed the study's time limit.
     StudyError
-        Where the study names a model that no piece of it has.
+        Where the study names a model that no piece of it has, or weighs a criterion that is no number.
     """
+    refuse_words(definition)
     watch = Stopwatch()
     accuracy = definition.file.accuracy.asked()
     pieces = choose_models(definition)

@@ -26,6 +26,7 @@ from tradestudy.study.schema.questions import (
     LitPixelsClaim,
     PsfErrorClaim,
 )
+from tradestudy.study.schema.trade_off import TradeOffPart
 from tradestudy.study.sweep import sweep_axes
 from tradestudy.wording import counted
 
@@ -47,6 +48,7 @@ _PAIRS_OF_A_ROOT: Final = 1.5  # on average: a limit is often below or beyond al
 # interpreter, as reading a study is: these are how many small studies are read in the time of each.
 _READINGS_OF_A_REPORT: Final = 80
 _READINGS_OF_A_FIGURE: Final = 25
+_READINGS_OF_A_RANKED_VALUE: Final = 0.2  # over all weights
 _READINGS_OF_A_HARD_CASE: Final = 1.5  # most are quick; some read a study, a few integrate
 
 
@@ -140,6 +142,8 @@ class _Prediction:
             yield self._hard_cases(file.hard_cases.families)
         if file.claims or file.requirements:
             yield self._claims()
+        if file.trade_off is not None:
+            yield self._trade_off(file.trade_off)
         yield self._report()
 
     @cached_property
@@ -365,6 +369,18 @@ class _Prediction:
             work=f"{counted(answers, 'claim')} under readings, {counted(len(file.requirements), 'requirement')}",
         )
 
+    def _trade_off(self, part: TradeOffPart) -> PredictedStep:
+        """Computed criteria in every design, and ranks over the weights."""
+        computed = sum(one.quantity is not None for one in part.criteria.values())
+        ranked = self.definition.file.ranked
+        tables = math.fsum(self.designs[name] * self.cameras[name][0] for name in ranked) if computed else 0.0
+        cells = len(ranked) * len(part.criteria)
+        return PredictedStep(
+            name="trade-off",
+            seconds=computed * tables + _READINGS_OF_A_RANKED_VALUE * cells * self.reading,
+            work=f"{counted(len(ranked), 'camera')} by {counted(len(part.criteria), 'criterion', 'criteria')}",
+        )
+
     def _seconds_of_claim(self, claim: ClaimPart) -> float:
         match claim:
             case PsfErrorClaim() | FresnelFNumberClaim():
@@ -388,6 +404,7 @@ class _Prediction:
             + 2 * (file.light_spot is not None)
             + (file.point_spread is not None)
             + (file.hard_cases is not None)
+            + (file.trade_off is not None)
         )
         readings = _READINGS_OF_A_REPORT + figures * _READINGS_OF_A_FIGURE
         return PredictedStep(name="report", seconds=readings * self.reading, work=f"about {figures} figures, HTML, PDF")

@@ -29,6 +29,7 @@ from tradestudy.report.sections.registers import (
     describe_requirements,
 )
 from tradestudy.report.sections.results import describe_results
+from tradestudy.report.sections.trade_off import describe_trade_off
 from tradestudy.report.sections.value_of_information import describe_value_of_information
 
 
@@ -58,6 +59,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_effects(tree),
         *describe_verdicts(tree),
         *describe_value_of_information(tree, drawings),
+        *describe_trade_off(tree, drawings),
         *describe_results(tree, drawings),
         *describe_calibration(tree, run, drawings),
         *describe_depth_of_field(tree, drawings),

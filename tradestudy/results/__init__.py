@@ -19,6 +19,7 @@ from tradestudy.results.effects import EFFECTS
 from tradestudy.results.hard_cases import HARD_CASES
 from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
 from tradestudy.results.registers import ASSUMPTIONS, CAMERAS, CONTRADICTIONS, CRITERIA
+from tradestudy.results.trade_off import TRADE_OFF
 from tradestudy.results.value_of_information import VALUE_OF_INFORMATION
 from tradestudy.results.variable import PAPER, Variable
 from tradestudy.results.wave_optics import FRESNEL_VALIDITY, IMAGES, POINT_SPREAD
@@ -37,7 +38,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "depth_field": DEPTH_FIELD,
     "disparity_causes": DISPARITY_CAUSES,
     "depth_of_field": DEPTH_OF_FIELD,
-    "criteria": CRITERIA,
+    "criteria": {**CRITERIA, **TRADE_OFF},
     "decision": {**DECISION, **RANKS},
     "calibration": CALIBRATION,
     "sensitivity": SENSITIVITY,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from tradestudy.analysis.requirements import Judge
 from tradestudy.execution import Steps
 from tradestudy.execution.steps import Seconds
 from tradestudy.plan.plan import Plan
@@ -129,7 +130,14 @@ def compute(
     progress("claims", 0.0)
     if file.claims:
         groups["/claims"] = claims_group(definition, readings, progress)
+    judge = Judge({one: table.intervals for one, table in tables.items()})
     if file.requirements:
-        groups["/requirements"] = requirements_group(definition, designs, tables, steps)
+        groups["/requirements"] = requirements_group(definition, designs, judge, steps)
     progress("claims", 1.0)
+    if file.trade_off is not None:
+        from tradestudy.run.groups.trade_off import trade_off_group
+
+        weighed = trade_off_group(definition, designs, judge, progress)
+        others = groups.get("/criteria", weighed)
+        groups["/criteria"] = others.merge(weighed).assign_attrs({**others.attrs, **weighed.attrs})
     return xr.DataTree.from_dict(groups)

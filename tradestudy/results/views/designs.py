@@ -13,10 +13,23 @@ import xarray as xr
 from tradestudy.results.views.decision import answer_title
 from tradestudy.results.views.depth import swept
 from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
-from tradestudy.units import ANGLE, FRACTION, LENGTH, NUMBER, PIXELS, Dimension, pretty
+from tradestudy.units import (
+    ANGLE,
+    DATA,
+    DURATION,
+    FRACTION,
+    LENGTH,
+    MASS,
+    NUMBER,
+    PIXELS,
+    POWER,
+    SOLID_ANGLE,
+    Dimension,
+    pretty,
+)
 from tradestudy.wording import counted, distance, listed
 
-_BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS)}
+BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
 _STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that a person leaves out
 _SAME: Final = 1e-3  # of a distance
 _SHORTEST_SPREAD: Final = 3  # parts of a path such as calibration.errors.yaw.standard_deviation
@@ -94,7 +107,7 @@ def _design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:
 
 def dimension_of(axis: xr.DataArray) -> Dimension:
     """What a swept coordinate measures."""
-    return _BY_UNIT.get(str(axis.attrs.get("units", "")), NUMBER)
+    return BY_UNIT.get(str(axis.attrs.get("units", "")), NUMBER)
 
 
 def value_words(axis: xr.DataArray, value: Any) -> str:

@@ -18,7 +18,6 @@ from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.derived_error import at_bound
 from tradestudy.results import dataset
-from tradestudy.run.groups.depth import DepthTables
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.schema.requirements import RequirementPart
@@ -29,11 +28,10 @@ _ROOT_TO: Final = 0.1  # of the tolerance: how well an end is known, relative to
 
 
 def requirements_group(
-    definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables, steps: Steps
+    definition: StudyDefinition, designs: Sequence[StudyDefinition], judge: Judge, steps: Steps
 ) -> xr.Dataset:
     """/requirements over requirements, and over (swept parameters, requirement)."""
     requirements, axes = definition.file.requirements, sweep_axes(definition)
-    judge = Judge({one: table.intervals for one, table in tables.items()})
     found = {name: judge.answer(one, definition.case) for name, one in requirements.items()}
     only_depth = all(one.asks_for_depth for one in requirements.values())
     cameras = list(definition.case.cameras if only_depth else definition.case.all_cameras)

@@ -40,6 +40,13 @@ def criterion_dimension(name: str, attributes: Iterable[AttributesPart]) -> Dime
     return NUMBER if found is FRACTION and all(text.strip()[-1] in "0123456789." for text in numbers) else found
 
 
+def weighed_dimension(name: str, quantity: str | None, attributes: Iterable[AttributesPart]) -> Dimension:
+    """What a criterion of a trade-off without mistakes measures: a length where it is computed."""
+    found = LENGTH if quantity is not None else criterion_dimension(name, attributes)
+    assert found is not None
+    return found
+
+
 def is_number(text: str) -> bool:
     """Whether a declared attribute is a finite number, with a unit or without; else it is in words."""
     return text[:1] in "+-.0123456789" and text != "" and common_dimension(text) is not None

@@ -29,6 +29,8 @@ from tradestudy.study.schema.questions import (
 from tradestudy.study.schema.requirement_mistakes import requirement_mistakes
 from tradestudy.study.schema.requirements import RequirementPart
 from tradestudy.study.schema.scene import ScenePart
+from tradestudy.study.schema.trade_off import TradeOffPart
+from tradestudy.study.schema.trade_off_mistakes import trade_off_mistakes
 from tradestudy.study.schema.value_of_information import ValueOfInformationPart
 from tradestudy.study.schema.wave_claims import wave_claim_mistakes
 from tradestudy.study.schema.wave_optics import FresnelValidityPart, PointSpreadPart
@@ -66,6 +68,7 @@ class StudyFile(Part):
     claims: dict[Name, ClaimPart] = {}
     requirements: dict[Name, RequirementPart] = {}
     value_of_information: ValueOfInformationPart | None = None
+    trade_off: TradeOffPart | None = None
     sweep: dict[str, SweepValues | SweepRangePart] = {}
 
     @field_validator("format", mode="before")
@@ -116,23 +119,36 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("depth_of_field",), "needs cameras"))
         if self.relief is not None and self.depth_of_field is None:
             mistakes.append(MistakeAt(("relief",), "needs depth_of_field, whose scene it is worked out for"))
-        measures_depth = any(isinstance(p, DepthCameraDeclaration) for p in self.cameras.values())
+        attributes = {name: part.attributes for name, part in self.cameras.items()}
+        measuring = {name for name, part in self.cameras.items() if isinstance(part, DepthCameraDeclaration)}
         if self.value_of_information is not None:
-            if not measures_depth:
+            if not measuring:
                 mistakes.append(MistakeAt(("value_of_information",), "needs cameras that measure depth"))
             mistakes += self.value_of_information.mistakes_of_owners(
                 {name: tuple(one.set) for name, one in self.readings.items()}
             )
-        if self.sensitivity is not None and not measures_depth:
+        if self.sensitivity is not None and not measuring:
             mistakes.append(MistakeAt(("sensitivity",), "needs a camera that measures depth"))
         mistakes += requirement_mistakes(
             self.requirements,
-            {name: part.attributes for name, part in self.cameras.items()},
+            attributes,
             focus=self.depth_of_field,
             relief=self.relief is not None,
-            measures_depth=measures_depth,
+            measures_depth=bool(measuring),
         )
+        if self.trade_off is not None and set(self.ranked) <= set(attributes):
+            mistakes += trade_off_mistakes(
+                self.trade_off, self.ranked, attributes, measuring, relief=self.relief is not None
+            )
         return mistakes
+
+    @property
+    def ranked(self) -> tuple[str, ...]:
+        """Cameras that the trade-off ranks; none without one."""
+        if self.trade_off is None:
+            return ()
+        among = None if self.decision is None else self.decision.candidates
+        return self.trade_off.candidates or among or tuple(self.cameras)
 
     def with_parts(self, parts: Mapping[str, Any]) -> Self:
         """The same study with other parts, each valid by itself.
@@ -153,6 +169,8 @@ class StudyFile(Part):
             claim = self.claims.get(str(path[1])) if path[0] == "claims" else None
             if claim is not None and claim.quantity in ("depth_of_field", "depth_of_field_ratio"):
                 continue
+            if path[0] == "trade_off":  # which says so of the criteria that ask for depth
+                continue
             if path[0] == "requirements" and not self.requirements[str(path[1])].asks_for_depth:
                 continue
             asked.append((path, name))
@@ -167,6 +185,8 @@ def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
         named += [(("decision", word, i), name) for i, name in enumerate(_list(decision.get(word)))]
     for i, pair in enumerate(_list(decision.get("compare"))):
         named += [(("decision", "compare", i, side), name) for side, name in enumerate(_list(pair))]
+    ranked = _list(_mapping(tree.get("trade_off")).get("candidates"))
+    named += [(("trade_off", "candidates", i), name) for i, name in enumerate(ranked)]
     for key, question in _mapping(tree.get("solve")).items():
         named += [(("solve", key, "equal", i), name) for i, name in enumerate(_list(_mapping(question).get("equal")))]
         named.append((("solve", key, "camera"), _mapping(question).get("camera")))

@@ -1,0 +1,54 @@
+"""Under which share of the possible weights each candidate takes each rank."""
+
+from __future__ import annotations
+
+import matplotlib
+import numpy as np
+import xarray as xr
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.style import StudyFigure, legend, new_figure, shortened, styled
+from tradestudy.results.views.trade_off import candidates_by_rank
+from tradestudy.units import FRACTION, pretty
+
+_MOST = 10
+_LONGEST = 40
+
+
+def rank_drawing(tree: xr.DataTree) -> Drawing | None:
+    """The figure of a study that weighs criteria; None of any other, or of a single candidate."""
+    found = candidates_by_rank(tree)[:_MOST]
+    if len(found) <= 1:
+        return None
+    told = "; ".join(f"{one.title} {pretty(one.ranks[0], FRACTION, 2)}" for one in found)
+    return Drawing(
+        name="rank_acceptability",
+        caption="Share of the possible weights under which each candidate takes each rank, the first rank darkest.",
+        alt=f"Share of the possible weights that rank each candidate first: {told}.",
+        draw=lambda: draw_ranks(tree),
+    )
+
+
+@styled()
+def draw_ranks(tree: xr.DataTree) -> StudyFigure:
+    """One bar for each candidate, divided into its ranks, the candidate on top that is first most often."""
+    found = candidates_by_rank(tree)[:_MOST]
+    count = len(found[0].ranks)
+    figure = new_figure(0.9 + 0.26 * len(found))
+    axes = figure.subplots()
+    colors = matplotlib.colormaps["cividis"](np.linspace(0.0, 0.95, count))
+    places = np.arange(len(found))[::-1]
+    begin = np.zeros(len(found))
+    for rank in range(count):
+        widths = 100.0 * np.array([one.ranks[rank] for one in found])
+        axes.barh(places, widths, left=begin, height=0.7, color=colors[rank], edgecolor="white", linewidth=0.5)
+        begin += widths
+    axes.set_yticks(places, [shortened(one.title, _LONGEST) for one in found])
+    axes.set_xlim(0.0, 100.0)
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g} %"))
+    axes.set_xlabel("share of the possible weights")
+    shown = range(count) if count <= 6 else (0, 1, 2, count - 1)
+    legend(figure, [Patch(color=colors[k]) for k in shown], [f"rank {k + 1}" for k in shown], columns=6)
+    return figure

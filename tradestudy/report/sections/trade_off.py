@@ -1,0 +1,76 @@
+"""Criteria weighed against each other: who ranks first under which weights, and the designs that nothing beats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import xarray as xr
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, pictures_of, say
+from tradestudy.report.words import share
+from tradestudy.results.views.groups import group
+from tradestudy.results.views.trade_off import candidates_by_rank, pareto_front, trade_off_conclusion, weight_words
+
+_MOST_ROWS = 10
+
+
+def describe_trade_off(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Say who ranks first, list the candidates, and of a sweep of many numbers the designs on the Pareto front."""
+    found = candidates_by_rank(tree)
+    if not found:
+        return
+    data = group(tree, "criteria")
+    yield Heading(text="Trade-off of the criteria", anchor="trade-off")
+    yield Paragraph(say("**{conclusion}.**", conclusion=trade_off_conclusion(tree)))
+    clipped, outside = bool((data["clipped"].values > 0.0).any()), not all(one.is_feasible for one in found)
+    yield Table(
+        name="trade-off-table",
+        caption="Candidates by the share of the possible weights that rank them first, with its standard error; and "
+        f"the mean of the weights that do. Weights: {weight_words(tree)}."
+        + (f" The first {_MOST_ROWS} of {len(found)}." if len(found) > _MOST_ROWS else ""),
+        columns=(
+            Column(title="Camera", weight=3),
+            *(Column(title=str(name), align="right") for name in data["weighed"].values),
+            Column(title="Ranks first", align="right"),
+            Column(title="with these weights", weight=3),
+        ),
+        rows=tuple(
+            (
+                one.title + ("" if one.is_feasible else " †"),
+                *one.values,
+                f"{share(one.ranks[0])} ± {share(one.first_error, digits=1)}"
+                if one.first_error
+                else share(one.ranks[0]),
+                one.central,
+            )
+            for one in found[:_MOST_ROWS]
+        ),
+        notes=(
+            *(("*: beyond the declared worst or best value, and worth as much as that.",) if clipped else ()),
+            *(("†: does not meet every requirement that must hold.",) if outside else ()),
+        ),
+    )
+    yield from pictures_of(drawings, "rank_acceptability")
+    yield from _front(tree)
+
+
+def _front(tree: xr.DataTree) -> Iterator[Block]:
+    front = pareto_front(tree, _MOST_ROWS)
+    if front is None:
+        return
+    if not front.designs:
+        yield Paragraph("No design of the sweep meets every requirement that must hold.")
+        return
+    told = f" The {_MOST_ROWS} of {front.count} that are worth most at the mean of the weights."
+    yield Table(
+        name="pareto-front",
+        caption="Designs that meet every requirement that must hold, and than which no other is at least as good in "
+        "every criterion and better in one." + (told if front.count > _MOST_ROWS else ""),
+        columns=(
+            *(Column(title=name, align="right") for name in front.swept),
+            Column(title="Camera", weight=2),
+            *(Column(title=str(name), align="right") for name in group(tree, "criteria")["weighed"].values),
+        ),
+        rows=tuple((*one.swept, one.title, *one.values) for one in front.designs),
+    )

@@ -1,0 +1,98 @@
+"""/criteria: criteria weighed against each other, ranks over all possible weights, and designs that nothing beats."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import Variable
+
+_BOTH: Final = ("candidate", "weighed")
+_SMAA: Final = "Lahdelma and Salminen, Oper. Res. 49, 444 (2001)"
+
+TRADE_OFF: Final[Mapping[str, Variable]] = {
+    "weighed_value": Variable(
+        dims=_BOTH,
+        units="mixed",
+        long_name="criterion of a candidate, in weighed_units; NaN where it is not usable there",
+        error="weighed_value_error",
+    ),
+    "weighed_value_error": Variable(
+        dims=_BOTH, units="mixed", long_name="standard error of weighed_value", error="an estimate of an error"
+    ),
+    "weighed_units": Variable(dims=("weighed",), units="", long_name="SI unit of a criterion"),
+    "weighed_says": Variable(dims=("weighed",), units="", long_name="what the criterion is"),
+    "worst": Variable(dims=("weighed",), units="mixed", long_name="value that is worth 0", error="declared"),
+    "best": Variable(dims=("weighed",), units="mixed", long_name="value that is worth 1", error="declared"),
+    "worth": Variable(
+        dims=_BOTH,
+        units="1",
+        long_name="worth of weighed_value, linear from worst to best and clipped beyond; 0 where that is NaN",
+        error="that of weighed_value over best less worst",
+    ),
+    "clipped": Variable(
+        dims=_BOTH, units="1", long_name="whether weighed_value lies beyond worst or best", error="exact"
+    ),
+    "weight_low": Variable(dims=("weighed",), units="1", long_name="least weight that is possible", error="declared"),
+    "weight_high": Variable(
+        dims=("weighed",), units="1", long_name="largest weight that is possible", error="declared"
+    ),
+    "weight_order": Variable(
+        dims=("weighed",),
+        units="1",
+        long_name="place in the declared order of importance, from 1; 0 where there is none",
+        error="declared",
+    ),
+    "weight_mean": Variable(
+        dims=("weighed",), units="1", long_name="mean of all weights that are possible", error="below 1e-3"
+    ),
+    "rank_acceptability": Variable(
+        dims=("candidate", "rank"),
+        units="1",
+        symbol="b_i^r",
+        reference=_SMAA,
+        long_name="share of the possible weights, and of the errors of the values, that give a candidate a rank",
+        error="rank_acceptability_error",
+    ),
+    "rank_acceptability_error": Variable(
+        dims=("candidate", "rank"),
+        units="1",
+        long_name="standard error over independent scrambles, one draw at least where anything is drawn",
+        error="an estimate of an error",
+    ),
+    "central_weight": Variable(
+        dims=_BOTH,
+        units="1",
+        symbol="w_i^c",
+        reference=_SMAA,
+        long_name="mean of the weights that rank a candidate first; NaN where central_weight_reason says why",
+        error="central_weight_error",
+    ),
+    "central_weight_error": Variable(
+        dims=_BOTH,
+        units="1",
+        long_name="standard error over independent scrambles",
+        error="an estimate of an error",
+    ),
+    "central_weight_reason": Variable(
+        dims=("candidate",), units="", long_name="why a candidate has no central weights; empty where it has"
+    ),
+    "design_value": Variable(
+        dims=_BOTH,
+        units="mixed",
+        long_name="weighed_value in a design of the sweep",
+        error="as weighed_value_error",
+    ),
+    "feasible": Variable(
+        dims=("candidate",),
+        units="1",
+        long_name="whether a design meets every requirement that must hold, those on any camera by this candidate",
+        error="exact",
+    ),
+    "on_pareto_front": Variable(
+        dims=("candidate",),
+        units="1",
+        long_name="whether no candidate in a feasible design is at least as good in every criterion and better in one",
+        error="exact for the values as they stand",
+    ),
+}

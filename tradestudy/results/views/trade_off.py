@@ -1,0 +1,191 @@
+"""Which candidate ranks first under which weights, and the designs that nothing beats, ready to be told."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.results.views.designs import BY_UNIT, path_words, value_words
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
+from tradestudy.uncertainty.value_scale import ValueScale
+from tradestudy.units import FRACTION, NUMBER, pretty
+from tradestudy.wording import listed
+
+_ALWAYS: Final = 0.9995  # from which on a share reads 100 %
+_NUMBERS: Final = 3  # swept, from which on no picture shows the designs
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """A candidate of a trade-off.
+
+    Parameters
+    ----------
+    title
+        Of the camera.
+    values
+        Its criteria in words, an asterisk behind those that are clipped.
+    ranks
+        Share of the weights that give it each rank.
+    first_error
+        Standard error of the first of them.
+    central
+        The weights that favour it, in words, or why there are none.
+    is_feasible
+        Whether it meets all that must hold.
+    """
+
+    title: str
+    values: tuple[str, ...]
+    ranks: tuple[float, ...]
+    first_error: float
+    central: str
+    is_feasible: bool
+
+
+def candidates_by_rank(tree: xr.DataTree) -> tuple[Ranked, ...]:
+    """The candidates of a trade-off, the one first that is first under most weights; empty without a trade-off."""
+    if not has(tree, "criteria", "rank_acceptability"):
+        return ()
+    data, titles = group(tree, "criteria"), camera_titles(tree)
+    names = [str(name) for name in data["weighed"].values]
+    found = []
+    for name in data["candidate"].values:
+        one = data.sel(candidate=name)
+        central = [
+            f"{key} {pretty(float(w), FRACTION, 2)}" for key, w in zip(names, one["central_weight"].values, strict=True)
+        ]
+        found.append(
+            Ranked(
+                title=titles[str(name)],
+                values=tuple(
+                    value + "*" * bool(clipped)
+                    for value, clipped in zip(
+                        _in_words(data, one["weighed_value"].values), one["clipped"].values, strict=True
+                    )
+                ),
+                ranks=tuple(one["rank_acceptability"].values.tolist()),
+                first_error=float(one["rank_acceptability_error"].values[0]),
+                central=str(one["central_weight_reason"].item()) or ", ".join(central),
+                is_feasible=bool(_as_declared(one["feasible"])),
+            )
+        )
+    return tuple(sorted(found, key=lambda one: tuple(-share for share in one.ranks)))
+
+
+def trade_off_conclusion(tree: xr.DataTree) -> str:
+    """One sentence: who ranks first, under how many of the possible weights."""
+    found, data = candidates_by_rank(tree), group(tree, "criteria")
+    best, share = found[0], found[0].ranks[0]
+    is_fixed = bool((data["weight_low"].values == data["weight_high"].values).all())
+    outside = "" if best.is_feasible else ", though it does not meet every requirement that must hold"
+    if share >= _ALWAYS:
+        return f"{best.title} ranks first {'with these weights' if is_fixed else 'whatever the weights'}{outside}"
+    of = "of the draws of what is uncertain" if is_fixed else "of the possible weights"
+    others = [
+        f"{one.title} for {pretty(one.ranks[0], FRACTION, 2)}" for one in found[1:4] if one.ranks[0] > 1.0 - _ALWAYS
+    ]
+    beside = f"; {listed(others)}" if others else ""
+    return f"{best.title} ranks first for {pretty(share, FRACTION, 2)} {of}{beside}{outside}"
+
+
+def weight_words(tree: xr.DataTree) -> str:
+    """What is known of the weights."""
+    data = group(tree, "criteria")
+    places = sorted(
+        (int(place), str(name)) for name, place in zip(data["weighed"].values, data["weight_order"].values, strict=True)
+    )
+    if ordered := [name for place, name in places if place > 0]:
+        return f"in this order of importance: {', '.join(ordered)}"
+    told = []
+    for name, low, high in zip(*(data[key].values for key in ("weighed", "weight_low", "weight_high")), strict=True):
+        ends = [pretty(float(end), FRACTION, 2) for end in (low, high)]
+        if (low, high) != (0.0, 1.0):
+            told.append(f"{name} {ends[0]}" if low == high else f"{name} {ends[0]} to {ends[1]}")
+    return ", ".join(told) if told else "of which nothing is known"
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrontDesign:
+    """A design of a sweep on the Pareto front, in words."""
+
+    swept: tuple[str, ...]
+    title: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Front:
+    """The Pareto front of a sweep of three numbers or more.
+
+    Parameters
+    ----------
+    swept
+        The parameters in words.
+    designs
+        The most valuable of the front at the mean of the possible weights.
+    count
+        How many the front has; candidates that a sweep does not move count once.
+    """
+
+    swept: tuple[str, ...]
+    designs: tuple[FrontDesign, ...]
+    count: int
+
+
+def pareto_front(tree: xr.DataTree, most: int) -> Front | None:
+    """The front of a sweep of three numbers or more; None of any other study.
+
+    What is swept is not said of a candidate that the sweep does not move.
+    """
+    if not has(tree, "criteria", "design_value"):
+        return None
+    data, titles = group(tree, "criteria"), camera_titles(tree)
+    dims = [str(name) for name in data["on_pareto_front"].dims if name != "candidate"]
+    if sum(data[dim].dtype.kind in "fiu" for dim in dims) < _NUMBERS:
+        return None
+    table = data["design_value"].transpose(*dims, "candidate", "weighed").values
+    places = np.argwhere(data["on_pareto_front"].transpose(*dims, "candidate").values > 0.0)
+    rows = np.array([table[tuple(place)] for place in places]).reshape(len(places), -1)
+    flat = table.reshape(-1, *table.shape[-2:])
+    moved = [
+        not np.array_equal(one, np.broadcast_to(one[:1], one.shape), equal_nan=True) for one in flat.swapaxes(0, 1)
+    ]
+    _, once = np.unique(np.column_stack([places[:, -1], rows]), axis=0, return_index=True)
+    best = sorted(once.tolist(), key=lambda k: (-_worth(data, rows[k]), k))
+    designs = [
+        FrontDesign(
+            swept=tuple(
+                value_words(data[dim], data[dim].values[place]) if moved[places[k][-1]] else "—"
+                for dim, place in zip(dims, places[k][:-1], strict=True)
+            ),
+            title=titles[str(data["candidate"].values[places[k][-1]])],
+            values=_in_words(data, rows[k]),
+        )
+        for k in best[:most]
+    ]
+    return Front(swept=tuple(path_words(tree, dim) for dim in dims), designs=tuple(designs), count=len(best))
+
+
+def _worth(data: xr.Dataset, values: FloatArray) -> float:
+    scales = [ValueScale(worst=a, best=b) for a, b in zip(data["worst"].values, data["best"].values, strict=True)]
+    worth = [scale.value(np.asarray(value)) for scale, value in zip(scales, values, strict=True)]
+    return float(np.dot(worth, data["weight_mean"].values))
+
+
+def _as_declared(feasible: xr.DataArray) -> float:
+    """Of the study as declared; of the first design where none is."""
+    for dim in feasible.dims:
+        coordinate = feasible[dim]
+        declared = coordinate.attrs.get("declared", "")
+        labels = coordinate.values.tolist()
+        feasible = feasible.isel({dim: labels.index(declared) if declared in labels else 0})
+    return float(feasible)
+
+
+def _in_words(data: xr.Dataset, values: FloatArray) -> tuple[str, ...]:
+    units = [str(unit) for unit in data["weighed_units"].values]
+    return tuple(pretty(float(v), BY_UNIT.get(unit, NUMBER)) for v, unit in zip(values, units, strict=True))

@@ -1,0 +1,133 @@
+"""/criteria of a trade-off: criteria as numbers, ranks over the possible weights, and designs that nothing beats."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import xarray as xr
+
+from tradestudy.analysis.pareto import non_dominated
+from tradestudy.analysis.requirements import ANY, Judge
+from tradestudy.analysis.trade_off import Measured, Measurer, value_scales
+from tradestudy.execution.steps import Progress
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.criteria import weighed_dimension
+from tradestudy.study.schema.trade_off import TradeOffPart, WeighedPart
+from tradestudy.study.sweep import sweep_axes
+from tradestudy.uncertainty.acceptability import Acceptability, acceptability
+from tradestudy.uncertainty.value_scale import ValueScale
+from tradestudy.units import LENGTH, pretty
+
+STEP = "trade-off"
+
+
+def trade_off_group(
+    definition: StudyDefinition, designs: Sequence[StudyDefinition], judge: Judge, progress: Progress
+) -> xr.Dataset:
+    """/criteria over (candidate, criterion), candidates and ranks, and over (swept parameters, candidate)."""
+    file, axes = definition.file, sweep_axes(definition)
+    part, names = file.trade_off, file.ranked
+    assert part is not None  # whoever asks has seen to that
+    measurer, scales, weights = Measurer(), value_scales(definition), part.weights
+    own = measurer.measure(definition)
+    found = acceptability(own.values, own.errors, scales, weights, seed=file.propagation.seed)
+    table, feasible = [], []
+    for number, design in enumerate(designs):
+        progress(STEP, number / len(designs))
+        table.append(own.values if design is definition else measurer.measure(design).values)
+        feasible.append(_feasible(design, names, judge))
+    front = _front(np.array(table), np.array(feasible), scales)
+    progress(STEP, 1.0)
+    shape = tuple(len(axis.labels) for axis in axes)
+    values: dict[str, Any] = {
+        **_weighed(definition, part, own, scales),
+        **_ranks(found),
+        "feasible": np.array(feasible, dtype=np.float64).reshape(*shape, len(names)),
+        "on_pareto_front": front.astype(np.float64).reshape(*shape, len(names)),
+    }
+    if axes:
+        values["design_value"] = np.array(table).reshape(*shape, len(names), len(part.criteria))
+    coordinates: dict[str, Any] = {
+        "candidate": list(names),
+        "weighed": list(part.criteria),
+        "rank": np.arange(1, len(names) + 1),
+        **{axis.path: list(axis.labels) for axis in axes},
+    }
+    leading = tuple(axis.path for axis in axes)
+    result = dataset("criteria", values, coordinates, leading=leading, attributes={"weight_draws": found.draws})
+    for axis in axes:
+        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
+    return result
+
+
+def _weighed(
+    definition: StudyDefinition, part: TradeOffPart, own: Measured, scales: Sequence[ValueScale]
+) -> dict[str, Any]:
+    attributes = definition.case.attributes
+    dimensions = [weighed_dimension(name, one.quantity, attributes.values()) for name, one in part.criteria.items()]
+    ranges = [one.range for one in part.criteria.values()]
+    order = part.order or ()
+    return {
+        "weighed_value": own.values,
+        "weighed_value_error": own.errors,
+        "weighed_units": [one.unit or "1" for one in dimensions],
+        "weighed_says": [_says(name, one) for name, one in part.criteria.items()],
+        "worst": [scale.worst for scale in scales],
+        "best": [scale.best for scale in scales],
+        "worth": np.stack([scale.value(column) for scale, column in zip(scales, own.values.T, strict=True)], axis=1),
+        "clipped": np.stack(
+            [scale.clips(column) for scale, column in zip(scales, own.values.T, strict=True)], axis=1
+        ).astype(np.float64),
+        "weight_low": [low for low, _ in ranges],
+        "weight_high": [high for _, high in ranges],
+        "weight_order": [order.index(name) + 1 if name in order else 0 for name in part.criteria],
+    }
+
+
+def _says(name: str, one: WeighedPart) -> str:
+    match one.quantity:
+        case None:
+            return name
+        case "depth_uncertainty":
+            return f"depth uncertainty at {pretty(one.at or 0.0, LENGTH)}"
+        case quantity:
+            return f"{'near' if quantity == 'usable_near' else 'far'} end of the usable range"
+
+
+def _ranks(found: Acceptability) -> dict[str, Any]:
+    first, missing = found.rank[:, 0], np.asarray(np.isnan(found.central).any(axis=1))
+    reasons = ["never ranks first" if share == 0.0 else "ranks first in too few draws" for share in first.tolist()]
+    return {
+        "weight_mean": found.mean,
+        "rank_acceptability": found.rank,
+        "rank_acceptability_error": found.rank_error,
+        "central_weight": found.central,
+        "central_weight_error": found.central_error,
+        "central_weight_reason": [
+            reason if none else "" for reason, none in zip(reasons, missing.tolist(), strict=True)
+        ],
+    }
+
+
+def _feasible(design: StudyDefinition, names: Sequence[str], judge: Judge) -> list[bool]:
+    """Whether a design meets all that must hold; what any camera may meet, the candidate itself has to."""
+    feasible = dict.fromkeys(names, True)
+    for one in design.file.requirements.values():
+        if one.priority != "must":
+            continue
+        deciding, every = judge.answer(one, design.case)
+        for name in names:
+            held = every.get(name) if one.camera == ANY else deciding
+            feasible[name] &= held is not None and held.met is True
+    return list(feasible.values())
+
+
+def _front(values: FloatArray, feasible: npt.NDArray[np.bool_], scales: Sequence[ValueScale]) -> npt.NDArray[np.bool_]:
+    """The front of all candidates in all feasible designs, shape (designs, candidates)."""
+    rows = np.where(feasible[..., np.newaxis], values, np.nan).reshape(-1, values.shape[-1])
+    return non_dominated(rows, [scale.best > scale.worst for scale in scales]).reshape(feasible.shape)

@@ -1,0 +1,79 @@
+"""How a study weighs criteria of its cameras against each other: their ends, and what is known of their weights."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from tradestudy.cameras.declaration import AttributeName
+from tradestudy.declarations.mistakes import MistakeAt, nearest_name
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import ObjectDistance, QuantityText, Share
+from tradestudy.declarations.words import CameraName, distinct
+from tradestudy.uncertainty.weights import WeightSpace, range_mistake
+
+
+class WeighedPart(Part):
+    """One criterion: what it is, which values of it are worth nothing and everything, and its weight."""
+
+    quantity: Literal["depth_uncertainty", "usable_near", "usable_far"] | None = Field(
+        default=None, description="What is computed; default: the criterion of this name that cameras declare."
+    )
+    at: ObjectDistance | None = Field(default=None, description="Distance of the depth uncertainty.")
+    worst: QuantityText = Field(description="The value that is worth 0, however bad others are.")
+    best: QuantityText = Field(description="The value that is worth 1; linear between.")
+    weight: Share | tuple[Share, Share] | None = Field(
+        default=None, description="A share of 1, or the range that it lies in; default: nothing is known of it."
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.quantity == "depth_uncertainty") != (self.at is not None):
+            raise MistakeAt((), "depth_uncertainty and at (its distance) belong together")
+        if self.range[0] > self.range[1]:
+            raise MistakeAt(("weight",), "a range goes from the least to the largest weight")
+        return self
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and largest weight."""
+        if self.weight is None:
+            return 0.0, 1.0
+        return self.weight if isinstance(self.weight, tuple) else (self.weight, self.weight)
+
+
+class TradeOffPart(Part):
+    """Which camera ranks where by several criteria at once, over all weights that are possible."""
+
+    criteria: Annotated[dict[AttributeName, WeighedPart], Field(min_length=1, max_length=20)]
+    order: Annotated[tuple[AttributeName, ...], Field(min_length=2), AfterValidator(distinct)] | None = Field(
+        default=None, description="Criteria by falling importance, if no more is known of their weights."
+    )
+    candidates: Annotated[tuple[CameraName, ...], Field(min_length=1), AfterValidator(distinct)] | None = Field(
+        default=None, description="Cameras that are ranked; default: those of the decision, else all."
+    )
+
+    @model_validator(mode="after")
+    def _possible_weights(self) -> Self:
+        declared = [name for name, one in self.criteria.items() if one.weight is not None]
+        if self.order is not None:
+            unknown = [
+                MistakeAt(("order", i), f"no criterion is called {name!r}{nearest_name(name, self.criteria)}")
+                for i, name in enumerate(self.order)
+                if name not in self.criteria
+            ]
+            if unknown:
+                raise MistakeAt.several(unknown)
+            if declared:
+                raise MistakeAt(("order",), f"{declared[0]!r} has a weight; give an order or weights, not both")
+        if what := range_mistake(*zip(*(one.range for one in self.criteria.values()), strict=True)):
+            raise MistakeAt(("criteria", declared[-1], "weight"), what)
+        return self
+
+    @property
+    def weights(self) -> WeightSpace:
+        """All weights that are possible, in the order of the criteria."""
+        low, high = zip(*(one.range for one in self.criteria.values()), strict=True)
+        names = list(self.criteria)
+        return WeightSpace(low=low, high=high, order=tuple(names.index(name) for name in self.order or ()))

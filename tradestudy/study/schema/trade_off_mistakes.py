@@ -1,0 +1,79 @@
+"""What a trade-off may weigh: criteria that every camera it ranks has, between ends that can be told apart."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+
+from tradestudy.cameras.declaration import AttributesPart
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.study.schema.criteria import DERIVED, is_number, weighed_dimension
+from tradestudy.study.schema.requirement_mistakes import criterion_mistake
+from tradestudy.study.schema.trade_off import TradeOffPart, WeighedPart
+from tradestudy.units import UnitError, parse
+
+
+def trade_off_mistakes(
+    part: TradeOffPart,
+    ranked: Sequence[str],
+    attributes: Mapping[str, AttributesPart],
+    measuring: Collection[str],
+    *,
+    relief: bool,
+) -> Iterator[MistakeAt]:
+    """Criteria that cannot be weighed, at what they name.
+
+    Parameters
+    ----------
+    part
+        The trade-off.
+    ranked
+        Its cameras.
+    attributes
+        What every camera of the study declares.
+    measuring
+        Cameras that measure depth.
+    relief
+        Whether criteria are derived.
+    """
+    for name, one in part.criteria.items():
+        place = ("trade_off", "criteria", name)
+        if what := _unknown(name, one, ranked, attributes, measuring, relief=relief):
+            yield MistakeAt(place, what)
+        else:
+            yield from (MistakeAt((*place, *mistake.tail), mistake.what) for mistake in _ends(name, one, attributes))
+
+
+def _unknown(
+    name: str,
+    one: WeighedPart,
+    ranked: Sequence[str],
+    attributes: Mapping[str, AttributesPart],
+    measuring: Collection[str],
+    *,
+    relief: bool,
+) -> str:
+    remedy = "or name candidates without this camera"
+    if one.quantity is not None:
+        blind = [camera for camera in ranked if camera not in measuring]
+        return f"{blind[0]!r} measures no depth; take out {one.quantity}, {remedy}" if blind else ""
+    if what := criterion_mistake(name, attributes, relief=relief):
+        return what
+    if name in DERIVED:
+        return ""
+    silent = [camera for camera in ranked if not is_number(attributes[camera].others.get(name, ""))]
+    return f"{silent[0]!r} declares no number for it (attributes: others); add one, {remedy}" if silent else ""
+
+
+def _ends(name: str, one: WeighedPart, attributes: Mapping[str, AttributesPart]) -> Iterator[MistakeAt]:
+    dimension = weighed_dimension(name, one.quantity, attributes.values())
+    ends = {}
+    for key, text in (("worst", one.worst), ("best", one.best)):
+        try:
+            ends[key] = parse(text, dimension)
+        except UnitError as error:
+            yield MistakeAt((key,), str(error))
+            continue
+        if abs(ends[key]) == float("inf"):
+            yield MistakeAt((key,), "a finite value is expected, between which and the other end worth is linear")
+    if len(ends) == 2 and ends["worst"] == ends["best"]:
+        yield MistakeAt(("best",), "must differ from worst, between which and best worth is linear")
