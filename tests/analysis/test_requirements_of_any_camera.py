@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ import tradestudy
 from tradestudy.analysis.requirements import Judge, is_kept
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
+from tradestudy.report.contents import compose_report
+from tradestudy.report.document import PageBreak
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.study.plausibility import implausible
 from tradestudy.study.sweep import sweep_axes, sweep_points
@@ -158,3 +161,43 @@ def test_a_sweep_finds_the_f_number_from_which_a_range_is_sharp() -> None:
     np.testing.assert_array_equal(
         own["design_met"].values, [axis >= expected for axis in own[f"{lens}.lens.f_number"].values]
     )
+
+
+PLAIN = """
+format: 2
+study: plain
+title: Two fixed lenses
+question: Which one is light and sharp?
+cameras:
+  near:
+    kind: conventional
+    title: Near
+    lens: {focal_length: 12.5 mm, f_number: 8}
+    sensor: {pixels: [2048, 2048], pixel_pitch: 5.5 um}
+    focus: {distance: 150 mm}
+    attributes: {others: {mass: 400 g}}
+  far: {like: near, title: Far, focus: {distance: 300 mm}, attributes: {others: {mass: 90 g}}}
+scene: {distances: {from: 100 mm, to: 1 m, points: 20}, wavelength: 550 nm}
+depth_of_field: {range: [149 mm, 151 mm], criteria: {one-pixel: {blur: 1 px}}}
+requirements:
+  sharp: {says: the rock is sharp, camera: any, depth_of_field: {over: [149 mm, 151 mm]}}
+  light: {says: not heavy, camera: all, priority: should, criterion: {name: mass, below: 200 g}}
+"""
+
+
+def test_a_study_without_depth_answers_its_requirements_in_every_place(tmp_path: Path) -> None:
+    (tmp_path / "plain.yaml").write_text(PLAIN)
+    study = tradestudy.load(tmp_path / "plain.yaml")
+    result = study.run()
+    sharp, light = result.lines()
+    assert sharp.startswith("Met: the rock is sharp, by Near (sharp from ")
+    assert light == "Not met: not heavy (should), not by Near (mass 400 g; missed by 50 %)"
+    assert result.unmet_requirements == []
+    blocks = compose_report(result.data, {}, {}).blocks
+    first_page = str(list(itertools.takewhile(lambda block: not isinstance(block, PageBreak), blocks)))
+    assert "the rock is sharp" in first_page
+    assert "not heavy" in first_page
+    told = {one["name"]: one for one in result.conclusions()["requirements"]}
+    assert (told["light"]["met"], told["light"]["place"]) == (False, None)
+    with pytest.raises(StudyError, match="no camera of this study measures depth"):
+        study.with_values({"requirements.own": {"says": "near", "camera": "any", "usable": {"over": ["1 m", "2 m"]}}})
