@@ -70,7 +70,8 @@ class Curve:
         own = np.interp(np.log(places), logs, relative)
         uncertainty = np.exp(found)
         share = own + np.where(on_grid, 0.0, np.nan_to_num(missed))
-        return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
+        with np.errstate(over="ignore"):  # beside an unbounded interval anything may be missed
+            return uncertainty, np.multiply(share, uncertainty, out=np.zeros_like(share), where=share > 0.0)
 
 
 def _widened(values: FloatArray) -> FloatArray:

@@ -163,6 +163,8 @@ def _breakable(words: str) -> str:
 
 def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, ...]:
     """Every requirement, what every study must keep first."""
+    if not has(tree, "requirements"):
+        return ()
     titles = camera_titles(tree)
     found = []
     for number, row in enumerate(records(tree, "requirements", "requirement")):
