@@ -305,8 +305,11 @@ class Result:
         - ``requirements``: ``name``, ``says``, ``priority``, ``met`` (null where undecided), ``camera``, ``margin``
           (share by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``; in a
           sweep ``designs_met`` and ``designs``; of one swept number ``met_with``: ``parameter``, ``from``, ``to``,
-          ``error``, ``cameras``. Where a matcher is declared ``bound_alone``: ``met``, ``camera`` and ``reason`` if
+          ``error``, ``camera``. Where a matcher is declared ``bound_alone``: ``met``, ``camera`` and ``reason`` if
           matching reached its bound.
+        - ``designs``, in a sweep with requirements: their ``count``, how many are ``feasible``, and the ``best``:
+          ``values`` by path and least ``margin``.
+        - ``trade_off``: by ``camera`` the share of the possible weights that rank it ``first``, and its ``error``.
         - ``rests_on``: the inputs that decide the answers, in words.
         - ``measure_first``: what to measure next, in words, empty where nothing says so; ``assumptions``: what knowing
           each is worth, the most valuable first: ``assumption``, ``between``, ``worth`` and its standard ``error``

@@ -84,7 +84,7 @@ def valued() -> Result:
 
 
 def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_rests(swept: Result) -> None:
-    best, met, wish, rests = swept.lines()
+    best, met, wish, weighed, rests = swept.lines()
     assert best == "Best, as declared: Stereo head, 75 mm from 0.3 m to 4 m"
     found = re.fullmatch(
         r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
@@ -100,6 +100,12 @@ def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_
     assert begins == pytest.approx(53.4, rel=0.02)
     assert wish.startswith("Not met: an R5 that sees as far (should), not by Raytrix R5 (not usable just beyond 1.1")
     assert wish.endswith("; met by no design that was tried")
+    first = next(row for row in conclusions_as_json(swept.data)["trade_off"] if row["camera"] == "Stereo head, 50 mm")
+    shown = re.fullmatch(
+        r"By all criteria: Stereo head, 50 mm ranks first for (\d+) % of the possible weights; .*", weighed
+    )
+    assert shown
+    assert float(shown[1]) == pytest.approx(100.0 * first["first"], abs=0.51)
     assert re.fullmatch(
         r"Rests on, so measure first: yaw of Stereo head, 75 mm, assumed 0\.01 deg \(9\d % of the variance\)", rests
     )
@@ -144,9 +150,9 @@ def test_every_requirement_is_told_in_the_cases_it_can_be_in(swept: Result) -> N
 
 
 def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
-    assert len(swept.lines()) == 4
+    assert len(swept.lines()) == 5
     *_, more, rests = terminal_lines(swept.data, 3)
-    assert more == "and 2 more in the report, 1 not met"
+    assert more == "and 3 more in the report, 1 not met"
     assert rests.startswith("Rests on, so measure first")
 
 

@@ -45,6 +45,7 @@ from tradestudy.results.views.depth import broken_limits, largest_part, nominal,
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
+from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, listed, span
 
@@ -67,7 +68,7 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         tone="answer",
     )
     yield from _requirements(tree, as_declared=bool(designs))
-    told = [*_rests_on(tree), *_at_the_bound(tree), *_reversed(tree), *_measure_first(tree)]
+    told = [*_weighed(tree), *_rests_on(tree), *_measure_first(tree), *_at_the_bound(tree), *_reversed(tree)]
     if told:  # in one paragraph, so that the page has room for its figure
         yield Paragraph(tuple(span for text in told for span in (*text, Span(" "))))
     yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
@@ -111,6 +112,12 @@ def _designs(tree: xr.DataTree) -> Iterator[Spans]:
         yield say("{sentence}.", sentence=sentence)
 
 
+def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
+    """Who ranks first by all declared criteria."""
+    if told := trade_off_conclusion(tree):
+        yield say("**By all criteria** ([](#trade-off-table)): {told}.", told=told)
+
+
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:
     """What decides the answers most, and on what that rests."""
     told = rests_on(tree)
@@ -130,7 +137,14 @@ def _measure_first(tree: xr.DataTree) -> Iterator[Spans]:
     """Which assumption to replace by a measurement."""
     if first := measure_first(tree):
         head, _, rest = first.partition(": ")
-        yield say("**{head}:** {rest}.", head=head, rest=rest) if rest else say("{head}.", head=head)
+        if rest in rests_on(tree):  # said already
+            yield (
+                say("**Measure that first.**")
+                if len(rests_on(tree)) == 1
+                else say("**Measure first** the {what}.", what=rest.partition(", assumed ")[0])
+            )
+        else:
+            yield say("**{head}:** {rest}.", head=head, rest=rest) if rest else say("{head}.", head=head)
 
 
 def _reversed(tree: xr.DataTree) -> Iterator[Spans]:

@@ -13,6 +13,7 @@ from tradestudy.results.views.decision import answer_title, candidates, told_win
 from tradestudy.results.views.depth import nominal, nominal_is_declared, where_usable
 from tradestudy.results.views.designs import dimension_of, feasible_designs, feasible_words, interval_words, path_words
 from tradestudy.results.views.groups import camera_titles, group, has, records
+from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import FRACTION, pretty
 from tradestudy.wording import distance, listed
 
@@ -391,6 +392,8 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     if feasible is not None and not (feasible.required == 1 and requirements[0].stretches is not None):
         lines.append(feasible_words(tree))
     lines += [requirement_sentence(one) for one in requirements]
+    if weighed := trade_off_conclusion(tree):
+        lines.append(f"By all criteria: {weighed}")
     first = measure_first(tree)
     if rests and first == f"Measure first: {rests[0]}":
         last = [f"Rests on, so measure first: {'; '.join(rests)}"]

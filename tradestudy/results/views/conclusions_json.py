@@ -16,6 +16,7 @@ from tradestudy.results.views.conclusions import (
     worths,
 )
 from tradestudy.results.views.designs import feasible_designs
+from tradestudy.results.views.trade_off import candidates_by_rank
 
 JSON_FORMAT: Final = 1
 
@@ -28,6 +29,9 @@ def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
         "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_stretches(tree)],
         "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
         **_designs_as_json(tree),
+        "trade_off": [
+            {"camera": one.title, "first": one.ranks[0], "error": one.first_error} for one in candidates_by_rank(tree)
+        ],
         "rests_on": list(rests_on(tree)),
         "measure_first": measure_first(tree),
         "assumptions": [

@@ -77,8 +77,10 @@ def candidates_by_rank(tree: xr.DataTree) -> tuple[Ranked, ...]:
 
 
 def trade_off_conclusion(tree: xr.DataTree) -> str:
-    """One sentence: who ranks first, under how many of the possible weights."""
-    found, data = candidates_by_rank(tree), group(tree, "criteria")
+    """One sentence: who ranks first, under how many of the possible weights; empty without a trade-off."""
+    if not (found := candidates_by_rank(tree)):
+        return ""
+    data = group(tree, "criteria")
     best, share = found[0], found[0].ranks[0]
     is_fixed = bool((data["weight_low"].values == data["weight_high"].values).all())
     outside = "" if best.is_feasible else ", though it does not meet every requirement that must hold"
