@@ -23,7 +23,7 @@ from tradestudy.units import parse
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured:
+class CriterionValues:
     """Criteria of cameras, in SI, with their standard errors; shape (cameras, criteria).
 
     NaN where a camera has none: it is not usable at the distance, or nowhere.
@@ -39,7 +39,7 @@ class Measurer:
     def __init__(self) -> None:
         self._known: dict[tuple[WeighedPart, DepthCamera, UsableCriteria], tuple[float, float]] = {}
 
-    def measure(self, definition: StudyDefinition) -> Measured:
+    def measure(self, definition: StudyDefinition) -> CriterionValues:
         """The criteria of the trade-off of a study, over its cameras."""
         file, case = definition.file, definition.case
         assert file.trade_off is not None  # whoever asks has seen to that
@@ -49,7 +49,7 @@ class Measurer:
                 for camera in file.ranked
             ]
         )
-        return Measured(values=found[..., 0], errors=found[..., 1])
+        return CriterionValues(values=found[..., 0], errors=found[..., 1])
 
     def _one(self, case: Case, camera: str, name: str, one: WeighedPart) -> tuple[float, float]:
         if one.quantity is None:

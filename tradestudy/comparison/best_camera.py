@@ -23,7 +23,7 @@ Winner = tuple[float, float, str]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Piece:
+class BestBetween:
     """Distances [m] between which nothing changes hands in any run, and the best cameras there in each."""
 
     near: float
@@ -88,24 +88,24 @@ def common_range(runs: Sequence[Run]) -> tuple[float, float]:
     return float(max(near for near, _ in ends)), float(min(far for _, far in ends))
 
 
-def _pieces(told: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> Iterator[Piece]:
+def _pieces(told: Sequence[Sequence[Winner]], ends: tuple[float, float]) -> Iterator[BestBetween]:
     """The common distances cut wherever a camera changes hands in any run, equal neighbours joined."""
     inside = {edge for found in told for start, stop, _ in found for edge in (start, stop) if ends[0] < edge < ends[1]}
     cuts = sorted({*ends, *inside})
     pieces = [
-        Piece(near=a, far=b, names=tuple(_best_at(found, float(np.sqrt(a * b))) for found in told))
+        BestBetween(near=a, far=b, names=tuple(_best_at(found, float(np.sqrt(a * b))) for found in told))
         for a, b in itertools.pairwise(cuts)
     ]
     for names, members in itertools.groupby(pieces, key=lambda one: one.names if one.differs else None):
         stretch = list(members)
-        yield Piece(near=stretch[0].near, far=stretch[-1].far, names=stretch[0].names if names is None else names)
+        yield BestBetween(near=stretch[0].near, far=stretch[-1].far, names=stretch[0].names if names is None else names)
 
 
 def _best_at(found: Sequence[Winner], place: float) -> str:
     return next(names for start, stop, names in found if start <= place <= stop)
 
 
-def _is_explained(piece: Piece, edges: Sequence[Edge]) -> bool:
+def _is_explained(piece: BestBetween, edges: Sequence[Edge]) -> bool:
     """Whether a sentence could not tell its ends apart, or one change of hands lies at both, within its error."""
     return distance(piece.near) == distance(piece.far) or any(
         one.between == other.between and piece.far - piece.near <= one.error + other.error

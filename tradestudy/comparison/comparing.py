@@ -14,7 +14,7 @@ from tradestudy.comparison.comparison import Comparison
 from tradestudy.comparison.difference import Difference, Run, common_cameras, titles_of
 from tradestudy.comparison.inputs import differing_inputs, differing_models
 from tradestudy.comparison.ranges import compare_sharp, compare_usable
-from tradestudy.comparison.results import Moved, Results, compare_results
+from tradestudy.comparison.results import ChangedResult, Results, compare_results
 from tradestudy.errors import OutOfRangeError
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.overlay import FEW, overlay_drawing
@@ -134,6 +134,6 @@ def _overlay(
     return overlay_drawing([run.tree for run in runs], told, shown, moved[0].design, _said(moved)), ""
 
 
-def _said(moved: Sequence[Moved]) -> str:
+def _said(moved: Sequence[ChangedResult]) -> str:
     """What differs most, for readers who do not see the figure."""
     return "; ".join(str(one.difference) for one in moved)

@@ -19,7 +19,7 @@ NOWHERE: Final = "nowhere"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Stretch:
+class UsableStretch:
     """Distances [m] between which a camera is usable, how well the ends are known, and which limits set them."""
 
     ends: tuple[float, float]
@@ -66,7 +66,9 @@ def compare_sharp(runs: Sequence[Run]) -> Ranges:
             ends = sharp_stretches(by_first_criterion(run.tree).sel(camera=key), "sharp")
             stretches.append(
                 [
-                    Stretch(ends=one, errors=(_error(one[0], 0.0, share), _error(one[1], 0.0, share)), limits=("", ""))
+                    UsableStretch(
+                        ends=one, errors=(_error(one[0], 0.0, share), _error(one[1], 0.0, share)), limits=("", "")
+                    )
                     for one in ends
                 ]
             )
@@ -79,11 +81,11 @@ def _share(run: Run, key: str, quantity: str) -> float:
     return left_out_share(run.tree, key, quantity)
 
 
-def _usable(depth: xr.Dataset, key: str, share: float) -> list[Stretch]:
+def _usable(depth: xr.Dataset, key: str, share: float) -> list[UsableStretch]:
     one = depth.sel(camera=key)
     columns = ("usable_near", "usable_far", "usable_near_error", "usable_far_error", "near_limit", "far_limit")
     return [
-        Stretch(
+        UsableStretch(
             ends=(float(near), float(far)),
             errors=(_error(near, near_error, share), _error(far, far_error, share)),
             limits=(str(begins), str(ends)),
@@ -102,17 +104,17 @@ def _common_ends(distances: Sequence[FloatArray]) -> tuple[float, float]:
     return max(float(one[0]) for one in distances), min(float(one[-1]) for one in distances)
 
 
-def _within(stretches: Sequence[Stretch], ends: tuple[float, float]) -> list[Stretch]:
+def _within(stretches: Sequence[UsableStretch], ends: tuple[float, float]) -> list[UsableStretch]:
     """The part of stretches that lies among the distances that all runs look at."""
     low, high = ends
     return [
-        Stretch(ends=(max(one.ends[0], low), min(one.ends[1], high)), errors=one.errors, limits=one.limits)
+        UsableStretch(ends=(max(one.ends[0], low), min(one.ends[1], high)), errors=one.errors, limits=one.limits)
         for one in stretches
         if one.ends[0] < high and one.ends[1] > low
     ]
 
 
-def _moved(first: Sequence[Stretch], other: Sequence[Stretch]) -> list[int]:
+def _moved(first: Sequence[UsableStretch], other: Sequence[UsableStretch]) -> list[int]:
     """Which ends differ by more than both may be off by, 0 near and 1 far; all where the number differs."""
     if len(first) != len(other):
         return [0, 1]
@@ -126,7 +128,7 @@ def _moved(first: Sequence[Stretch], other: Sequence[Stretch]) -> list[int]:
     ]
 
 
-def _compared(what: str, found: Sequence[Sequence[Stretch]]) -> Difference | None:
+def _compared(what: str, found: Sequence[Sequence[UsableStretch]]) -> Difference | None:
     moved = sorted({end for other in found[1:] for end in _moved(found[0], other)})
     if not moved:
         return None
@@ -139,7 +141,7 @@ def _compared(what: str, found: Sequence[Sequence[Stretch]]) -> Difference | Non
     return Difference(what=what, values=values, where=f"({'; '.join(limits)})" if limits else "")
 
 
-def _limit_words(found: Sequence[Sequence[Stretch]], end: int) -> str:
+def _limit_words(found: Sequence[Sequence[UsableStretch]], end: int) -> str:
     """What sets an end in every run, where each has one range with such an end."""
     if any(len(stretches) != 1 for stretches in found):
         return ""

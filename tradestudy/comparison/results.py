@@ -21,8 +21,8 @@ from tradestudy.comparison.stated_errors import (
 )
 from tradestudy.comparison.words import (
     changes_in_words,
-    dimension_of,
     group_words,
+    known_dimension,
     place_in_words,
     result_words,
     value_in_words,
@@ -50,7 +50,7 @@ _SAID_AGAIN: Final[Mapping[str, tuple[str, ...]]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Moved:
+class ChangedResult:
     """One result of one camera where it differs most.
 
     Parameters
@@ -77,7 +77,7 @@ class Moved:
 class Results:
     """Results beyond their error, the largest first; how many others were compared; which could not be."""
 
-    moved: tuple[Moved, ...]
+    moved: tuple[ChangedResult, ...]
     within_error: int
     apart: tuple[str, ...]
 
@@ -85,7 +85,7 @@ class Results:
 def compare_results(runs: Sequence[Run]) -> Results:
     """Compare every number that carries an error, camera by camera, where all runs have it."""
     titles = titles_of(runs)
-    moved: list[Moved] = []
+    moved: list[ChangedResult] = []
     within, apart = 0, []
     for name, variable in _variables(runs):
         aligned = _aligned(runs, name, variable)
@@ -106,7 +106,7 @@ def compare_results(runs: Sequence[Run]) -> Results:
     )
 
 
-def _worst_values(runs: Sequence[Run]) -> Iterator[Moved | None]:
+def _worst_values(runs: Sequence[Run]) -> Iterator[ChangedResult | None]:
     """Worst values held against requirements whose verdict and camera stay the same; None within their error."""
     rows = [{str(row["requirement"]): row for row in records(run.tree, _REQUIREMENTS, "requirement")} for run in runs]
     for name in rows[0]:
@@ -115,7 +115,7 @@ def _worst_values(runs: Sequence[Run]) -> Iterator[Moved | None]:
             yield _worst_value(runs, ones)
 
 
-def _worst_value(runs: Sequence[Run], ones: Sequence[Mapping[str, Any]]) -> Moved | None:
+def _worst_value(runs: Sequence[Run], ones: Sequence[Mapping[str, Any]]) -> ChangedResult | None:
     camera = str(ones[0]["camera_deciding"])
     values = [float(one["value"]) for one in ones]
     shares = [left_out_share(run.tree, camera, str(ones[0]["quantity"])) + ROUNDING for run in runs]
@@ -130,7 +130,7 @@ def _worst_value(runs: Sequence[Run], ones: Sequence[Mapping[str, Any]]) -> Move
     ]
     if not sizes:
         return None
-    return Moved(
+    return ChangedResult(
         group=_REQUIREMENTS,
         variable="value",
         camera=camera,
@@ -208,7 +208,7 @@ def _cameras(values: xr.DataArray) -> tuple[str, ...]:
 
 def _largest(
     runs: Sequence[Run], titles: Mapping[str, str], name: str, variable: str, camera: str, aligned: _Aligned
-) -> Moved | None:
+) -> ChangedResult | None:
     """Where a result differs most from the first run, of the places where it does by more than its error."""
     first = aligned.values[0]
     arrays = [np.asarray(one.values, dtype=np.float64) for one in aligned.values]
@@ -225,10 +225,10 @@ def _largest(
     if size == 0.0:
         return None
     values = [float(array[at]) for array in arrays]
-    dimension = FRACTION if is_share else dimension_of(first)
+    dimension = FRACTION if is_share else known_dimension(first)
     what = result_words(variable) + (f" of {titles[camera]}" if camera in titles else "") + group_words(name)
     change = "" if is_share or not math.isfinite(size) else changes_in_words(values)
-    return Moved(
+    return ChangedResult(
         group=name,
         variable=variable,
         camera=camera,

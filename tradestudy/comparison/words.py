@@ -38,7 +38,7 @@ def group_words(name: str) -> str:
     return "" if name in _UNNAMED_GROUPS else f" ({name.replace('_', ' ')})"
 
 
-def dimension_of(array: xr.DataArray) -> Dimension | None:
+def known_dimension(array: xr.DataArray) -> Dimension | None:
     """What an array measures; None where its unit says no more than itself."""
     return _BY_UNIT.get(str(array.attrs.get("units", "")))
 
@@ -92,4 +92,4 @@ def _coordinate(tree: xr.DataTree, dim: str, coordinate: xr.DataArray, position:
         return _LABELS.get((dim, label), f"{name} {titles.get(label, label)}")
     if dim.endswith("distance"):
         return f"at {distance(float(label))}"
-    return f"{name} {value_in_words(float(label), dimension_of(coordinate))}"
+    return f"{name} {value_in_words(float(label), known_dimension(coordinate))}"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
 import numpy as np
 import xarray as xr
 
@@ -20,6 +23,7 @@ from tradestudy.run.groups.ranks import ranks_group
 from tradestudy.run.groups.registers import assumptions_group, cameras_group, contradictions_group
 from tradestudy.run.groups.requirements import requirements_group
 from tradestudy.run.inference import infer_calibrations
+from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.sweep import sweep_axes, sweep_points
 
 NOMINAL = "as declared"
@@ -48,21 +52,16 @@ def compute(
     """
     steps = Steps() if steps is None else steps
     definition, inferred = infer_calibrations(plan.definition, steps)
-    file = definition.file
-    progress = steps.progress
-    seconds = {} if seconds is None else seconds
-    readings = {NOMINAL: definition, **definition.readings}
-    designs = sweep_points(definition, sweep_axes(definition))
+    asked = _Asked(
+        plan=plan,
+        definition=definition,
+        designs=sweep_points(definition, sweep_axes(definition)),
+        readings={NOMINAL: definition, **definition.readings},
+        steps=steps,
+        seconds={} if seconds is None else seconds,
+    )
     groups: dict[str, xr.Dataset] = {
-        "/": xr.Dataset(
-            attrs={
-                "format_version": FORMAT_VERSION,
-                "study": file.study,
-                "title": file.title,
-                "question": file.question,
-                **({} if file.scene is None else {"wavelength": file.scene.wavelength}),
-            }
-        ),
+        "/": _root(definition),
         "/cameras": cameras_group(definition),
         "/assumptions": assumptions_group(definition),
         "/contradictions": contradictions_group(definition),
@@ -75,23 +74,58 @@ def compute(
         groups["/effects"] = effects_group(plan)
     tables: DepthTables = {}
     if definition.case.cameras:
-        compute_kirchhoff_pictures(definition, progress)
-        tables = depth_tables(definition, designs, steps)
-        groups["/depth"] = depth_group(definition, designs, tables)
-        if file.propagation.field_places:
-            groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
-        if file.decision is not None:
-            groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
-        if (causes := disparity_causes_group(definition)) is not None:
-            groups["/disparity_causes"] = causes
-        groups["/datasheet"] = datasheet_group(definition)
-        groups["/decision"] = decision_group(definition, readings, groups["/depth"], progress)
-        if file.sweep:
-            groups["/decision"] = groups["/decision"].merge(design_verdicts(definition, designs, tables))
-        progress("decision", 1.0)
-        if file.decision is not None:
-            groups["/decision"] = groups["/decision"].merge(ranks_group(definition, progress))
-    # What few studies ask for is imported where they do.
+        compute_kirchhoff_pictures(definition, steps.progress)
+        tables = depth_tables(definition, asked.designs, steps)
+        groups |= _depth_groups(asked, tables)
+    groups |= _groups_of_few(asked)
+    groups |= _answers(asked, tables, groups.get("/criteria"))
+    return xr.DataTree.from_dict(groups)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Asked:
+    """A study that is computed, its designs and readings, and how."""
+
+    plan: Plan
+    definition: StudyDefinition
+    designs: Sequence[StudyDefinition]
+    readings: Mapping[str, StudyDefinition]
+    steps: Steps
+    seconds: Seconds
+
+
+def _root(definition: StudyDefinition) -> xr.Dataset:
+    file = definition.file
+    attributes = {"format_version": FORMAT_VERSION, "study": file.study, "title": file.title, "question": file.question}
+    return xr.Dataset(attrs=attributes | ({} if file.scene is None else {"wavelength": file.scene.wavelength}))
+
+
+def _depth_groups(asked: _Asked, tables: DepthTables) -> dict[str, xr.Dataset]:
+    """What cameras that measure depth know of it, and which of them is best."""
+    definition, steps, file = asked.definition, asked.steps, asked.definition.file
+    groups = {"/depth": depth_group(definition, asked.designs, tables)}
+    if file.propagation.field_places:
+        groups["/depth_field"] = depth_field_group(definition, file.propagation.field_places, steps)
+    if file.decision is not None:
+        groups["/depth_at_places"] = depth_at_places_group(definition, file.decision.at)
+    if (causes := disparity_causes_group(definition)) is not None:
+        groups["/disparity_causes"] = causes
+    groups["/datasheet"] = datasheet_group(definition)
+    decided = [decision_group(definition, asked.readings, groups["/depth"], steps.progress)]
+    if file.sweep:
+        decided.append(design_verdicts(definition, asked.designs, tables))
+    steps.progress("decision", 1.0)
+    if file.decision is not None:
+        decided.append(ranks_group(definition, steps.progress))
+    groups["/decision"] = xr.merge(decided, combine_attrs="drop_conflicts")
+    return groups
+
+
+def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
+    """What few studies ask for, imported where they do."""
+    plan, definition, file = asked.plan, asked.definition, asked.definition.file
+    progress, seconds = asked.steps.progress, asked.seconds
+    groups: dict[str, xr.Dataset] = {}
     if file.value_of_information is not None:
         from tradestudy.run.groups.value_of_information import value_of_information_group
 
@@ -99,7 +133,7 @@ def compute(
     if file.sensitivity is not None:
         from tradestudy.run.groups.sensitivity import sensitivity_group
 
-        groups["/sensitivity"] = sensitivity_group(definition, np.array(file.sensitivity.at), steps)
+        groups["/sensitivity"] = sensitivity_group(definition, np.array(file.sensitivity.at), asked.steps)
     if file.depth_of_field is not None:
         from tradestudy.run.groups.depth_of_field import criteria_group, depth_of_field_group
 
@@ -127,17 +161,24 @@ def compute(
         from tradestudy.run.groups.hard_cases import hard_cases_group
 
         groups["/hard_cases"] = hard_cases_group(file.hard_cases, progress)
+    return groups
+
+
+def _answers(asked: _Asked, tables: DepthTables, criteria: xr.Dataset | None) -> dict[str, xr.Dataset]:
+    """Claims, requirements, and criteria weighed against each other, beside those that a relief derives."""
+    definition, file, progress = asked.definition, asked.definition.file, asked.steps.progress
+    groups: dict[str, xr.Dataset] = {}
     progress("claims", 0.0)
     if file.claims:
-        groups["/claims"] = claims_group(definition, readings, progress)
+        groups["/claims"] = claims_group(definition, asked.readings, progress)
     judge = Judge({one: table.intervals for one, table in tables.items()})
     if file.requirements:
-        groups["/requirements"] = requirements_group(definition, designs, judge, steps)
+        groups["/requirements"] = requirements_group(definition, asked.designs, judge, asked.steps)
     progress("claims", 1.0)
     if file.trade_off is not None:
         from tradestudy.run.groups.trade_off import trade_off_group
 
-        weighed = trade_off_group(definition, designs, judge, progress)
-        others = groups.get("/criteria", weighed)
-        groups["/criteria"] = others.merge(weighed).assign_attrs({**others.attrs, **weighed.attrs})
-    return xr.DataTree.from_dict(groups)
+        weighed = trade_off_group(definition, asked.designs, judge, progress)
+        both = [weighed] if criteria is None else [criteria, weighed]
+        groups["/criteria"] = xr.merge(both, combine_attrs="drop_conflicts")
+    return groups

@@ -68,7 +68,7 @@ class Varying:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Chosen:
+class AnyReading:
     """The study as declared or one of its readings, each as likely.
 
     Parameters
@@ -80,7 +80,7 @@ class Chosen:
     entries: tuple[Mapping[str, Entry], ...]
 
     @classmethod
-    def of(cls, definition: StudyDefinition, readings: Sequence[str]) -> Chosen:
+    def of(cls, definition: StudyDefinition, readings: Sequence[str]) -> AnyReading:
         """The study as declared, and so many readings."""
         return cls(entries=({}, *(definition.entries_of_reading(name) for name in readings)))
 
@@ -93,6 +93,6 @@ class Chosen:
         return dict(self.entries[int(value)])
 
 
-def assumed(definition: StudyDefinition, part: AssumptionPart) -> Varying | Chosen:
+def assumed(definition: StudyDefinition, part: AssumptionPart) -> Varying | AnyReading:
     """What an assumption varies."""
-    return Varying.of(definition, part) if part.readings is None else Chosen.of(definition, part.readings)
+    return Varying.of(definition, part) if part.readings is None else AnyReading.of(definition, part.readings)

@@ -11,7 +11,7 @@ import xarray as xr
 
 from tradestudy.analysis.pareto import non_dominated
 from tradestudy.analysis.requirements import ANY, Judge
-from tradestudy.analysis.trade_off import Measured, Measurer, value_scales
+from tradestudy.analysis.trade_off import CriterionValues, Measurer, value_scales
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
@@ -66,7 +66,7 @@ def trade_off_group(
 
 
 def _weighed(
-    definition: StudyDefinition, part: TradeOffPart, own: Measured, scales: Sequence[ValueScale]
+    definition: StudyDefinition, part: TradeOffPart, own: CriterionValues, scales: Sequence[ValueScale]
 ) -> dict[str, Any]:
     attributes = definition.case.attributes
     dimensions = [weighed_dimension(name, one.quantity, attributes.values()) for name, one in part.criteria.items()]

@@ -21,7 +21,7 @@ from tradestudy.results.depth import distances_without_decision
 from tradestudy.study.definition import Case, StudyDefinition
 from tradestudy.study.document import Entry
 from tradestudy.study.schema.value_of_information import AssumptionPart, ValueOfInformationPart
-from tradestudy.study.varying import Chosen, Varying, assumed
+from tradestudy.study.varying import AnyReading, Varying, assumed
 from tradestudy.uncertainty.streams import scrambled_sobol
 from tradestudy.uncertainty.value_of_information import worth_of_all, worth_of_one
 
@@ -83,7 +83,7 @@ def _seed(seed: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{seed} {NAME}".encode()).digest()[:16])
 
 
-def _changes(assumptions: Sequence[Varying | Chosen], values: FloatArray) -> dict[str, Entry]:
+def _changes(assumptions: Sequence[Varying | AnyReading], values: FloatArray) -> dict[str, Entry]:
     changed: dict[str, Entry] = {}
     for one, value in zip(assumptions, values.tolist(), strict=True):
         changed |= one.changes(value)
