@@ -303,12 +303,15 @@ class Result:
         - ``best``: for each stretch of distance ``near``, ``far`` [m] and ``cameras`` (titles; none where none is
           usable).
         - ``requirements``: ``name``, ``says``, ``priority``, ``met`` (null where undecided), ``camera``, ``margin``
-          (share by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``; in a
+          (share by which the worst value could be worse), ``place`` [m], ``conformity``, ``reason``, ``rests_on``,
+          ``probability`` (share of the combinations of what is not known that meet it; null where nothing is); in a
           sweep ``designs_met`` and ``designs``; of one swept number ``met_with``: ``parameter``, ``from``, ``to``,
           ``error``, ``camera``. Where a matcher is declared ``bound_alone``: ``met``, ``camera`` and ``reason`` if
           matching reached its bound.
         - ``designs``, in a sweep with requirements: their ``count``, how many are ``feasible``, and the ``best``:
           ``values`` by path and least ``margin``.
+        - ``questions``: the inverse ones, ``name``, ``says``, ``answer`` in words, first ``value`` with ``error`` in
+          ``units`` (null where there is none) and how many ``solutions``.
         - ``trade_off``: by ``camera`` the share of the possible weights that rank it ``first``, and its ``error``.
         - ``rests_on``: the inputs that decide the answers, in words.
         - ``measure_first``: what to measure next, in words, empty where nothing says so; ``assumptions``: what knowing

@@ -160,8 +160,7 @@ ANGLE = Dimension(
     example="0.2 deg",
     display=(
         DisplayUnit(label="″", size=DEGREE / 3600),
-        DisplayUnit(label="′", size=DEGREE / 60, used_from=DEGREE / 60),
-        DisplayUnit(label="°", size=DEGREE, used_from=DEGREE / 10),
+        DisplayUnit(label="°", size=DEGREE, used_from=DEGREE / 1000),
     ),
 )
 PIXELS = Dimension(name="a number of pixels", unit="px", example="0.1 px", display=_shown_in(" px"))
@@ -300,6 +299,9 @@ def parse(value: object, dimension: Dimension) -> float:
     return result
 
 
+_SHOWN_ERROR = 5e-4  # of a value
+
+
 def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
     """Write an SI value as a person expects to read it: 0.0055 of a length is ``5.5 mm``.
 
@@ -324,6 +326,14 @@ def pretty(value: float, dimension: Dimension, digits: int = 3) -> str:
     rounded = float(f"{value:.{digits - 1}e}") if not dimension.absolute else value
     unit = display_unit(rounded, dimension)
     return significant((value - unit.zero) / unit.size, digits) + unit.label
+
+
+def pretty_with_error(value: float, error: float, dimension: Dimension) -> str:
+    """Write an SI value and its error in one unit; an error that does not show in three digits is left out."""
+    if not error > _SHOWN_ERROR * abs(value):
+        return pretty(value, dimension)
+    unit = display_unit(value, dimension)
+    return f"{pretty(value, dimension)} ± {significant(error / unit.size, 1)}{unit.label}"
 
 
 def display_unit(value: float, dimension: Dimension) -> DisplayUnit:

@@ -38,7 +38,7 @@ def test_the_baseline_that_makes_one_per_cent_at_three_metres(goal: dict[str, st
     study, found = asked(**BASELINE, camera="stereo-75mm", **goal)
     (one,) = found.solutions
     assert uncertainty(study, {"stereo-75mm.baseline": f"{one.value} m"}, "stereo-75mm", 3.0) == pytest.approx(0.03)
-    assert found.answer == "53.4 mm (declared: 75 mm)"
+    assert found.answer == "53.4 mm; declared: 75 mm"
 
 
 def test_an_answer_beyond_an_end_is_said_with_what_is_left() -> None:

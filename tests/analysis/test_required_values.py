@@ -40,7 +40,7 @@ def test_the_baseline_for_an_overlap_is_that_of_the_closed_form() -> None:
     assert one.value == pytest.approx(0.4 * 0.4 * WIDTH / 2.65e-3, rel=2e-4)
     assert one.error < 2e-4 * one.value
     assert found.answer.startswith("met up to ")
-    assert found.answer.endswith("(sought from 20 mm) (declared: 75 mm)")
+    assert found.answer.endswith("(sought from 20 mm); declared: 75 mm")
 
 
 def test_a_requirement_can_be_met_between_two_values() -> None:
@@ -60,7 +60,7 @@ def test_nowhere_says_how_near_and_anywhere_says_so() -> None:
     assert "met nowhere between 20 mm and 400 mm: nearest at 400 mm, missed by " in nowhere.answer
     assert "; it may be met beyond that end" in nowhere.answer
     anywhere = asked({"depth_uncertainty": {"below_relative": "50 %", "over": ["0.4 m", "3 m"]}})
-    assert anywhere.answer == "met anywhere between 20 mm and 400 mm (declared: 75 mm)"
+    assert anywhere.answer == "met anywhere between 20 mm and 400 mm; declared: 75 mm"
 
 
 def test_what_is_counted_is_asked_in_whole_numbers() -> None:

@@ -87,7 +87,7 @@ def test_the_terminal_says_which_camera_from_which_baseline_on_and_on_what_that_
     best, met, wish, weighed, rests = swept.lines()
     assert best == "Best, as declared: Stereo head, 75 mm from 0.3 m to 4 m"
     found = re.fullmatch(
-        r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; (\d+) % to spare\); met with the "
+        r"Met: 1 % from 0\.4 to 3 m, by Stereo head, 75 mm \(worst ([\d.]+) % at 3 m; margin (\d+) %\); met with the "
         r"baseline of Stereo head, 75 mm from ([\d.]+) mm on \(tried up to 150 mm\)",
         met,
     )
@@ -152,7 +152,7 @@ def test_every_requirement_is_told_in_the_cases_it_can_be_in(swept: Result) -> N
 def test_a_few_lines_are_enough_and_the_rest_is_counted(swept: Result) -> None:
     assert len(swept.lines()) == 5
     *_, more, rests = terminal_lines(swept.data, 3)
-    assert more == "and 3 more in the report, 1 not met"
+    assert more == "and 3 more conclusions in the report, 1 of them a requirement not met"
     assert rests.startswith("Rests on, so measure first")
 
 

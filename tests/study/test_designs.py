@@ -60,8 +60,9 @@ def grid(*rows: tuple[float, float]) -> np.ndarray:
 def test_the_feasible_region_is_told_by_the_values_that_designs_in_it_have() -> None:
     results = tree(grid((0, 0), (1, 0), (1, 1)), grid((-50, -60), (5, -3), (20, 12)))
     assert feasible_words(results) == (
-        "3 of 6 designs meet both requirements: Rig with baseline 100 mm to 200 mm and focal length 4 mm to 8 mm. "
-        "Most to spare (20 %): Rig with baseline 200 mm and focal length 4 mm"
+        "3 of 6 designs meet both requirements: Rig with baseline 100 mm to 200 mm and focal length 4 mm to 8 mm (not "
+        "every combination). Largest margin, 20 %: Rig with baseline 200 mm and focal length 4 mm. Of the others, 3 "
+        "miss “close enough” and 3 miss “far enough”"
     )
     found = feasible_designs(results)
     assert found is not None

@@ -19,7 +19,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.expectations import question_ends
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
-from tradestudy.units import FRACTION, LENGTH, Dimension, pretty, significant
+from tradestudy.units import FRACTION, LENGTH, Dimension, pretty, pretty_with_error, significant
 from tradestudy.wording import listed
 
 _ROOT_TOLERANCE: Final = 1e-10
@@ -183,10 +183,7 @@ def _goal_words(question: SolvePart) -> str:
 def _answer(definition: StudyDefinition, question: SolvePart, found: Sequence[Solution]) -> str:
     """Every solution with its error, and the declared value."""
     dimension = question_ends(question)[0]
-    told = []
-    for one in found:
-        words = pretty(one.value, dimension, digits=3)
-        told.append(words + (f" ± {pretty(one.error, dimension, digits=1)}" if one.error > 0.0 else ""))
+    told = [pretty_with_error(one.value, one.error, dimension) for one in found]
     answer = listed(told) if len(told) == 1 else f"{len(told)} solutions: {listed(told)}"
     return beside_declared(definition, question, answer)
 
@@ -196,4 +193,4 @@ def beside_declared(definition: StudyDefinition, question: SolvePart, answer: st
     path = question.paths[0]
     if definition.document.entry(path) is None:
         return answer
-    return f"{answer} (declared: {definition.document.text_of(path)})"
+    return f"{answer}; declared: {definition.document.text_of(path)}"

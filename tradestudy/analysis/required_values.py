@@ -16,7 +16,7 @@ from tradestudy.analysis.requirements import Judge
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.questions import SolvePart
 from tradestudy.study.varying import Varying
-from tradestudy.units import FRACTION, Dimension, pretty
+from tradestudy.units import FRACTION, Dimension, pretty, pretty_with_error
 from tradestudy.wording import listed
 
 _PLACES: Final = 17  # between the ends of a question
@@ -88,10 +88,7 @@ def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: 
         return (
             f"met anywhere {between}" if trials[0].held.met else f"met nowhere {between}: {_nearest(trials, dimension)}"
         )
-    told = [
-        pretty(one.value, dimension) + (f" ± {pretty(one.error, dimension, digits=1)}" if _counts(one) else "")
-        for one in solutions
-    ]
+    told = [pretty_with_error(one.value, one.error, dimension) for one in solutions]
     begins = [None, *told] if trials[0].held.met else told
     parts = []
     for first, last in itertools.zip_longest(begins[::2], begins[1::2]):
@@ -100,11 +97,6 @@ def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: 
         else:
             parts.append(f"from {first} on (sought up to {ends[1]})" if last is None else f"from {first} to {last}")
     return f"met {listed(parts)}"
-
-
-def _counts(one: Solution) -> bool:
-    """Whether an error shows in three digits."""
-    return one.error > 0.5e-3 * abs(one.value)
 
 
 def _nearest(trials: Sequence[_Trial], dimension: Dimension) -> str:

@@ -45,11 +45,12 @@ def margins_drawing(tree: xr.DataTree) -> Drawing | None:
     names = " and ".join(path_words(tree, dim) for dim in dims)
     told = "; ".join(requirement_sentence(one) for one in requirement_conclusions(tree))
     shown = "of the requirement that is kept worst" if len(dims) == 2 else "of each requirement"
-    met = "Filled dots: designs that meet" if len(dims) == 2 else "Shaded: designs meet"
+    met = "Thick line: 0. Filled dots: designs that meet" if len(dims) == 2 else "Shaded: designs meet"
     return Drawing(
         name="requirement_margins",
         caption=f"Margin {shown} against the {names}: met above 0. {met} all that must hold. Dashed: "
-        "the study as declared.",
+        "the study as declared. Where no camera is usable throughout, the margin is at most minus the missing share of "
+        "the range.",
         alt=f"Margins against the {names}. {told}.",
         draw=lambda: draw_requirement_margins(tree),
     )
@@ -80,7 +81,7 @@ def _curves(tree: xr.DataTree, data: xr.Dataset, dim: str) -> StudyFigure:
     for number, says in enumerate(data["says"].values):
         style = line_style(number)
         margins = np.asarray(data["design_margin_percent"].values[:, number], dtype=np.float64)
-        axes.plot(x, margins, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4)
+        axes.plot(x, margins, color=style.color, linestyle=style.dash, marker=style.marker, markersize=4, clip_on=False)
         handles.append((style.handle(marker=style.marker, markersize=4), printable(str(says))))
     if data[dim].dtype.kind in "fiu":
         _mark_declared(axes, data[dim])
@@ -108,7 +109,13 @@ def _map(tree: xr.DataTree, data: xr.Dataset, dims: tuple[str, str]) -> StudyFig
     axes.clabel(drawn, fmt=lambda value: _per_cent(value, 0), fontsize=7, colors=INK)
     across, up = np.meshgrid(x, y)
     color = line_style(0).color
-    dots: dict[str, Any] = {"linestyle": "", "marker": "o", "markersize": 3.5, "markeredgecolor": color}
+    dots: dict[str, Any] = {
+        "linestyle": "",
+        "marker": "o",
+        "markersize": 3.5,
+        "markeredgecolor": color,
+        "clip_on": False,
+    }
     axes.plot(across[~met], up[~met], markerfacecolor="white", markeredgewidth=0.5, **dots)
     axes.plot(across[met], up[met], markerfacecolor=color, **dots)
     _mark_declared(axes, data[dims[0]])

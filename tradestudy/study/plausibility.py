@@ -145,5 +145,7 @@ def _requirements(definition: StudyDefinition) -> Iterator[Problem]:
         if near < distance[0] * (1.0 - 1e-9) or far > distance[-1] * (1.0 + 1e-9):
             path = ("requirements", name, one.quantity, "over")
             ends = " to ".join(f"{end:g} m" for end in (distance[0], distance[-1]))
-            what = f"reaches beyond the distances of the scene, {ends}: only figures and tables end there"
+            what = (
+                f"reaches beyond the distances of the scene, {ends}: it is judged there too, but figures and tables end"
+            )
             yield definition.document.locate(path).problem(path, what)

@@ -57,7 +57,10 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         yield from _requirements(tree)  # of cameras that measure no depth
         return
-    solved = (say("{says} **{answer}**.", says=says, answer=answer) for says, answer in solved_questions(tree))
+    solved = (
+        say("{says} **{answer}**.", says=says if says.endswith("?") else f"{says}:", answer=answer)
+        for says, answer in solved_questions(tree)
+    )
     yield Heading(text="The answer", anchor="answer")
     designs = tuple(_designs(tree))
     if designs:

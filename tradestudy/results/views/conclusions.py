@@ -9,13 +9,20 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.decision import answer_title, candidates, told_winners
+from tradestudy.results.views.decision import answer_title, candidates, solved_questions, told_winners
 from tradestudy.results.views.depth import nominal, nominal_is_declared, where_usable
-from tradestudy.results.views.designs import dimension_of, feasible_designs, feasible_words, interval_words, path_words
+from tradestudy.results.views.designs import (
+    dimension_of,
+    feasible_designs,
+    feasible_words,
+    interval_words,
+    margin_words,
+    path_words,
+)
 from tradestudy.results.views.groups import camera_titles, group, has, records
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import FRACTION, pretty
-from tradestudy.wording import distance, listed
+from tradestudy.wording import counted, distance, listed
 
 _SEVERAL: Final = 2
 _NO_MARGIN: Final = 1e-6  # rounding
@@ -101,6 +108,9 @@ class RequirementConclusion:
         Where along the one swept parameter it is met; None without such a sweep.
     designs
         In how many designs of a sweep it is met, and of how many; None without one.
+    probability
+        Share of the combinations of what is not known that meet it, all distances together; NaN where nothing is
+        declared as not known.
     bound_alone
         The same, if matching reached its bound instead of what is declared of a matcher; None where nothing is.
     """
@@ -119,6 +129,7 @@ class RequirementConclusion:
     rests_on_share: float
     stretches: tuple[MetFrom, ...] | None
     designs: tuple[int, int] | None
+    probability: float
     bound_alone: BoundAlone | None
 
     @property
@@ -163,10 +174,12 @@ def _breakable(words: str) -> str:
 
 
 def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, ...]:
-    """Every requirement, what every study must keep first."""
+    """Every requirement, those that must hold first, and of them the one with the least margin."""
     if not has(tree, "requirements"):
         return ()
     titles = camera_titles(tree)
+    valued = has(tree, "value_of_information", "requirement_probability")
+    chances = group(tree, "value_of_information")["requirement_probability"] if valued else None
     found = []
     for number, row in enumerate(records(tree, "requirements", "requirement")):
         met = int(row["met"])
@@ -186,10 +199,11 @@ def requirement_conclusions(tree: xr.DataTree) -> tuple[RequirementConclusion, .
                 rests_on_share=float(row["rests_on_share"]),
                 stretches=_met_from(tree, number),
                 designs=_designs(tree, number),
+                probability=np.nan if chances is None else float(chances.sel(requirement=row["requirement"])),
                 bound_alone=_bound_alone(row, titles),
             )
         )
-    return tuple(sorted(found, key=lambda one: one.priority != "must"))
+    return tuple(sorted(found, key=lambda one: (one.priority != "must", np.nan_to_num(one.margin, nan=-np.inf))))
 
 
 def requirement_sentence(one: RequirementConclusion) -> str:
@@ -203,6 +217,9 @@ def requirement_details(one: RequirementConclusion) -> str:
     told = f"{one.says}{wish}, {decided_by(one)} ({'; '.join(filter(None, (one.reason, _margin_words(one))))})"
     if one.bound_alone is not None:
         told = f"{told}; {_bound_alone_words(one, one.bound_alone)}"
+    if not np.isnan(one.probability):
+        share = pretty(one.probability, FRACTION, digits=2)
+        told = f"{told}; with what is not known, it holds in {share} of the combinations"
     if one.stretches is not None:
         return f"{told}; {_along_words(one)}"
     return told if one.designs is None else f"{told}; met in {one.designs[0]} of {one.designs[1]} designs"
@@ -244,8 +261,7 @@ def _margin_words(one: RequirementConclusion) -> str:
         return ""
     if abs(one.margin) < _NO_MARGIN:
         return ""
-    share = pretty(abs(one.margin), FRACTION, digits=2)
-    return f"{share} to spare" if one.margin >= 0.0 else f"missed by {share}"
+    return margin_words(one.margin)
 
 
 def _along_words(one: RequirementConclusion) -> str:
@@ -380,18 +396,33 @@ def measure_first(tree: xr.DataTree) -> str:
     return f"{words} of the distance" + (f"; then {listed(others)}" if others else "")
 
 
+def question_sentence(says: str, answer: str) -> str:
+    """An inverse question and its answer."""
+    return f"{says} {answer}" if says.endswith("?") else f"{says}: {answer}"
+
+
+def _never_usable(tree: xr.DataTree) -> Iterator[str]:
+    """Candidates that are usable nowhere, where another is usable somewhere."""
+    usable = usable_words(tree)
+    among = [camera_titles(tree)[name] for name in candidates(tree)] or list(usable)
+    nowhere = [title for title in among if usable.get(title) == "nowhere"]
+    if nowhere and len(nowhere) < len(among):
+        yield f"{listed(nowhere)} {'is' if len(nowhere) == 1 else 'are'} usable nowhere"
+
+
 def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     """The conclusions of a run in so many lines, and how many more there are."""
     stretches, requirements, rests = best_stretches(tree), requirement_conclusions(tree), rests_on(tree)
     lines = []
     if stretches:
         designs = ", as declared" if has(tree, "requirements", "design_met") else ""
-        lines.append(f"Best{designs}: {'; '.join(one.words for one in stretches)}")
+        lines.append(f"Best{designs}: {'; '.join([*(one.words for one in stretches), *_never_usable(tree)])}")
     # What one parameter does to one requirement stands beside that requirement.
     feasible = feasible_designs(tree)
     if feasible is not None and not (feasible.required == 1 and requirements[0].stretches is not None):
         lines.append(feasible_words(tree))
     lines += [requirement_sentence(one) for one in requirements]
+    lines += [question_sentence(says, answer) for says, answer in solved_questions(tree)]
     if weighed := trade_off_conclusion(tree):
         lines.append(f"By all criteria: {weighed}")
     first = measure_first(tree)
@@ -404,7 +435,8 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
         hidden = lines[room - 1 :]
         missed = sum(one.startswith("Not met") for one in hidden)
         yield from lines[: room - 1]
-        yield f"and {len(hidden)} more in the report" + (f", {missed} not met" if missed else "")
+        beside = f", {missed} of them a requirement not met" if missed else ""
+        yield f"and {counted(len(hidden), 'more conclusion')} in the report{beside}"
     else:
         yield from lines
     yield from last

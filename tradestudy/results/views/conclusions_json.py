@@ -16,6 +16,7 @@ from tradestudy.results.views.conclusions import (
     worths,
 )
 from tradestudy.results.views.designs import feasible_designs
+from tradestudy.results.views.groups import has, records
 from tradestudy.results.views.trade_off import candidates_by_rank
 
 JSON_FORMAT: Final = 1
@@ -29,6 +30,7 @@ def conclusions_as_json(tree: xr.DataTree) -> dict[str, Any]:
         "best": [{"near": one.near, "far": one.far, "cameras": list(one.cameras)} for one in best_stretches(tree)],
         "requirements": [_requirement_as_json(one) for one in requirement_conclusions(tree)],
         **_designs_as_json(tree),
+        "questions": _questions_as_json(tree),
         "trade_off": [
             {"camera": one.title, "first": one.ranks[0], "error": one.first_error} for one in candidates_by_rank(tree)
         ],
@@ -45,7 +47,7 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
     found: dict[str, Any] = {
         name: getattr(one, name) for name in ("name", "says", "priority", "met", "camera", "reason", "rests_on")
     }
-    found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity")}
+    found |= {name: _number(getattr(one, name)) for name in ("margin", "place", "conformity", "probability")}
     if (best := one.bound_alone) is not None:
         found["bound_alone"] = {"met": best.met, "camera": best.camera, "reason": best.reason}
     if one.designs is not None:
@@ -62,6 +64,23 @@ def _requirement_as_json(one: RequirementConclusion) -> dict[str, Any]:
             for stretch in one.stretches
         ]
     return found
+
+
+def _questions_as_json(tree: xr.DataTree) -> list[dict[str, Any]]:
+    if not has(tree, "decision", "solved_answer"):
+        return []
+    return [
+        {
+            "name": str(row["question"]),
+            "says": str(row["solved_says"]),
+            "answer": str(row["solved_answer"]),
+            "value": _number(float(row["solved_value"])),
+            "error": _number(float(row["solved_error"])),
+            "units": str(row["solved_units"]),
+            "solutions": int(row["solution_count"]),
+        }
+        for row in records(tree, "decision", "question")
+    ]
 
 
 def _designs_as_json(tree: xr.DataTree) -> dict[str, Any]:

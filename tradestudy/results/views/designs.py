@@ -26,11 +26,13 @@ from tradestudy.units import (
     SOLID_ANGLE,
     Dimension,
     pretty,
+    significant,
 )
 from tradestudy.wording import counted, distance, listed
 
 BY_UNIT: Final = {one.unit: one for one in (LENGTH, ANGLE, PIXELS, DURATION, MASS, POWER, DATA, SOLID_ANGLE)}
 _STRUCTURE: Final = frozenset(("lenses", "depth", "sensor"))  # parts of a path that a person leaves out
+_MANY_TIMES: Final = 1.0
 _SAME: Final = 1e-3  # of a distance
 _SHORTEST_SPREAD: Final = 3  # parts of a path such as calibration.errors.yaw.standard_deviation
 
@@ -68,8 +70,12 @@ class Feasible:
         What must hold and has that margin there, in its own words.
     region
         Over which values of each parameter they lie, in words; empty where none does.
-    required
-        How many requirements must hold.
+    required, wishes
+        How many requirements must hold, and how many beside them should.
+    fills_region
+        Whether every design over those values is among them.
+    missed
+        What must hold and the designs that are not among them miss, with how many miss it, most often missed first.
     """
 
     count: int
@@ -78,6 +84,9 @@ class Feasible:
     tightest: str
     region: str
     required: int
+    wishes: int
+    fills_region: bool
+    missed: tuple[tuple[str, int], ...]
 
 
 def path_words(tree: xr.DataTree, path: str) -> str:
@@ -143,7 +152,22 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
         tightest=str(data["says"].values[tightest]),
         region=_region_words(tree, data, axes, every),
         required=int(must.sum()),
+        wishes=int((~must).sum()),
+        fills_region=_fills_region(every),
+        missed=_missed(data["says"].values[must], met),
     )
+
+
+def _fills_region(every: npt.NDArray[np.bool_]) -> bool:
+    """Whether feasible designs fill the region that their values span."""
+    used = [np.unique(numbers) for numbers in np.argwhere(every).T]
+    return bool(every[np.ix_(*used)].all()) if every.any() else False
+
+
+def _missed(says: npt.NDArray[Any], met: npt.NDArray[np.bool_]) -> tuple[tuple[str, int], ...]:
+    counts = (~met).reshape(-1, met.shape[-1]).sum(axis=0)
+    order = np.argsort(-counts, kind="stable")
+    return tuple((str(says[k]), int(counts[k])) for k in order if counts[k])
 
 
 def must_hold(data: xr.Dataset) -> npt.NDArray[np.bool_]:
@@ -217,17 +241,37 @@ def feasible_words(tree: xr.DataTree) -> str:
     if found is None:
         return ""
     what = {1: "the requirement", 2: "both requirements"}.get(found.required, f"all {found.required} requirements")
+    what += " that must hold" if found.wishes and found.required > 1 else ""
     known = np.isfinite(found.best.margin) and found.best.margin > -1.0
     share = pretty(abs(found.best.margin), FRACTION, digits=2) if known else ""
-    if found.count:
-        which = f"{found.count} of {found.designs} designs" if found.count < found.designs else "Every design"
-        verb = "meets" if found.count in (1, found.designs) else "meet"
-        spare = f" ({share})" if share else ""
-        return f"{which} {verb} {what}: {found.region}. Most to spare{spare}: {found.best.words}"
-    return (
-        f"None of {found.designs} designs meets {what}. {found.best.words} comes nearest: it misses "
-        f"“{found.tightest}”" + (f" by {share}" if share else "")
-    )
+    if not found.count:
+        return (
+            f"None of {found.designs} designs meets {what}. {found.best.words} comes nearest: it misses "
+            f"“{found.tightest}”" + (f" by {share}" if share else "")
+        )
+    if found.count == found.designs:
+        return f"Every design meets {what}: {found.region}. {_largest(found, share)}"
+    which = f"{found.count} of {found.designs} designs {'meets' if found.count == 1 else 'meet'} {what}"
+    among = "" if found.fills_region else " (not every combination)"
+    others = [f"{count} miss “{says}”" for says, count in found.missed] if found.required > 1 else []
+    beside = f". Of the others, {listed(others)}" if others else ""
+    return f"{which}: {found.region}{among}. {_largest(found, share)}{beside}"
+
+
+def _largest(found: Feasible, share: str) -> str:
+    if not share:
+        return f"Best: {found.best.words}"
+    size = margin_words(found.best.margin).removeprefix("margin of ").removeprefix("margin ")
+    return f"Largest margin, {size}: {found.best.words}"
+
+
+def margin_words(margin: float) -> str:
+    """By how much the worst value could be worse and still keep its bound; of a broken one, by how much it misses."""
+    if margin < 0.0:
+        return f"missed by {pretty(-margin, FRACTION, digits=2)}"
+    if margin >= _MANY_TIMES:
+        return f"margin of a factor {significant(1.0 + margin, 2)}"
+    return f"margin {pretty(margin, FRACTION, digits=2)}"
 
 
 def favoured_words(tree: xr.DataTree) -> Iterator[str]:

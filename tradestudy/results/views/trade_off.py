@@ -14,6 +14,7 @@ from tradestudy.uncertainty.value_scale import ValueScale
 from tradestudy.units import FRACTION, NUMBER, pretty
 from tradestudy.wording import listed
 
+_NEARLY_ALL: Final = 0.99
 _ALWAYS: Final = 0.9995  # from which on a share reads 100 %
 _NUMBERS: Final = 3  # swept, from which on no picture shows the designs
 
@@ -83,15 +84,18 @@ def trade_off_conclusion(tree: xr.DataTree) -> str:
     data = group(tree, "criteria")
     best, share = found[0], found[0].ranks[0]
     is_fixed = bool((data["weight_low"].values == data["weight_high"].values).all())
-    outside = "" if best.is_feasible else ", though it does not meet every requirement that must hold"
+    outside = "" if best.is_feasible else f" ({best.title} does not meet every requirement that must hold)"
     if share >= _ALWAYS:
         return f"{best.title} ranks first {'with these weights' if is_fixed else 'whatever the weights'}{outside}"
     of = "of the draws of what is uncertain" if is_fixed else "of the possible weights"
-    others = [
-        f"{one.title} for {pretty(one.ranks[0], FRACTION, 2)}" for one in found[1:4] if one.ranks[0] > 1.0 - _ALWAYS
-    ]
+    others = [f"{one.title} for {_share_words(one.ranks[0])}" for one in found[1:4] if one.ranks[0] > 1.0 - _ALWAYS]
     beside = f"; {listed(others)}" if others else ""
-    return f"{best.title} ranks first for {pretty(share, FRACTION, 2)} {of}{beside}{outside}"
+    return f"{best.title} ranks first for {_share_words(share)} {of}{beside}{outside}"
+
+
+def _share_words(share: float) -> str:
+    """In per cent, with the digits that tell it from all."""
+    return pretty(share, FRACTION, 2 if share < _NEARLY_ALL else 3)
 
 
 def weight_words(tree: xr.DataTree) -> str:
