@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,11 @@ import pytest
 
 import tradestudy
 from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.held import Held
 from tradestudy.analysis.inverse_questions import Solved
-from tradestudy.analysis.required_values import solve_requirement
+from tradestudy.analysis.required_values import _nearest, _Trial, solve_requirement
 from tradestudy.errors import StudyError
+from tradestudy.units import LENGTH
 
 STUDIES = Path(__file__).parents[2] / "studies"
 WIDTH = 1280 * 3e-6  # of the sensor [m]
@@ -86,3 +89,54 @@ def test_impossible_questions_are_refused_at_their_place(question: dict[str, Any
         tradestudy.load(STUDIES / "robot.yaml").with_values(
             {"requirements": {"needed": wide}, "solve": {"which": question}}
         )
+
+
+def test_a_plain_number_is_told_as_one() -> None:
+    f_number = {"says": "Which f-number?", "vary": "stereo-75mm.lenses.f_number", "low": "1", "high": "32"}
+    found = asked({"depth_uncertainty": {"below": "3 mm", "over": ["0.4 m", "1 m"]}}, f_number)
+    ends = found.solutions[-1].value
+    assert 2.0 < ends < 32.0
+    assert f"{ends:.3g}" in found.answer
+    assert "%" not in found.answer
+
+
+def test_the_declared_value_is_among_those_tried() -> None:
+    """Blur f² |a − a₀|/(N a p a₀) of at most 0.065 px at 0.95 and 1.05 m: met from 0.995 to 1.002 m alone."""
+    close = {"says": "close", "camera": "stereo-75mm", "usable": {"over": ["0.95 m", "1.05 m"]}}
+    study = tradestudy.load(STUDIES / "robot.yaml").with_values(
+        {
+            "requirements": {"close": close},
+            "usable_range": {"blur": "0.065 px"},
+            "solve": {
+                "focus": {
+                    "says": "Which focus?", "vary": "stereo-75mm.focus_distance", "low": "0.3 m", "high": "3 m",
+                    "requirement": "close",
+                }
+            },
+        }
+    )  # fmt: skip
+    definition = study.plan().definition
+    near, far = (one.value for one in solve_requirement(definition, definition.file.solve["focus"]).solutions)
+
+    def blur(place: float, focus: float) -> float:
+        return (2.65e-3) ** 2 / 2.0 * abs(place - focus) / (place * (focus - 2.65e-3)) / 3e-6
+
+    assert blur(1.05, near) == pytest.approx(0.065, rel=2e-3)
+    assert blur(0.95, far) == pytest.approx(0.065, rel=2e-3)
+
+
+def test_a_guard_band_alone_is_not_told_as_a_missed_bound() -> None:
+    kept = Held(
+        camera="a", met=False, value=0.5, bound=1.0, place=1.0, error=0.1, margin=1.0, unusable=0.0, reason="guarded"
+    )
+    told = _nearest([_Trial(value=1.0, held=kept), _Trial(value=2.0, held=replace(kept, margin=0.5))], LENGTH)
+    assert told.startswith("nearest at 1 m, where only its guard band is broken")
+
+
+def test_a_value_that_the_study_cannot_have_is_refused_as_the_study_is_read(tmp_path: Path) -> None:
+    text = (STUDIES / "robot.yaml").read_text().replace("cameras/", f"{STUDIES}/cameras/")
+    question = "{says: types, vary: raytrix-r5.microlenses.types, low: 1, high: 3, requirement: near-and-mid}"
+    file = tmp_path / "types.yaml"
+    file.write_text(f"{text}\nsolve:\n  types: {question}\n")
+    with pytest.raises(StudyError, match=r"types\.yaml:\d+:\d+: solve\.types\.vary: .*'2' is not possible"):
+        tradestudy.load(file)

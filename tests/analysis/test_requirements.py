@@ -241,8 +241,8 @@ def test_a_requirement_can_be_met_on_two_separate_intervals() -> None:
     assert all(one.error <= 0.0005 * one.high for one in found)
 
 
-def test_a_number_that_cannot_lie_between_two_designs_leaves_their_distance_as_error() -> None:
-    """Whole numbers: no study has the value in the middle."""
+def test_nothing_lies_between_two_neighbouring_whole_numbers() -> None:
+    """No study has the value in the middle, and the end is exact."""
     from types import SimpleNamespace
 
     from tradestudy.run.groups.requirements import _root
@@ -258,4 +258,76 @@ def test_a_number_that_cannot_lie_between_two_designs_leaves_their_distance_as_e
     tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
     definition = SimpleNamespace(file=SimpleNamespace(accuracy=tolerances), with_values=refuse)
     asked = SimpleNamespace(camera="any")
-    assert _root(definition, asked, axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.5)  # type: ignore[arg-type]  # stand-ins
+    assert _root(definition, asked, axis, (2.0, 3.0), "near", Judge()) == (2.0, 0.0)  # type: ignore[arg-type]  # stand-ins
+
+
+class _Fixed(Judge):
+    """A judge who knows the answers of three cameras."""
+
+    def __init__(self, **found: Held) -> None:
+        super().__init__()
+        self._answers = found
+
+    def _held(self, _requirement: object, _case: object, name: str) -> Held:
+        return replace(self._answers[name], camera=name)
+
+
+@pytest.mark.parametrize(
+    ("camera", "answers", "expected"),
+    [
+        ("all", (False, None), False),  # one that breaks it settles it
+        ("all", (True, None), None),
+        ("any", (False, None), None),  # the unknown one might keep it
+        ("any", (True, None), True),
+    ],
+)
+def test_an_unknown_camera_leaves_undecided_only_what_the_others_do_not_settle(
+    camera: str, answers: tuple[bool | None, ...], expected: bool | None
+) -> None:
+    study = robot(own={"camera": camera, **ONE_PER_CENT})
+    required, case = part(study, "own"), study.definition.case
+    unknown = Held.unknown("", 0.01, "nothing is known")
+    known = {name: held(met=bool(met)) if met is not None else unknown for name, met in zip("ab", answers, strict=True)}
+    case = replace(case, cameras={"a": case.cameras["stereo-50mm"], "b": case.cameras["stereo-75mm"]})
+    assert _Fixed(**known).answer(required, case)[0].met is expected
+
+
+def test_the_bound_itself_keeps_no_strict_bound() -> None:
+    at_bound = replace(held(met=False), margin=0.0, error=0.0)
+    assert at_bound.conformity == 0.0
+    assert replace(at_bound, met=True).conformity == 1.0
+
+
+def test_of_cameras_that_miss_the_whole_range_the_better_one_is_nearest() -> None:
+    study = robot(own={"camera": "any", **ONE_PER_CENT})
+    case = study.definition.case
+    worse = replace(held(met=False), margin=-1.0, unusable=1.0, value=0.5)
+    case = replace(case, cameras={"a": case.cameras["stereo-50mm"], "b": case.cameras["stereo-75mm"]})
+    nearest, _ = _Fixed(a=worse, b=replace(worse, value=0.2)).answer(part(study, "own"), case)
+    assert nearest.camera == "b"
+
+
+def test_whole_numbers_are_followed_in_whole_numbers() -> None:
+    """Met from 6 on, tried at 2 and 11: no study has half an image."""
+    from types import SimpleNamespace
+
+    from tradestudy.run.groups.requirements import _root
+    from tradestudy.study.sweep import SweepAxis, quantity_entry
+    from tradestudy.units import NUMBER
+
+    def images(values: dict[str, Any]) -> SimpleNamespace:
+        value = values["x"].value
+        if not isinstance(value, int):
+            raise StudyError([])
+        return SimpleNamespace(case=value)
+
+    class Six:
+        def answer(self, _requirement: object, case: int) -> tuple[Held, dict[str, Held]]:
+            return replace(held(met=case >= 6), camera="near"), {}
+
+    entry = quantity_entry(2.0, NUMBER)
+    axis = SweepAxis(path="x", values=(entry,), labels=(2.0,), units="1", declared=2.0, dimension=NUMBER)
+    tolerances = SimpleNamespace(asked=lambda: SimpleNamespace(tolerances={"depth_uncertainty": 0.01}))
+    definition = SimpleNamespace(file=SimpleNamespace(accuracy=tolerances), with_values=images)
+    asked = SimpleNamespace(camera="any")
+    assert _root(definition, asked, axis, (11.0, 2.0), "near", Six()) == (6.0, 0.0)  # type: ignore[arg-type]  # stand-ins

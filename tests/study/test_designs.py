@@ -155,8 +155,18 @@ def test_stretches_of_several_requirements_are_intersected_and_takeovers_joined(
     data = xr.Dataset(
         {
             "met_from": (("requirement", "stretch"), [[1.0, 3.0, 7.0], [2.0, np.nan, np.nan]]),
-            "met_to": (("requirement", "stretch"), [[3.0, 5.0, 9.0], [8.0, np.nan, np.nan]]),
+            "met_to": (("requirement", "stretch"), [[2.99, 5.0, 9.0], [8.0, np.nan, np.nan]]),
+            "met_to_within": (("requirement", "stretch"), [[0.005, 0.005, 0.005], [0.0, np.nan, np.nan]]),
         }
     )
     assert common_stretches(data, np.array([True, True])) == [(2.0, 5.0), (7.0, 8.0)]
     assert common_stretches(data, np.array([True, False])) == [(1.0, 5.0), (7.0, 9.0)]
+
+
+def test_a_design_that_only_its_guard_band_breaks_blames_the_right_requirement() -> None:
+    met = np.ones((3, 2, 2))
+    met[..., 0] = 0.0
+    margins = np.zeros((3, 2, 2))
+    margins[..., 0], margins[..., 1] = 50.0, 5.0
+    told = feasible_words(tree(met, margins))
+    assert told.endswith("comes nearest: it misses “close enough”")

@@ -56,7 +56,9 @@ class Held:
         if self.met is None or math.isnan(self.margin):
             return math.nan
         in_errors = self.margin_in_errors
-        return float(self.margin >= 0.0) if math.isnan(in_errors) else NormalDist().cdf(in_errors)
+        if not math.isnan(in_errors):
+            return NormalDist().cdf(in_errors)
+        return float(bool(self.met) if self.margin == 0.0 else self.margin > 0.0)  # at its bound, the bound decides
 
     @classmethod
     def unknown(cls, camera: str, bound: float, reason: str) -> Held:

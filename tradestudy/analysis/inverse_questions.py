@@ -23,6 +23,7 @@ from tradestudy.units import FRACTION, LENGTH, Dimension, pretty, pretty_with_er
 from tradestudy.wording import listed
 
 _ROOT_TOLERANCE: Final = 1e-10
+_ROUNDING: Final = 1e-12
 _PLACES: Final = 9  # between the ends of a question, at which its answer is looked for
 _AS_FAR_AGAIN: Final = 2.0  # as the ends are apart, on a logarithmic scale, an answer is looked for beyond them
 _BEYOND_ALL: Final = 700.0  # a logarithm of two widths that stands for one that has no bound
@@ -86,6 +87,10 @@ def solve(definition: StudyDefinition, question: SolvePart) -> Solved:
 
     places = np.linspace(math.log(low), math.log(high), _PLACES).tolist()
     means = np.array([float(np.mean(log_ratios(log))) for log in places])
+    if np.all(np.abs(means) <= _ROUNDING):
+        told = "equal throughout" if question.equal is not None else f"exactly {_goal_words(question)} throughout"
+        answer = f"{told}, from {pretty(low, dimension)} to {pretty(high, dimension)}"
+        return Solved(solutions=(), dimension=dimension, answer=answer)
     found = []
     for k in range(_PLACES - 1):
         if not means[k] * means[k + 1] <= 0.0 or (means[k] == 0.0 and k > 0):  # a root on a place counts once

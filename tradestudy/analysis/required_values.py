@@ -34,9 +34,10 @@ class _Trial:
 def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solved:
     """Find every value at which a requirement begins or ceases to be met.
 
-    It is held at seventeen values between the declared ends, and its ends are followed between two of them by halving,
-    for a margin may jump where a camera ceases to be usable. Two changes between neighbouring values are not seen. The
-    error of an end is the bracket that halving leaves, and the error of the worst value over the slope of its margin.
+    It is held at seventeen values between the declared ends and at the declared value, and its ends are followed
+    between two of them by halving, for a margin may jump where a camera ceases to be usable. Two changes between
+    neighbouring values are not seen. The error of an end is the bracket that halving leaves, and the error of the worst
+    value over the slope of its margin.
 
     Raises
     ------
@@ -52,7 +53,8 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
         case = definition.with_values(varying.changes(value)).case
         return _Trial(value=varying.possible(value), held=judge.answer(requirement, case)[0])
 
-    trials = [trial(float(value)) for value in np.geomspace(varying.low, varying.high, _PLACES)]
+    places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _PLACES)}
+    trials = [trial(value) for value in sorted(places | varying.declared(definition))]
     if undecided := [one.held.reason for one in trials if one.held.met is None]:
         reason = undecided[0]
         return Solved(solutions=(), dimension=dimension, answer=f"cannot be told: {reason}")
@@ -66,18 +68,21 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
             if middle.value in (inside.value, outside.value):
                 break
             inside, outside = (middle, outside) if middle.held.met else (inside, middle)
-        solutions.append(Solution(value=inside.value, error=_error(inside, outside, before, after)))
+        solutions.append(
+            Solution(value=inside.value, error=_error(inside, outside, before, after, is_counted=varying.is_counted))
+        )
     answer = _answer(trials, solutions, dimension)
     return Solved(solutions=tuple(solutions), dimension=dimension, answer=beside_declared(definition, question, answer))
 
 
-def _error(inside: _Trial, outside: _Trial, before: _Trial, after: _Trial) -> float:
+def _error(inside: _Trial, outside: _Trial, before: _Trial, after: _Trial, *, is_counted: bool) -> float:
     """Half of the bracket, and what the error of the worst value moves the end by along its margin."""
-    bracket = abs(outside.value - inside.value) / 2.0
+    # What is counted has nothing between two neighbours.
+    bracket = 0.0 if is_counted else abs(outside.value - inside.value) / 2.0
     held = inside.held
     slope = abs(after.held.margin - before.held.margin) / abs(after.value - before.value)
     own = held.error / abs(held.value) if held.error > 0.0 and math.isfinite(held.value) else 0.0
-    return math.hypot(bracket, own / slope if slope > 0.0 and math.isfinite(slope) else 0.0)
+    return math.hypot(bracket, own / slope if slope > 0.0 and math.isfinite(slope) and not is_counted else 0.0)
 
 
 def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: Dimension) -> str:
@@ -103,8 +108,10 @@ def _nearest(trials: Sequence[_Trial], dimension: Dimension) -> str:
     margins = np.array([one.held.margin for one in trials])
     nearest = int(np.argmax(margins))
     told = f"nearest at {pretty(trials[nearest].value, dimension)}"
-    if margins[nearest] > -1.0:
-        told += f", missed by {pretty(abs(float(margins[nearest])), FRACTION, digits=2)}"
+    if margins[nearest] > 0.0:
+        told += ", where only its guard band is broken"
+    elif margins[nearest] > -1.0:
+        told += f", missed by {pretty(-float(margins[nearest]), FRACTION, digits=2)}"
     # A margin that rises to an end may go on rising.
     if nearest in (0, len(trials) - 1) and np.ptp(margins) > 0.0:
         told += "; it may be met beyond that end"

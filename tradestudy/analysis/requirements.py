@@ -114,17 +114,19 @@ class Judge:
     def answer(self, requirement: RequirementPart, case: Case) -> tuple[Held, Mapping[str, Held]]:
         """The camera that decides a requirement, and what became of every camera that it concerns.
 
-        Of ``any`` the camera that comes nearest, or keeps it best; of ``all`` the one that keeps it worst, or one that
-        has no value, which leaves it undecided.
+        Of ``any`` the camera that keeps it best, of ``all`` the one that keeps it worst. One without a value leaves it
+        undecided, unless another keeps it or, of ``all``, breaks it. Where none keeps it, the nearest decides.
         """
         names = _names(requirement, case)
         found = {name: self._held(requirement, case, name) for name in names}
         known = [one for one in found.values() if one.met is not None]
         silent = [one for one in found.values() if one.met is None]
-        if silent and (requirement.camera == ALL or not known):
+        settled = any(one.met is not (requirement.camera == ALL) for one in known)
+        if silent and not settled:
             return silent[0], found
         deciding = min if requirement.camera == ALL else max
-        return deciding(known, key=_nearness), found
+        above = isinstance(requirement.required, ShareAbovePart)
+        return deciding(known, key=lambda one: _nearness(one, above=above)), found
 
     def _held(self, requirement: RequirementPart, case: Case, name: str) -> Held:
         if not requirement.asks_for_depth:  # closed forms of more than the camera
@@ -162,8 +164,10 @@ def _is_kept_by(requirement: RequirementPart, case: Case, name: str, points: Flo
     return bool(is_usable(case, name, points).all())
 
 
-def _nearness(held: Held) -> tuple[bool, float]:
-    return bool(held.met), -math.inf if math.isnan(held.margin) else held.margin
+def _nearness(held: Held, *, above: bool) -> tuple[bool, float, float]:
+    """Larger is better; among cameras that miss as much of the range, the worst value counts."""
+    value = -math.inf if math.isnan(held.value) else held.value if above else -held.value
+    return bool(held.met), -math.inf if math.isnan(held.margin) else held.margin, value
 
 
 def _hold_use(required: UsablePart, intervals: Sequence[Interval], name: str) -> Held:

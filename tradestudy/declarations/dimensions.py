@@ -22,7 +22,7 @@ from tradestudy.units import (
     parse,
 )
 
-# A number without a unit is a plain number before it is anything else.
+# A number without a unit is a plain number; only per cent makes it a share.
 _DIMENSIONS: tuple[Dimension, ...] = (
     LENGTH, ANGLE, PIXELS, FRACTION, NUMBER, ELECTRONS, TEMPERATURE_DIFFERENCE, PRESSURE, EXPANSION, DURATION,
     MASS, POWER, DATA, SOLID_ANGLE,
@@ -31,7 +31,8 @@ _DIMENSIONS: tuple[Dimension, ...] = (
 
 def common_dimension(*texts: str) -> Dimension | None:
     """The dimension in which all texts can be read, or None."""
-    for dimension in _DIMENSIONS:
+    plain = not any("%" in text for text in texts)
+    for dimension in (one for one in _DIMENSIONS if not (plain and one is FRACTION)):
         try:
             for text in texts:
                 parse(text, dimension)

@@ -199,8 +199,10 @@ class _Prediction:
         """How many cameras of each name a sweep has: what an axis does not change is computed once."""
         found = dict.fromkeys(self.cameras, 1)
         for axis in sweep_axes(self.definition):
-            other = next(value for value, label in zip(axis.values, axis.labels, strict=True) if label != axis.declared)
-            changed = self.definition.with_values({axis.path: other}).case.cameras
+            others = [v for v, label in zip(axis.values, axis.labels, strict=True) if label != axis.declared]
+            if not others:  # its only value is the declared one
+                continue
+            changed = self.definition.with_values({axis.path: others[0]}).case.cameras
             for name, camera in self.definition.case.cameras.items():
                 found[name] *= len(axis.values) if changed[name] != camera else 1
         return found

@@ -14,7 +14,7 @@ from tradestudy.execution.steps import Seconds
 from tradestudy.plan.plan import Plan
 from tradestudy.results import FORMAT_VERSION
 from tradestudy.run.groups.datasheet import datasheet_group
-from tradestudy.run.groups.decision import claims_group, decision_group
+from tradestudy.run.groups.decision import claims_group, decision_group, questions_group
 from tradestudy.run.groups.depth import DepthTables, depth_at_places_group, depth_field_group, depth_group, depth_tables
 from tradestudy.run.groups.designs import design_verdicts
 from tradestudy.run.groups.disparity_causes import compute_kirchhoff_pictures, disparity_causes_group
@@ -79,6 +79,10 @@ def compute(
         groups |= _depth_groups(asked, tables)
     groups |= _groups_of_few(asked)
     groups |= _answers(asked, tables, groups.get("/criteria"))
+    if definition.file.solve:
+        known = [groups["/decision"]] if "/decision" in groups else []
+        solved = questions_group(definition, steps.progress)
+        groups["/decision"] = xr.merge([*known, solved], combine_attrs="drop_conflicts")
     return xr.DataTree.from_dict(groups)
 
 

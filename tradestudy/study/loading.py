@@ -13,6 +13,7 @@ from tradestudy.study.expectations import expectation_bounds, question_ends
 from tradestudy.study.reader import read
 from tradestudy.study.schema.value_of_information import AssumptionPart
 from tradestudy.study.sweep import sweep_axes
+from tradestudy.study.varying import Varying
 
 _INFERRED_ANEW = (
     "changes what the calibration of {0} is inferred from, which would have to be inferred anew for every value; vary "
@@ -91,6 +92,11 @@ def _changes(definition: StudyDefinition) -> Iterator[Change]:
     for name, question in definition.file.solve.items():
         for value in (question.low, question.high):
             yield ("solve", name, "vary"), dict.fromkeys(question.paths, value)
+        try:
+            varying = Varying.of(definition, question)
+        except TradestudyError:  # which the ends say
+            continue
+        yield ("solve", name, "vary"), {**varying.changes(varying.at_share(0.5))}
     for where, one in _assumptions(definition):
         for value in (one.low, one.high) if one.readings is None else ():
             yield (*where, "vary"), dict.fromkeys(one.paths, value)

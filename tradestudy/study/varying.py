@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from tradestudy.errors import StudyError
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.document import Entry, ScalarEntry
+from tradestudy.study.document import Entry, ScalarEntry, text_of
 from tradestudy.study.expectations import Varied, question_ends
 from tradestudy.study.schema.value_of_information import AssumptionPart
 from tradestudy.study.sweep import quantity_entry
-from tradestudy.units import Dimension
+from tradestudy.units import Dimension, UnitError, parse
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +53,15 @@ class Varying:
         except StudyError:
             return cls(paths=question.paths, dimension=dimension, low=low, high=high, is_counted=True)
         return plain
+
+    def declared(self, definition: StudyDefinition) -> set[float]:
+        """The study's own value, in SI, where it is a number between the ends."""
+        entry = definition.document.entry(self.paths[0])
+        try:
+            value = math.nan if entry is None else parse(text_of(entry), self.dimension)
+        except UnitError:  # such as "derived"
+            value = math.nan
+        return {value} if self.low <= value <= self.high else set()
 
     def at_share(self, share: float) -> float:
         """The value at a share of the way from end to end, on a logarithmic scale."""

@@ -56,18 +56,16 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
     """Say which camera for which distance, which requirements are met, what decides that, and what would reverse it."""
     if not has(tree, "decision", "best_camera") or not has(tree, "depth"):
         yield from _requirements(tree)  # of cameras that measure no depth
+        if solved := tuple(_solved(tree)):
+            yield Callout(title="Inverse questions", blocks=(Bullets(solved),), tone="answer")
         return
-    solved = (
-        say("{says} **{answer}**.", says=says if says.endswith("?") else f"{says}:", answer=answer)
-        for says, answer in solved_questions(tree)
-    )
     yield Heading(text="The answer", anchor="answer")
     designs = tuple(_designs(tree))
     if designs:
         yield Callout(title="Which design", blocks=(Bullets(designs),), tone="answer")
     yield Callout(
         title="Which camera for which distance" + (", as declared" if designs else ""),
-        blocks=(Bullets((*_stretches(tree), *_changes(tree), *solved)),),
+        blocks=(Bullets((*_stretches(tree), *_changes(tree), *_solved(tree))),),
         tone="answer",
     )
     yield from _requirements(tree, as_declared=bool(designs))
@@ -96,6 +94,12 @@ def _requirements(tree: xr.DataTree, *, as_declared: bool = False) -> Iterator[B
             blocks=(Bullets(tuple(map(_requirement, requirements))),),
             tone="warning" if missed else "answer",
         )
+
+
+def _solved(tree: xr.DataTree) -> Iterator[Spans]:
+    """Inverse questions and their answers."""
+    for says, answer in solved_questions(tree):
+        yield say("{says} **{answer}**.", says=says if says.endswith("?") else f"{says}:", answer=answer)
 
 
 def _requirement(one: RequirementConclusion) -> Spans:
@@ -155,9 +159,11 @@ def _reversed(tree: xr.DataTree) -> Iterator[Spans]:
     found = tuple(flips(tree))
     if not any(one.alternatives for one in found):
         return
-    turned = [one for one in found if one.flipped]
+    # Where neither is usable under a reading, or in the study itself, nothing is reversed.
+    reversed_by = {one.place: sum(bool(winner and one.winner) for _, winner in one.flipped) for one in found}
+    turned = [one for one in found if reversed_by[one.place]]
     if turned:
-        counts = sorted({len(one.flipped) for one in turned})
+        counts = sorted({reversed_by[one.place] for one in turned})
         yield say(
             "**Reversed** at {places} under {counts} of {all} other readings ([](#verdict-table)).",
             places=listed([distance(one.place) for one in turned]),

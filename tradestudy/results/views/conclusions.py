@@ -261,7 +261,8 @@ def _margin_words(one: RequirementConclusion) -> str:
         return ""
     if abs(one.margin) < _NO_MARGIN:
         return ""
-    return margin_words(one.margin)
+    told = margin_words(one.margin)
+    return told if one.met or one.margin < 0.0 else f"{told}, less than its guard band"
 
 
 def _along_words(one: RequirementConclusion) -> str:

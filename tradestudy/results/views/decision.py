@@ -38,6 +38,8 @@ def answer_title(titles: Mapping[str, str], names: str, nobody: str = "") -> str
 
 def candidates(tree: xr.DataTree) -> tuple[str, ...]:
     """The cameras among which a decision names the best, in the order of the study; none where all are candidates."""
+    if not has(tree, "depth"):
+        return ()
     declared = str(tree["decision"].attrs.get("candidates", "")).split(", ") if has(tree, "decision") else []
     every = titles_in(tree, "depth")
     chosen = tuple(key for key in every if key in declared)

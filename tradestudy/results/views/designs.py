@@ -116,6 +116,8 @@ def _design_words(tree: xr.DataTree, values: Mapping[str, str]) -> str:
 
 def dimension_of(axis: xr.DataArray) -> Dimension:
     """What a swept coordinate measures."""
+    if axis.attrs.get("measures", "") == FRACTION.name:
+        return FRACTION
     return BY_UNIT.get(str(axis.attrs.get("units", "")), NUMBER)
 
 
@@ -140,7 +142,10 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     first = np.where(every, least, np.where(every.any(), -np.inf, least))
     best = np.unravel_index(int(np.argmax(first)), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
-    tightest = int(np.flatnonzero(must)[int(np.argmin(margins[best]))])
+    # What is not met first: a guard band can leave that of the larger margin unmet.
+    tightest = int(np.flatnonzero(must)[int(np.argmin(np.where(met[best], np.inf, margins[best])))])
+    if met[best].all():
+        tightest = int(np.flatnonzero(must)[int(np.argmin(margins[best]))])
     return Feasible(
         count=int(every.sum()),
         designs=int(every.size),
@@ -181,21 +186,24 @@ def common_stretches(data: xr.Dataset, must: npt.NDArray[np.bool_]) -> list[tupl
     common = [(-np.inf, np.inf)]
     for number in np.flatnonzero(must):
         row = data.isel(requirement=int(number))
-        ends = zip(row["met_from"].values, row["met_to"].values, strict=True)
-        own = _joined([(float(low), float(high)) for low, high in ends if not np.isnan(low)])
+        columns = (row[name].values.tolist() for name in ("met_from", "met_to", "met_to_within"))
+        own = _joined([one for one in zip(*columns, strict=True) if not np.isnan(one[0])])
         common = [(max(a, c), min(b, d)) for a, b in common for c, d in own if max(a, c) <= min(b, d)]
     return [(float(low), float(high)) for low, high in common if np.isfinite([low, high]).all()]
 
 
-def _joined(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Stretches without the borders at which one camera takes over from another."""
-    joined: list[tuple[float, float]] = []
-    for low, high in stretches:
-        if joined and low <= joined[-1][1] + _SAME * abs(low):
-            joined[-1] = (joined[-1][0], high)
+def _joined(stretches: list[tuple[float, float, float]]) -> list[tuple[float, float]]:
+    """Stretches (from, to, error) without the borders at which one camera takes over from another.
+
+    Both ends at such a border lie inside their brackets, whose width is twice the error.
+    """
+    joined: list[tuple[float, float, float]] = []
+    for low, high, error in stretches:
+        if joined and low <= joined[-1][1] + 2.0 * (error + joined[-1][2]):
+            joined[-1] = (joined[-1][0], high, error)
         else:
-            joined.append((low, high))
-    return joined
+            joined.append((low, high, error))
+    return [(low, high) for low, high, _ in joined]
 
 
 def interval_words(low: float, high: float, values: FloatArray, dimension: Dimension) -> str:
@@ -247,13 +255,17 @@ def feasible_words(tree: xr.DataTree) -> str:
     if not found.count:
         return (
             f"None of {found.designs} designs meets {what}. {found.best.words} comes nearest: it misses "
-            f"“{found.tightest}”" + (f" by {share}" if share else "")
+            f"“{found.tightest}”" + (f" by {share}" if share and found.best.margin < 0.0 else "")
         )
     if found.count == found.designs:
         return f"Every design meets {what}: {found.region}. {_largest(found, share)}"
     which = f"{found.count} of {found.designs} designs {'meets' if found.count == 1 else 'meet'} {what}"
     among = "" if found.fills_region else " (not every combination)"
-    others = [f"{count} miss “{says}”" for says, count in found.missed] if found.required > 1 else []
+    others = (
+        [f"{count} {'misses' if count == 1 else 'miss'} “{says}”" for says, count in found.missed]
+        if found.required > 1
+        else []
+    )
     beside = f". Of the others, {listed(others)}" if others else ""
     return f"{which}: {found.region}{among}. {_largest(found, share)}{beside}"
 

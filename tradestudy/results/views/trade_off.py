@@ -14,6 +14,7 @@ from tradestudy.uncertainty.value_scale import ValueScale
 from tradestudy.units import FRACTION, NUMBER, pretty
 from tradestudy.wording import listed
 
+_ROUNDING: Final = 1e-9
 _NEARLY_ALL: Final = 0.99
 _ALWAYS: Final = 0.9995  # from which on a share reads 100 %
 _NUMBERS: Final = 3  # swept, from which on no picture shows the designs
@@ -87,6 +88,9 @@ def trade_off_conclusion(tree: xr.DataTree) -> str:
     outside = "" if best.is_feasible else f" ({best.title} does not meet every requirement that must hold)"
     if share >= _ALWAYS:
         return f"{best.title} ranks first {'with these weights' if is_fixed else 'whatever the weights'}{outside}"
+    alike = [one.title for one in found if abs(one.ranks[0] - share) < _ROUNDING]
+    if is_fixed and len(alike) > 1 and not found[0].first_error > 0.0:
+        return f"{listed(alike)} tie with these weights"
     of = "of the draws of what is uncertain" if is_fixed else "of the possible weights"
     others = [f"{one.title} for {_share_words(one.ranks[0])}" for one in found[1:4] if one.ranks[0] > 1.0 - _ALWAYS]
     beside = f"; {listed(others)}" if others else ""

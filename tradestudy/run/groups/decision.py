@@ -40,10 +40,10 @@ def decision_group(
     depth: xr.Dataset,
     progress: Progress = lambda _step, _share: None,
 ) -> xr.Dataset:
-    """/decision from /depth and from the study under each reading."""
+    """/decision from /depth and from the study under each reading, inverse questions apart."""
     file, case = definition.file, definition.case
     efforts = {name: _effort(reading.case) for name, reading in readings.items()} if file.decision is not None else {}
-    work = [*efforts.values(), *[_effort(case)] * len(file.solve)]
+    work = list(efforts.values())
     done = itertools.accumulate(work, initial=0.0)
 
     def tell() -> None:
@@ -90,21 +90,28 @@ def decision_group(
         values["reading_says"] = ["the study as declared", *(reading.says for reading in file.readings.values())]
         coordinates |= {"reading": list(readings), "place": places}
         attributes |= {"first": pair[0], "second": pair[1]}
-    if file.solve:
-        solved = []
-        for name, question in file.solve.items():
-            solved.append((solve_requirement if question.requirement else solve)(definition.under(name), question))
-            tell()
-        values |= {
+    return dataset("decision", values, coordinates, attributes=attributes)
+
+
+def questions_group(definition: StudyDefinition, progress: Progress) -> xr.Dataset:
+    """What /decision says of inverse questions, in studies of cameras of every kind."""
+    questions = definition.file.solve
+    solved = []
+    for number, (name, question) in enumerate(questions.items()):
+        progress("decision", number / len(questions))
+        solved.append((solve_requirement if question.requirement else solve)(definition.under(name), question))
+    return dataset(
+        "decision",
+        {
             "solution_count": [len(answer.solutions) for answer in solved],
             "solved_value": [answer.value for answer in solved],
             "solved_error": [answer.error for answer in solved],
             "solved_units": [answer.dimension.unit for answer in solved],
-            "solved_says": [question.says for question in file.solve.values()],
+            "solved_says": [question.says for question in questions.values()],
             "solved_answer": [answer.answer for answer in solved],
-        }
-        coordinates["question"] = list(file.solve)
-    return dataset("decision", values, coordinates, attributes=attributes)
+        },
+        {"question": list(questions)},
+    )
 
 
 def _pair_arrays(verdicts: Mapping[str, PairVerdict], tolerance: float) -> dict[str, Any]:

@@ -26,7 +26,7 @@ from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
 from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.sweep import point_labels, sweep_axes
+from tradestudy.study.sweep import axis_attributes, point_labels, sweep_axes
 
 DepthTables = Mapping[tuple[DepthCamera, UsableCriteria], DepthTable]
 
@@ -58,7 +58,7 @@ def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition],
     coordinates |= _coordinates(definition, distance, part_names)
     result = dataset("depth", stacked, coordinates, leading=leading, attributes={"matching_needs": matching_needs()})
     for axis in axes:
-        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
+        result[axis.path].attrs = axis_attributes(axis)
     return result
 
 

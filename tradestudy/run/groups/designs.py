@@ -14,7 +14,7 @@ from tradestudy.results import dataset
 from tradestudy.results.depth import distances_without_decision
 from tradestudy.run.groups.depth import DepthTables
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.sweep import sweep_axes
+from tradestudy.study.sweep import axis_attributes, sweep_axes
 
 
 def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:
@@ -40,5 +40,5 @@ def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefiniti
     coordinates: dict[str, Any] = {axis.path: list(axis.labels) for axis in axes} | {"design_place": places}
     result = dataset("decision", values, coordinates, leading=tuple(axis.path for axis in axes))
     for axis in axes:
-        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
+        result[axis.path].attrs = axis_attributes(axis)
     return result

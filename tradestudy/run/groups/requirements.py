@@ -20,8 +20,9 @@ from tradestudy.imaging.derived_error import at_bound
 from tradestudy.results import dataset
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import Case, StudyDefinition
+from tradestudy.study.document import ScalarEntry
 from tradestudy.study.schema.requirements import RequirementPart
-from tradestudy.study.sweep import SweepAxis, quantity_entry, sweep_axes
+from tradestudy.study.sweep import SweepAxis, axis_attributes, quantity_entry, sweep_axes
 
 _BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # what a matcher changes
 _ROOT_TO: Final = 0.1  # of the tolerance: how well an end is known, relative to the value
@@ -90,7 +91,7 @@ def requirements_group(
         steps.progress("requirements", 1.0)
     result = dataset("requirements", values, coordinates, leading=tuple(axis.path for axis in axes))
     for axis in axes:
-        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
+        result[axis.path].attrs = axis_attributes(axis)
     return result
 
 
@@ -203,8 +204,8 @@ def _root(
 ) -> tuple[float, float]:
     """Where the camera that keeps a requirement at the first value ceases to before the second, and the error of that.
 
-    By halving: the margin may jump where a camera ceases to be usable. Where no study can have the value between, such
-    as half a pixel, that is all there is to know.
+    By halving: the margin may jump where a camera ceases to be usable. What is counted, such as images, is tried in
+    whole numbers. Where no study can have a value between, that is all there is to know.
     """
     assert axis.dimension is not None
     (inside, outside), asked = ends, definition.file.accuracy.asked()
@@ -214,7 +215,13 @@ def _root(
         try:
             case = definition.with_values({axis.path: quantity_entry(middle, axis.dimension)}).case
         except StudyError:
-            break
+            if abs(outside - inside) <= 1.0 or axis.dimension.unit:
+                return inside, 0.0 if float(inside).is_integer() else abs(outside - inside) / 2.0
+            middle = float(math.floor(middle))
+            try:
+                case = definition.with_values({axis.path: ScalarEntry.of(int(middle))}).case
+            except StudyError:
+                break
         kept = _kept_by(requirement, judge.answer(requirement, case)[0]) == camera
         inside, outside = (middle, outside) if kept else (inside, middle)
     return inside, abs(outside - inside) / 2.0

@@ -18,7 +18,7 @@ from tradestudy.results import dataset
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.criteria import weighed_dimension
 from tradestudy.study.schema.trade_off import TradeOffPart, WeighedPart
-from tradestudy.study.sweep import sweep_axes
+from tradestudy.study.sweep import axis_attributes, sweep_axes
 from tradestudy.uncertainty.acceptability import Acceptability, acceptability
 from tradestudy.uncertainty.value_scale import ValueScale
 from tradestudy.units import LENGTH, pretty
@@ -61,7 +61,7 @@ def trade_off_group(
     leading = tuple(axis.path for axis in axes)
     result = dataset("criteria", values, coordinates, leading=leading, attributes={"weight_draws": found.draws})
     for axis in axes:
-        result[axis.path].attrs = {"units": axis.units, "long_name": axis.path, "declared": axis.declared}
+        result[axis.path].attrs = axis_attributes(axis)
     return result
 
 
