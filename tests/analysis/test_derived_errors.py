@@ -82,7 +82,7 @@ def test_the_range_ends_where_the_matcher_leaves_the_bound(study: StudyDefinitio
 
 @pytest.mark.parametrize("field", [0.0, 0.6])
 def test_exact_calibrations_beside_a_derived_error_are_those_of_random_draws(field: float) -> None:
-    """Rotation matrices and a plain disparity, on the axis and off it; the noise is that of the picture on the axis."""
+    """Rotation matrices and a plain disparity, on the axis and off it; the noise is that of the picture there."""
     yaw, roll = 0.004, 0.02
     parts = [("yaw", Uniform(low=-yaw, high=yaw)), ("roll", Normal(mean=0.0, standard_deviation=roll))]
     plain = hand_lens()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tests.imaging.matcher import Scene
+from tradestudy.cameras.matched_windows import WholePictures
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.imaging.light import Light, SensorNoise
 from tradestudy.imaging.models import PictureModels, PictureSettings, Texture
@@ -40,7 +41,7 @@ def unit_geometry(blur_px: float, f_number: float = 1.0) -> PictureGeometry:
         sample_width=1.0,
         sample_shape="square",
         pixel_pitch=1.0,
-        widest_window_px=1e4,
+        compared=WholePictures(side_px=1e4 * one),
         light_f_number=one * f_number,
         pupil_diameter=1.0 / f_number,
         main_lens=stage,

@@ -12,9 +12,11 @@ from scipy.special import j0, j1
 
 from tests.cameras.builders import r5, stereo
 from tests.imaging.test_picture import SETTINGS
+from tradestudy.cameras.matched_windows import MatchedWindow
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.imaging.light import neighbours_share
 from tradestudy.imaging.models import PictureModels, closed_form_models
+from tradestudy.imaging.passed_texture import matched_window
 from tradestudy.imaging.picture import disparity_error_px
 
 WAVELENGTH = 550e-9
@@ -25,21 +27,25 @@ def pictured() -> PictureGeometry:
     return r5().picture_geometry(DISTANCE)
 
 
+def window(side_px: float, aside_px: float = 0.0) -> MatchedWindow:
+    return MatchedWindow(side_px=np.full(2, side_px), apart_px=np.full(2, 2.0 * aside_px))
+
+
 def micro_image_radius(geometry: PictureGeometry) -> float:
-    return geometry.widest_window_px * geometry.sample_pitch / math.sqrt(2.0)
+    return geometry.micro_image_diameter / 2.0
 
 
 def test_the_middle_of_a_micro_image_loses_what_an_airy_pattern_holds_outside() -> None:
     geometry = pictured()
     assert geometry.microlens is not None
     v = np.pi * micro_image_radius(geometry) / (WAVELENGTH * geometry.microlens.f_number)
-    found = neighbours_share(geometry, WAVELENGTH, np.full(2, 1e-3), blurred=False)
+    found = neighbours_share(geometry, WAVELENGTH, window(1e-3), blurred=False)
     np.testing.assert_allclose(found, j0(v) ** 2 + j1(v) ** 2, rtol=1e-6)
 
 
 @pytest.mark.parametrize("blurred", [False, True])
-@pytest.mark.parametrize("window_px", [8.0, 16.0])
-def test_the_share_is_that_of_light_on_a_grid(window_px: float, blurred: bool) -> None:
+@pytest.mark.parametrize(("window_px", "aside_px"), [(8.0, 0.0), (16.0, 0.0), (8.0, 4.0), (5.0, 8.0)])
+def test_the_share_is_that_of_light_on_a_grid(window_px: float, aside_px: float, blurred: bool) -> None:
     """The disc of a micro-image convolved with an Airy pattern, and with a disc of blur, averaged over the window."""
     geometry = pictured()
     lens = geometry.microlens
@@ -55,16 +61,18 @@ def test_the_share_is_that_of_light_on_a_grid(window_px: float, blurred: bool) -
         disc = (r <= blur_diameter / 2.0).astype(float)
         kernel = irfft2(rfft2(kernel) * rfft2(disc / disc.sum()), s=r.shape)
     own = irfft2(rfft2(kernel) * rfft2((r <= R).astype(float)), s=r.shape)
-    seen = r <= window_px * geometry.sample_pitch / math.sqrt(math.pi)
-    found = neighbours_share(geometry, WAVELENGTH, np.full(2, window_px), blurred=blurred)
+    seen = np.hypot(
+        x[:, np.newaxis] - aside_px * geometry.sample_pitch, x
+    ) <= window_px * geometry.sample_pitch / math.sqrt(math.pi)
+    found = neighbours_share(geometry, WAVELENGTH, window(window_px, aside_px), blurred=blurred)
     assert found[0] == pytest.approx(1.0 - own[seen].mean(), rel=0.02)
 
 
 def test_neighbours_dim_the_texture_by_their_share() -> None:
     """Where noise outweighs both textures, the error is that of a texture of less contrast."""
-    geometry, dark = pictured(), replace(SETTINGS, light=replace(SETTINGS.light, electrons=200.0), window_px=16.0)
+    geometry, dark = pictured(), replace(SETTINGS, light=replace(SETTINGS.light, electrons=100.0), window_px=16.0)
     models = closed_form_models(dark, microlenses=True)
-    share = neighbours_share(geometry, WAVELENGTH, np.full(2, 16.0), blurred=True)
+    share = neighbours_share(geometry, WAVELENGTH, matched_window(geometry, dark, models), blurred=True)
     found = disparity_error_px(geometry, dark, models).value
     alone: PictureModels = replace(models, crosstalk="off")
     for k in range(2):
@@ -76,4 +84,4 @@ def test_neighbours_dim_the_texture_by_their_share() -> None:
 
 def test_a_camera_without_microlenses_has_no_neighbours() -> None:
     geometry = stereo().picture_geometry(DISTANCE)
-    assert np.all(neighbours_share(geometry, WAVELENGTH, np.full(2, 15.0), blurred=True) == 0.0)
+    assert np.all(neighbours_share(geometry, WAVELENGTH, window(15.0), blurred=True) == 0.0)

@@ -23,7 +23,8 @@ from tradestudy.imaging.light import Light, SensorNoise
 from tradestudy.imaging.matching_bound import band_nodes, matching_bound_px
 from tradestudy.imaging.models import DefocusModel, PictureModels, PictureSettings, Texture, texture_spectrum
 from tradestudy.imaging.optical_transfer import LensTransfers, kirchhoff_points
-from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px, disparity_error_px, window_px
+from tradestudy.imaging.passed_texture import matched_window
+from tradestudy.imaging.picture import WeighedPicture, disparity_bound_px, disparity_error_px
 from tradestudy.imaging.transfer import disc_transfer, square_transfer
 
 SETTINGS = PictureSettings(
@@ -111,8 +112,6 @@ def test_a_micro_image_by_hand() -> None:
     assert geometry.microlens.f_number == pytest.approx(camera.microlenses.gap / PITCH)
     # Types in focus at 1/v = 1/2 − (1, 3, 5)/23; at 150 mm, v = 2, the first is the sharpest, off by 1/23 of the pitch.
     assert geometry.blur_px[0] == pytest.approx(1.0, rel=1e-3)
-    # A square that fits into the micro-image, 23 px wide where f-numbers match.
-    assert window_px(geometry, replace(SETTINGS, window_px=500.0)) == pytest.approx(23 / math.sqrt(2), rel=1e-3)
 
 
 def test_neighbours_of_different_types_are_as_sharp_as_the_second() -> None:
@@ -133,7 +132,8 @@ def test_a_window_on_the_object_is_the_same_there_for_every_camera() -> None:
     settings = replace(SETTINGS, window_px=None, window_length=0.5e-3)
     for camera, distance in ((hand_lens(), 55e-3), (stereo(), 0.5), (r5(), 0.3)):
         geometry = camera.picture_geometry(np.array([distance]))
-        assert window_px(geometry, settings) * geometry.sample_pitch / geometry.magnification == pytest.approx(0.5e-3)
+        side = matched_window(geometry, settings, CLOSED).side_px
+        assert side * geometry.sample_pitch / geometry.magnification == pytest.approx(0.5e-3)
 
 
 # ---- how the steps combine ------------------------------------------------------------------------------------------

@@ -119,6 +119,9 @@ class LaserScanner(DepthCamera):
         a = np.where(self.images(a), a, np.nan)
         return picture_through_lens(a, self.lens, self.sensor, np.full_like(a, self.focus_distance))
 
+    def field_angle(self, field: float) -> float:
+        return math.atan(field * self.sensor.diagonal / 2.0 / self.lens.focal_length)
+
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:

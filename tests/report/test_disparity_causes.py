@@ -137,9 +137,9 @@ def test_the_report_says_what_counts_most_and_has_the_table() -> None:
     assert "What counts most elsewhere: at 53 mm defocus blur (" in told[2]
     table = rows(blocks)
     assert [row[0] for row in table if len(row) == 1] == ["At 53 mm", "At 55.3 mm", "At 58 mm"]
-    assert table[6][:3] == ["Hand-lens pair, f/22", "799", f"{error:.3g}"]
-    assert table[6][4] == f"{float(changed.sel(change='no diffraction')):.3g} ({sharp:.3g}×)"
-    assert table[7][5] == "itself"
+    assert table[6][:4] == ["Hand-lens pair, f/22", "799", "20.1", f"{error:.3g}"]  # 0.3 mm on the object
+    assert table[6][5] == f"{float(changed.sel(change='no diffraction')):.3g} ({sharp:.3g}×)"
+    assert table[7][6] == "itself"
 
 
 def test_declared_errors_have_no_causes(tree: xr.DataTree) -> None:
@@ -162,7 +162,7 @@ def test_a_camera_alone_is_compared_with_none(found: xr.Dataset) -> None:
     found = found.sel(camera=["pair-f5.6"]).copy(deep=True)
     found["brightest_camera"][:] = ""
     blocks = section(found)
-    assert {len(row) for row in rows(blocks)} == {1, 6}
+    assert {len(row) for row in rows(blocks)} == {1, 7}
     assert "light of" not in bullets(blocks)[0]
 
 
@@ -178,7 +178,7 @@ def test_what_is_larger_the_same_or_not_there_at_all_is_told(found: xr.Dataset) 
         "blur it would be the same; without diffraction 1.25 times larger. What counts most elsewhere: at 58 mm "
         "defocus blur (∞ times)."
     ]
-    assert rows(blocks)[1][1:] == ["—", "no picture", "—", "—", "—"]
+    assert rows(blocks)[1][1:] == ["—", "—", "no picture", "—", "—", "—"]
     nothing = found.isel(distance=[2])
     assert bullets(section(nothing)) == [
         "Hand-lens pair, f/9.8: 4030 electrons, and no texture is left to be matched: without blur the disparity error "

@@ -106,9 +106,9 @@ def evaluate_depth(camera: DepthCamera, distance: FloatArray, field: float = 0.0
         shares=variance_shares(camera, distance, field),
         disparity_px=camera.disparity_px(distance),
         equivalent_baseline=camera.equivalent_baseline(distance),
-        disparity_error_px=np.where(np.isnan(distance), np.nan, disparity_error_at(camera, distance)),
+        disparity_error_px=np.where(np.isnan(distance), np.nan, disparity_error_at(camera, distance, field)),
         disparity_error_px_error=np.where(
-            np.isnan(distance), np.nan, numerical_error_of_disparity_error(camera, distance)
+            np.isnan(distance), np.nan, numerical_error_of_disparity_error(camera, distance, field)
         ),
     )
 

@@ -93,7 +93,7 @@ def _responses(camera: DepthCamera, group: JointDraws, field: float) -> FloatArr
     deviation = np.std(group.draws, axis=0)
     steps = np.concatenate([np.diag(deviation), -np.diag(deviation)]) + group.nominal
     values = dict(zip(group.parameters, steps.T[:, :, None], strict=True))
-    read = read_draws(camera, values, places, field, camera.noise(places))
+    read = read_draws(camera, values, places, field, camera.noise(places, field))
     change = np.nan_to_num(read[: deviation.size] - read[deviation.size :]).T
     return np.asarray(np.where(deviation > 0.0, change / np.where(deviation > 0.0, deviation, 1.0), 0.0))
 
@@ -113,7 +113,7 @@ def _places(camera: DepthCamera) -> FloatArray:
 
 def outcome_model(camera: DepthCamera, distance: FloatArray, field: float = 0.0, way: str = "both") -> Model:
     """A model of the inverse depths at distances [m], in the form that `propagate` takes."""
-    fixed, noise = fixed_errors(camera, way), camera.noise(distance)
+    fixed, noise = fixed_errors(camera, way), camera.noise(distance, field)
 
     def model(values: Mapping[str, FloatArray]) -> Outcome:
         draws = len(next(iter(values.values()))) if values else 1
@@ -171,7 +171,7 @@ def _read_all(
     camera: DepthCamera, distance: FloatArray, field: float, way: str, values: Mapping[str, FloatArray]
 ) -> FloatArray:
     """Inverse depths [1/m] of all draws, (distances, draws); many are read on several threads."""
-    fixed, noise = fixed_errors(camera, way), camera.noise(distance)
+    fixed, noise = fixed_errors(camera, way), camera.noise(distance, field)
     draws = len(next(iter(values.values())))
     found = np.empty((distance.size, draws))
     step = max(64, _AT_ONCE // max(distance.size, 1))
@@ -193,7 +193,7 @@ def _read_all(
 def nominal_inverse(camera: DepthCamera, distance: FloatArray, field: float) -> FloatArray:
     """The inverse depth [1/m] that the camera reads with every error at its mean; NaN where it reads none."""
     values = fixed_errors(camera, "noise")
-    read = read_draws(camera, values, distance, field, camera.noise(distance))
+    read = read_draws(camera, values, distance, field, camera.noise(distance, field))
     return np.asarray(np.broadcast_to(read, (1, distance.size))[0])
 
 

@@ -91,7 +91,7 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
     deviation = np.sqrt(np.diag(covariance))
     moving = np.flatnonzero(deviation > 0.0)
     step = np.broadcast_to(_STEP * deviation[:, None], (deviation.size, distance.size)).copy()
-    noise = camera.noise(distance)
+    noise = camera.noise(distance, field)
     if PIXEL_NOISE in names:  # which is counted in its own deviations
         step[names.index(PIXEL_NOISE)] *= np.maximum(1.0, _LEAST_NOISE_PX * camera.sample_pitch / noise)
     values = fixed_errors(camera, way)
@@ -150,7 +150,7 @@ def scaled_noise(camera: DepthCamera, distance: FloatArray, field: float, scale:
 def _under_noise(camera: DepthCamera, distance: FloatArray, field: float, scores: FloatArray) -> FloatArray:
     """Inverse depth [1/m] read where the noise has so many of its standard deviations, (scores, distances)."""
     errors = {**fixed_errors(camera, "noise"), PIXEL_NOISE: scores}
-    return read_draws(camera, errors, distance, field, camera.noise(distance))
+    return read_draws(camera, errors, distance, field, camera.noise(distance, field))
 
 
 def _score_of_infinity(camera: DepthCamera, distance: FloatArray, field: float, reach: FloatArray) -> FloatArray:

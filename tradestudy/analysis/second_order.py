@@ -81,7 +81,9 @@ def second_order(
         spread = np.broadcast_to(scores, (count, scores.shape[1], distance.size))
         drawn = sources.draw(spread.reshape(count, -1))
         values = {name: one.reshape(spread.shape[1:]) if one.size > 1 else one for name, one in drawn.items()}
-        return read_draws(camera, {**fixed_errors(camera, way), **values}, distance, field, camera.noise(distance))
+        return read_draws(
+            camera, {**fixed_errors(camera, way), **values}, distance, field, camera.noise(distance, field)
+        )
 
     axes = np.eye(count)[:, :, np.newaxis]
     gradient = (read(_STEP * axes) - read(-_STEP * axes)) / (2.0 * _STEP)

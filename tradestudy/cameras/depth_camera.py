@@ -66,7 +66,8 @@ class UsableCriteria:
 class DisparityErrorLaw(Protocol):
     """A disparity error that follows from the picture that a camera takes at a distance.
 
-    It is given the camera with every question, so that it stays true when the camera is changed.
+    It is given the camera with every question, so that it stays true when the camera is changed. Places in the field
+    are as of `DepthCamera.read`.
     """
 
     @property
@@ -74,11 +75,11 @@ class DisparityErrorLaw(Protocol):
         """Share of all measurements that are false and count as failed."""
         ...
 
-    def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+    def error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
         """Standard deviation of the disparity of one measurement [px] at distances [m]; NaN without a picture."""
         ...
 
-    def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+    def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
         """Estimated numerical error of `error_px` [px]."""
         ...
 
@@ -159,6 +160,10 @@ class DepthCamera(Camera):
         """
 
     @abstractmethod
+    def field_angle(self, field: float) -> float:
+        """Of the chief ray against the axis [rad], at a place in the field as of `read`."""
+
+    @abstractmethod
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:
@@ -225,9 +230,9 @@ class DepthCamera(Camera):
         found = known[base] if base in known else SESSION_PARAMETERS[base]
         return replace(found, part="ageing", error_class=ErrorClass.SESSION) if name != base else found
 
-    def noise(self, distance: ArrayLike) -> FloatArray:
-        """Standard deviation of the disparity of one measurement [m on the sensor]."""
-        return disparity_error_at(self, distance) * self.sample_pitch
+    def noise(self, distance: ArrayLike, field: float = 0.0) -> FloatArray:
+        """Standard deviation of the disparity of one measurement [m on the sensor] at a place in the field."""
+        return disparity_error_at(self, distance, field) * self.sample_pitch
 
     def images(self, distance: ArrayLike) -> BoolArray:
         """Where an object lies beyond the focal length, so that a real image of it is formed."""
@@ -271,20 +276,20 @@ class DepthCamera(Camera):
         return {}
 
 
-def disparity_error_at(camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-    """Standard deviation of the disparity of one measurement [px] at distances [m]."""
+def disparity_error_at(camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
+    """Standard deviation of the disparity of one measurement [px] at distances [m] and a place in the field."""
     error = camera.disparity_error_px
     if isinstance(error, float | int):
         return np.full(np.shape(distance), float(error))
-    return error.error_px(camera, distance)
+    return error.error_px(camera, distance, field)
 
 
-def numerical_error_of_disparity_error(camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+def numerical_error_of_disparity_error(camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
     """Estimated numerical error of `disparity_error_at` [px]: 0 where it is declared."""
     error = camera.disparity_error_px
     if isinstance(error, float | int):
         return np.zeros(np.shape(distance))
-    return error.numerical_error_px(camera, distance)
+    return error.numerical_error_px(camera, distance, field)
 
 
 def false_match_share(camera: DepthCamera) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -9,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from tradestudy.cameras.matched_windows import ComparedPictures
 from tradestudy.optics.arrays import FloatArray
 
 
@@ -90,14 +92,16 @@ class PictureGeometry:
         ``square`` for pixels, ``disc`` for microlenses.
     pixel_pitch
         Of the sensor [m]: what collects electrons.
-    widest_window_px
-        Side of the largest square window in samples: that of the sensor, or the square that fits into a micro-image.
+    compared
+        The pictures that the estimator compares: how large a window they share.
     light_f_number
         f-number of the cone that reaches a pixel, over distance.
     pupil_diameter
         Of the main lens [m].
     main_lens, microlens
         The stages of the picture; no microlens where none blurs it.
+    micro_image_diameter
+        Of the light behind one microlens [m]; infinite for a picture of the whole sensor.
     """
 
     distance: FloatArray
@@ -106,11 +110,12 @@ class PictureGeometry:
     sample_width: float
     sample_shape: Literal["square", "disc"]
     pixel_pitch: float
-    widest_window_px: float
+    compared: ComparedPictures
     light_f_number: FloatArray
     pupil_diameter: float
     main_lens: LensStage
     microlens: LensStage | None
+    micro_image_diameter: float = math.inf
 
     @property
     def blur_px(self) -> FloatArray:
@@ -133,6 +138,7 @@ class PictureGeometry:
             self,
             distance=self.distance[index],
             magnification=self.magnification[index],
+            compared=self.compared.at(index),
             light_f_number=self.light_f_number[index],
             main_lens=self.main_lens.at(index),
             microlens=None if self.microlens is None else self.microlens.at(index),

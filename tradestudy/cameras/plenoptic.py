@@ -86,6 +86,11 @@ class PlenopticCamera(DepthCamera):
         The true distance [m] tells which microlenses or views the estimator uses.
         """
 
+    def field_angle(self, field: float) -> float:
+        """By the diagonal of the sensor, seen from the main lens at the distance of the array."""
+        require_field(field)
+        return math.atan(field * self.sensor.diagonal / 2.0 / self.geometry.mla_distance)
+
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from tradestudy.cameras.matched_windows import WholePictures
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.optics.arrays import FloatArray
@@ -32,7 +33,7 @@ def picture_through_lens(distance: FloatArray, lens: Lens, sensor: Sensor, focus
         sample_width=sensor.pixel_pitch,
         sample_shape="square",
         pixel_pitch=sensor.pixel_pitch,
-        widest_window_px=float(min(sensor.columns, sensor.rows)),
+        compared=WholePictures(side_px=np.full_like(distance, min(sensor.columns, sensor.rows))),
         light_f_number=stage.f_number,
         pupil_diameter=pupil,
         main_lens=stage,

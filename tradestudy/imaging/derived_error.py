@@ -58,15 +58,25 @@ class PictureDisparityError:
         """Share of the matches that are false."""
         return self.matcher.false_matches
 
-    def error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
-        """What the matcher reaches [samples] at distances [m]; NaN where there is no picture or it shows nothing."""
-        value = self.matcher.error_px(self.bound_px(camera, distance))
+    def error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
+        """What the matcher reaches [samples] at distances [m]; NaN where there is no picture or it shows nothing.
+
+        Off the axis, in the light and through the pupil at the angle of the place in the field in place of that of the
+        settings; blur is that on the axis. Disparity counts over the baseline that the estimator has on the axis.
+        """
+        value = self.matcher.error_px(self.at_field(camera, field).bound_px(camera, distance))
         return np.where(np.isinf(value), np.nan, value).reshape(np.shape(distance))
 
-    def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike) -> FloatArray:
+    def numerical_error_px(self, camera: DepthCamera, distance: ArrayLike, field: float = 0.0) -> FloatArray:
         """Estimated numerical error of `error_px` [samples]."""
-        found = self.derived(camera, distance)
+        found = self.at_field(camera, field).derived(camera, distance)
         return self.matcher.numerical_error_px(found.value, found.error).reshape(np.shape(distance))
+
+    def at_field(self, camera: DepthCamera, field: float) -> PictureDisparityError:
+        """The law at a place in the field; on the axis as declared."""
+        if field == 0.0:
+            return self
+        return replace(self, settings=replace(self.settings, field_angle=camera.field_angle(field)))
 
     def derived(self, camera: DepthCamera, distance: ArrayLike) -> DerivedDisparityError:
         """The bound with its numerical error and the conditions that it breaks, over the distances in one row."""
@@ -75,7 +85,7 @@ class PictureDisparityError:
     def limit(self, camera: DepthCamera, distance: ArrayLike) -> Limit:
         """Where a matcher can reach the bound: all of its conditions hold, not only that on the value shown."""
         value, shape = self.bound_px(camera, distance), np.shape(distance)
-        broken = violated_conditions(camera.picture_geometry(np.ravel(distance)), self.settings, value)
+        broken = violated_conditions(camera.picture_geometry(np.ravel(distance)), self.settings, self.models, value)
         met = ~np.any(list(broken.values()), axis=0)
         return Limit(value=value.reshape(shape), bound=LARGEST_ERROR_PX, met=met.reshape(shape))
 

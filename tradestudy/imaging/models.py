@@ -87,7 +87,8 @@ class PictureSettings:
         Of the surface.
     window_px, window_length
         Side of the square window that is matched: in samples of the picture, or as a length [m] on the object so that
-        cameras are compared at equal window there. Exactly one. Never more than a micro-image holds.
+        cameras are compared at equal window there. Exactly one. Never more than the compared
+        pictures share of an object.
     light
         Scene and exposure.
     sensor_noise

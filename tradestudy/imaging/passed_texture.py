@@ -13,8 +13,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.matched_windows import MatchedWindow
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.imaging.light import field_illumination, mean_electrons, neighbours_share, noise_variance
+from tradestudy.imaging.light import (
+    field_illumination,
+    mean_electrons,
+    neighbours_share,
+    noise_variance,
+    radial_pupil_width,
+)
 from tradestudy.imaging.matching_bound import (
     REPLICAS,
     BandNodes,
@@ -36,9 +43,26 @@ def picture_electrons(geometry: PictureGeometry, settings: PictureSettings, mode
     left = 1.0
     if models.vignetting == "cos4":
         left = field_illumination(
-            settings.field_angle, pupil_diameter=geometry.pupil_diameter, stop_separation=settings.stop_separation
+            settings.field_angle,
+            pupil_diameter=geometry.pupil_diameter,
+            stop_separation=settings.stop_separation if geometry.compared.stops_dim else 0.0,
         )
     return mean_electrons(settings.light, geometry.light_f_number, geometry.pixel_pitch, left)
+
+
+def matched_window(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> MatchedWindow:
+    """The window over distance: at most the declared one, and what the compared pictures share through the pupil."""
+    if settings.window_px is not None:
+        asked = np.full_like(geometry.magnification, settings.window_px)
+    else:
+        assert settings.window_length is not None  # the settings hold one of the two
+        asked = settings.window_length * geometry.magnification / geometry.sample_pitch
+    width = 1.0
+    if models.vignetting == "cos4":
+        width = radial_pupil_width(
+            settings.field_angle, pupil_diameter=geometry.pupil_diameter, stop_separation=settings.stop_separation
+        )
+    return geometry.compared.through(width).window(asked)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,8 +123,6 @@ class TextureBand:
     ----------
     geometry, settings
         The picture and what is looked at.
-    window
-        Side of the window that is matched [samples], over distance.
     rules
         Nodes of the band, of falling order.
     interpolated
@@ -109,10 +131,9 @@ class TextureBand:
 
     geometry: PictureGeometry
     settings: PictureSettings
-    window: FloatArray
     rules: tuple[BandNodes, ...]
     interpolated: bool = True
-    _shares: dict[bool, FloatArray] = field(default_factory=dict, init=False)
+    _shares: dict[tuple[bool, str], FloatArray] = field(default_factory=dict, init=False)
 
     def passed(self, models: PictureModels, brighter: ArrayLike = 1.0) -> PassedTexture:
         """Pass the texture through every step, in so many times the light over distance."""
@@ -124,7 +145,8 @@ class TextureBand:
             transfer = transfer * disc_transfer(frequency, width)
             width = 0.0
         n = (picture_electrons(geometry, settings, models) * np.asarray(brighter, dtype=np.float64))[:, np.newaxis]
-        crosstalk = self._crosstalk(models)
+        window = matched_window(geometry, settings, models)
+        crosstalk = self._crosstalk(models, window)
         power = np.square((1.0 - crosstalk) * transfer)
         *inside, beyond = np.split(n**2 * self._texture[:, : frequency.size] * power, self._ends, axis=1)
         # From beyond the replicas: what texture is left there, passed like the outermost ring, spread evenly.
@@ -139,20 +161,21 @@ class TextureBand:
             # As another texture of the same kind: what it shows is not what is matched.
             foreign=np.square(crosstalk / (1.0 - crosstalk)),
             sample_width=width,
-            window=self.window,
+            window=window.side_px,
             transfer=(1.0 - crosstalk) * transfer[:, : self._ends[0]],
             transfer_error=transfer_error,
         )
 
-    def _crosstalk(self, models: PictureModels) -> FloatArray:
+    def _crosstalk(self, models: PictureModels, window: MatchedWindow) -> FloatArray:
         """Share of light that is of neighbours, as a column over distance."""
         if models.crosstalk == "off" or self.geometry.microlens is None:
             return np.zeros((self.geometry.distance.size, 1))
         blurred = models.defocus_blur == "disc"
-        if blurred not in self._shares:
-            share = neighbours_share(self.geometry, self.settings.wavelength, self.window, blurred=blurred)
-            self._shares[blurred] = share[:, np.newaxis]
-        return self._shares[blurred]
+        key = blurred, models.vignetting
+        if key not in self._shares:
+            share = neighbours_share(self.geometry, self.settings.wavelength, window, blurred=blurred)
+            self._shares[key] = share[:, np.newaxis]
+        return self._shares[key]
 
     @cached_property
     def _ends(self) -> tuple[int, ...]:

@@ -24,7 +24,7 @@ from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.matching_bound import BandNodes, band_nodes
 from tradestudy.imaging.models import PictureModels, PictureSettings
-from tradestudy.imaging.passed_texture import PassedTexture, TextureBand, picture_electrons
+from tradestudy.imaging.passed_texture import PassedTexture, TextureBand, matched_window, picture_electrons
 from tradestudy.optics.arrays import BoolArray, FloatArray, IndexArray
 
 # Where a matcher leaves the bound was found by simulation; tests/campaigns/matching.md keeps the figures.
@@ -89,7 +89,7 @@ def disparity_error_px(
     return DerivedDisparityError(
         value=value,
         error=error,
-        violated=violated_conditions(geometry, settings, value),
+        violated=violated_conditions(geometry, settings, models, value),
         filled_share=filled_share(geometry, settings, models),
     )
 
@@ -172,7 +172,7 @@ def matching_margin(geometry: PictureGeometry, settings: PictureSettings, models
 
     The bound itself is computed only where the others hold.
     """
-    margin = np.asarray(np.min(list(_margins_of_the_window(geometry, settings).values()), axis=0))
+    margin = np.asarray(np.min(list(_margins_of_the_window(geometry, settings, models).values()), axis=0))
     held = np.flatnonzero(margin >= 0.0)
     if held.size:
         bound = disparity_bound_px(geometry.at(held), settings, models)
@@ -186,21 +186,10 @@ def filled_share(geometry: PictureGeometry, settings: PictureSettings, models: P
     return np.asarray(brightest / settings.sensor_noise.full_well_electrons)
 
 
-def window_px(geometry: PictureGeometry, settings: PictureSettings) -> FloatArray:
-    """Side of the window [samples] over distance, at most what the picture holds."""
-    if settings.window_px is not None:
-        asked = np.full_like(geometry.magnification, settings.window_px)
-    else:
-        assert settings.window_length is not None  # the settings hold one of the two
-        asked = settings.window_length * geometry.magnification / geometry.sample_pitch
-    return np.minimum(asked, geometry.widest_window_px)
-
-
 def _band(
     geometry: PictureGeometry, settings: PictureSettings, rules: tuple[BandNodes, ...], *, interpolated: bool = True
 ) -> TextureBand:
-    window = window_px(geometry, settings)
-    return TextureBand(geometry=geometry, settings=settings, window=window, rules=rules, interpolated=interpolated)
+    return TextureBand(geometry=geometry, settings=settings, rules=rules, interpolated=interpolated)
 
 
 def _require_possible(geometry: PictureGeometry, settings: PictureSettings, models: PictureModels) -> None:
@@ -249,19 +238,21 @@ def matching_needs() -> str:
 
 
 def violated_conditions(
-    geometry: PictureGeometry, settings: PictureSettings, bound: FloatArray
+    geometry: PictureGeometry, settings: PictureSettings, models: PictureModels, bound: FloatArray
 ) -> Mapping[str, BoolArray]:
     """Where a matcher cannot reach the bound, by condition."""
     return {
         "the error is too large for a bound of small errors": ~(bound <= LARGEST_ERROR_PX),
         "there is no noise": bound == 0.0,
-        **{name: ~(margin >= 0.0) for name, margin in _margins_of_the_window(geometry, settings).items()},
+        **{name: ~(margin >= 0.0) for name, margin in _margins_of_the_window(geometry, settings, models).items()},
     }
 
 
-def _margins_of_the_window(geometry: PictureGeometry, settings: PictureSettings) -> Mapping[str, FloatArray]:
+def _margins_of_the_window(
+    geometry: PictureGeometry, settings: PictureSettings, models: PictureModels
+) -> Mapping[str, FloatArray]:
     """By how many samples the window exceeds what it needs at least; NaN without a picture."""
-    window = window_px(geometry, settings)
+    window = matched_window(geometry, settings, models).side_px
     length_px = settings.texture.correlation_length * geometry.magnification / geometry.sample_pitch
     needed = {
         "the window has too few samples": np.asarray(SMALLEST_WINDOW_PX),

@@ -196,6 +196,15 @@ DEPTH_FIELD: Final[Mapping[str, Variable]] = {
 """/depth_field: the same off the axis, at declared places in the field."""
 
 DISPARITY_CAUSES: Final[Mapping[str, Variable]] = {
+    "matched_window_px": Variable(
+        dims=("camera", "distance"),
+        units="px",
+        long_name="side of the square window that is matched: the declared one, or the largest that the compared "
+        "pictures share of an object; for several pairs that of one that tells as much; a px as of disparity_error_px; "
+        "0 where they share none, NaN where the camera forms no image",
+        symbol="W",
+        error=ROUNDING + "; for least squares up to 8 % too small",
+    ),
     "electrons": Variable(
         dims=("camera", "distance"),
         units="electrons",

@@ -229,6 +229,9 @@ class FocusedPlenoptic(PlenopticCamera):
             self.microlenses,
             self.sensor,
             self.mla_distance,
+            estimator=self.estimator,
+            lenses=self.lenses,
+            radius_over_pitch=self.radius_over_pitch(a),
             blur=np.take_along_axis(self.blur_px(a), used[np.newaxis], axis=0)[0] * self.sensor.pixel_pitch,
             used_type=used,
         )

@@ -10,7 +10,13 @@ import numpy as np
 from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.microlens_coverage import least_squares_baseline, seen_count_probability, widest_pair_baseline
+from tradestudy.optics.microlens_coverage import (
+    PairLengths,
+    least_squares_baseline,
+    least_squares_pairs,
+    seen_count_probability,
+    widest_pair_baseline,
+)
 
 PlenopticEstimator = Literal["adjacent-pair", "same-type-pair", "widest-pair", "least-squares"]
 UsedLenses = Literal["all", "sharpest-type"]
@@ -50,6 +56,40 @@ def effective_baseline(
     radius, counting = radius_over_pitch, _counting(lenses, array)
     found = law(np.nan_to_num(radius), layout=array.layout, types=array.types, counting=counting)
     return np.asarray(np.where(np.isfinite(radius), found.over_pitch, np.nan) * array.pitch)
+
+
+def pairs_of(
+    estimator: PlenopticEstimator,
+    lenses: UsedLenses,
+    array: MicrolensArray,
+    radius_over_pitch: FloatArray,
+    width: float = 1.0,
+) -> PairLengths:
+    """Pairs of microlenses that an estimator compares through a pupil of which so much is left of the width.
+
+    One pair of the length of neighbours, or of that which stands for the widest pairs, or all pairs of least squares.
+    Those that a narrower pupil leaves tell less, in proportion to the squares of the effective baselines: disparities
+    count over the baseline of the whole pupil.
+
+    Parameters
+    ----------
+    estimator, lenses, array, radius_over_pitch
+        As for `effective_baseline`; the radius is that of the whole pupil.
+    width
+        Of the pupil over that of the whole one, from 0 to 1.
+    """
+    radius = np.nan_to_num(radius_over_pitch) * width
+    if estimator in LENSES_OF_PAIRS:
+        length = np.full((1, radius.size), neighbour_distance(estimator, array) / array.pitch)
+        return PairLengths(over_pitch=length, share=np.ones_like(length))
+    baseline, whole = (
+        np.nan_to_num(effective_baseline(estimator, lenses, array, one)) for one in (radius, radius_over_pitch)
+    )
+    kept = np.square(baseline / np.where(whole > 0.0, whole, 1.0))
+    if estimator == "widest-pair":
+        return PairLengths(over_pitch=baseline[np.newaxis] / array.pitch, share=kept[np.newaxis])
+    pairs = least_squares_pairs(radius, layout=array.layout, types=array.types, counting=_counting(lenses, array))
+    return PairLengths(over_pitch=pairs.over_pitch, share=pairs.share * kept)
 
 
 def share_with_a_pair(lenses: UsedLenses, array: MicrolensArray, radius_over_pitch: FloatArray) -> FloatArray:

@@ -35,5 +35,16 @@ METHOD: Final = Method(
         "two errors. How the error of one disparity becomes that of *v* depends on the declared estimator: it "
         "grows with *v*² for an adjacent pair (of any lenses, or of the same type), with *v* for the widest pair, "
         "and stays flat for all lenses in least squares.",
+        "Where a disparity error is derived, two micro-images of diameter *n* on the sensor are compared in what they "
+        "share of the object. Where its textures coincide, those of microlenses a distance *D* apart lie *d* apart, "
+        "and the largest square that both show has the side *w*:",
+        Formula(
+            typst="w = (sqrt(2 n^2 - d^2) - d) / 2, quad d = D / abs(v) thin b_M / z",
+            alt="w equals half of the square root of two n squared minus d squared, less d, where d is D over the "
+            "absolute value of v, times b M over z.",
+        ),
+        "A pair takes that window or the declared one, whichever is smaller; the widest pair is the one of the longest "
+        "distance that serves a point, and has the smallest window. Least squares adds what all pairs tell, each in "
+        "its own window.",
     ),
 )

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
+from tradestudy.cameras.focused_plenoptic.estimator import PlenopticEstimator, UsedLenses
+from tradestudy.cameras.focused_plenoptic.micro_images import MicroImages
 from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.optics.arrays import FloatArray
@@ -21,6 +21,9 @@ def relayed_picture(
     sensor: Sensor,
     mla_distance: float,
     *,
+    estimator: PlenopticEstimator,
+    lenses: UsedLenses,
+    radius_over_pitch: FloatArray,
     blur: FloatArray,
     used_type: NDArray[np.intp],
 ) -> PictureGeometry:
@@ -30,6 +33,8 @@ def relayed_picture(
     ----------
     distance, lens, array, sensor, mla_distance
         The objects, and what pictures them.
+    estimator, lenses, radius_over_pitch
+        Which of them are compared, as of `MicroImages`.
     blur
         Of the micro-images [m], shape of ``distance``.
     used_type
@@ -66,9 +71,17 @@ def relayed_picture(
         sample_width=pixel,
         sample_shape="square",
         pixel_pitch=pixel,
-        widest_window_px=micro_image / pixel / math.sqrt(2.0),
+        compared=MicroImages(
+            estimator=estimator,
+            lenses=lenses,
+            array=array,
+            diameter_px=micro_image / pixel,
+            neighbours_apart_px=array.pitch * relay * image / mla_distance / pixel,
+            radius_over_pitch=radius_over_pitch,
+        ),
         light_f_number=microlens.f_number,
         pupil_diameter=pupil,
         main_lens=main_lens,
         microlens=microlens,
+        micro_image_diameter=micro_image,
     )

@@ -236,6 +236,11 @@ class StereoRig(DepthCamera):
         """Where a rig that deviates from its design by ``errors`` images a point; see `pair_observation`."""
         return pair_observation(self.pair, errors, x, y, z)
 
+    def field_angle(self, field: float) -> float:
+        """In the view midway between the cameras; in each of them it differs by the angle between the axes."""
+        require_field(field)
+        return math.atan(field * self.sensor.diagonal / 2.0 / self.principal_distance)
+
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
     ) -> InverseDepthReading:

@@ -10,7 +10,8 @@ from tradestudy.cameras.calibration_declaration import CalibrationPart, calibrat
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.parts import MicrolensArray
-from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic, ViewEstimator
+from tradestudy.cameras.unfocused_plenoptic.compared_views import ViewEstimator
+from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (

@@ -11,10 +11,9 @@ and principal distance z, its disparities counted from those of the plane in foc
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,6 +26,7 @@ from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
 from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
 from tradestudy.cameras.reading import Errors
+from tradestudy.cameras.unfocused_plenoptic.compared_views import ComparedViews, ViewEstimator, baseline_of_views
 from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
 from tradestudy.cameras.unfocused_plenoptic.method import METHOD
 from tradestudy.cameras.unfocused_plenoptic.views import views_inverse_depth, views_observation
@@ -36,8 +36,6 @@ from tradestudy.optics.depth_of_field import refocus_distance, view_pupil_diamet
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import depth_of_inverse
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
-
-ViewEstimator = Literal["outermost-views", "least-squares"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,6 +119,11 @@ class UnfocusedPlenoptic(PlenopticCamera):
         """Image of the main lens's pupil under a microlens [m]; it equals the pitch where the f-numbers match."""
         return self.main_lens.pupil_diameter * self.microlenses.gap / self.mla_distance
 
+    @property
+    def _micro_image_used(self) -> float:
+        """Of the micro-image [m], what lies in the cell of its microlens."""
+        return min(self.micro_image_diameter, self.microlenses.pitch)
+
     @cached_property
     def view_positions(self) -> FloatArray:
         """Centres of the views in the pupil [m], shape (views, 2).
@@ -130,7 +133,7 @@ class UnfocusedPlenoptic(PlenopticCamera):
         """
         pixel = self.sensor.pixel_pitch
         across = round(self.microlenses.pitch / pixel)
-        reach = min(self.micro_image_diameter, self.microlenses.pitch) / 2.0 * (1.0 + 1e-12)
+        reach = self._micro_image_used / 2.0 * (1.0 + 1e-12)
         line = (np.arange(across) - (across - 1) / 2.0) * pixel
         x, y = np.meshgrid(line, line)
         inside = np.hypot(x, y) <= reach
@@ -150,15 +153,8 @@ class UnfocusedPlenoptic(PlenopticCamera):
 
     @cached_property
     def estimator_baseline(self) -> float:
-        """The distance Δu [m] of two views that would measure as well as the estimator.
-
-        That of the outermost views along a row; √(2 Σ|u − ū|²) for least squares over both coordinates of all views,
-        each with the error of one coordinate.
-        """
-        positions = self.view_positions
-        if self.estimator == "outermost-views":
-            return float(np.ptp(positions[:, 0]))
-        return math.sqrt(2.0 * float(np.sum((positions - positions.mean(axis=0)) ** 2)))
+        """The distance Δu [m] of two views that would measure as well as the estimator; see `baseline_of_views`."""
+        return baseline_of_views(self.estimator, self.view_positions)
 
     @property
     def focus(self) -> RefocusedViewsFocus:
@@ -232,12 +228,25 @@ class UnfocusedPlenoptic(PlenopticCamera):
             sample_width=array.aperture_diameter,
             sample_shape="disc",
             pixel_pitch=self.sensor.pixel_pitch,
-            widest_window_px=min(self.sensor.width, self.sensor.height) / array.pitch,
+            compared=ComparedViews(
+                estimator=self.estimator,
+                positions=self.view_positions,
+                pupil_diameter=self._micro_image_used * z / array.gap,
+                side_px=self._shared_side(a),
+            ),
             light_f_number=np.full_like(a, array.gap / array.aperture_diameter),
             pupil_diameter=self.main_lens.pupil_diameter,
             main_lens=stage,
             microlens=None,
         )
+
+    def _shared_side(self, distance: FloatArray) -> FloatArray:
+        """Side [microlenses] of the largest square that both outermost views show: the sensor less their disparity."""
+        apart = np.abs(
+            np.ptp(self.view_positions[:, 0]) * self.mla_distance * (1.0 / distance - 1.0 / self.focus_distance)
+        )
+        along = np.maximum(self.sensor.width - apart, 0.0)
+        return np.asarray(np.minimum(along, self.sensor.height) / self.microlenses.pitch)
 
     @property
     def geometry(self) -> ArrayGeometry:

@@ -168,6 +168,7 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         rows.append((f"At {distance(float(place))}",))
         rows += [_row(there.sel(camera=key), title, changes) for key, title in titles.items()]
     compared, real = "light of the brightest" in changes, "matched_error_px" in found
+    windows = "matched_window_px" in found  # older results lack it
     return Table(
         name="disparity-causes-table",
         caption=(
@@ -180,6 +181,7 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         columns=(
             Column(title="Camera", weight=1),
             Column(title="Electrons", align="right"),
+            *((Column(title="Window, px", align="right"),) if windows else ()),
             *(
                 Column(title=title, align="right")
                 for title in (("By matcher", "Bound") if real else ("Disparity error",))
@@ -188,7 +190,13 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
         ),
         rows=tuple(rows),
         notes=(
-            "Electrons: mean of a pixel. A number in brackets below 1: the error would be larger, since what blurs "
+            "Electrons: mean of a pixel. "
+            + (
+                "Window: side of the square that is matched, the declared one or the largest that both pictures share. "
+                if windows
+                else ""
+            )
+            + "A number in brackets below 1: the error would be larger, since what blurs "
             "also keeps texture out that is too fine for the pixels. The causes act together: their numbers need not "
             "multiply to the whole. Tenfold light, as if no pixel saturated, makes the error about 3.2 times "
             "smaller where texture stands out of the noise of the light itself; more where the sensor adds noise or "
@@ -203,10 +211,11 @@ def _table(found: xr.Dataset, titles: Mapping[str, str]) -> Table:
 def _row(there: xr.Dataset, title: str, changes: Sequence[str]) -> tuple[Text, ...]:
     error = float(there["disparity_error_px"])
     matched = [significant(float(there["matched_error_px"]))] if "matched_error_px" in there else []
+    window = [significant(float(there["matched_window_px"]))] if "matched_window_px" in there else []
     if np.isnan(error):
-        return (title, "—", *("—" for _ in matched), "no picture", *("—" for _ in changes))
+        return (title, "—", *("—" for _ in window), *("—" for _ in matched), "no picture", *("—" for _ in changes))
     cells = (_cell(there, error, name) for name in changes)
-    return (title, significant(float(there["electrons"])), *matched, significant(error), *cells)
+    return (title, significant(float(there["electrons"])), *window, *matched, significant(error), *cells)
 
 
 def _cell(there: xr.Dataset, error: float, change: str) -> str:

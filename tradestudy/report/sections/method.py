@@ -43,9 +43,18 @@ def _derived_disparity(needs: str, *, matchers: bool) -> Iterator[Block]:
     )
     yield Paragraph(
         "S is the spectrum of the texture in the picture, H the transfer of lenses and pixels, N the noise, W the side "
-        "of the window. The bound is what a good matcher reaches where the error is small against a pixel and the "
+        "of the window: the declared one, or where that is larger, what the pictures that the estimator compares share "
+        "of an object. The bound is what a good matcher reaches where the error is small against a pixel and the "
         f"window large against blur and texture: it takes {needs}. Where that is not so the distance is not usable, "
-        "limit “matching”: the declared window decides it as much as the camera does."
+        "limit “matching”: the declared window decides it as much as the camera does. A larger one, or an estimator of "
+        "nearer microlenses, remedies a window that is too small."
+    )
+    yield Paragraph(
+        "Off the axis the light falls by cos⁴ of the field angle, and further where the picture declares two stops, "
+        "whose rims narrow the pupil most along the radius of the field. Rims dim the whole picture of a stereo rig. "
+        "Behind microlenses each pixel looks through one spot of the pupil: rims take whole views of an unfocused "
+        "camera, and make the micro-images of a focused one narrower, with fewer lenses and shorter baselines. The "
+        "smallest width, the radial one, is taken for all directions."
     )
     if not matchers:
         yield Paragraph(

@@ -11,11 +11,12 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.execution.steps import Progress
 from tradestudy.imaging.derived_error import PictureDisparityError, kirchhoff_lattice
 from tradestudy.imaging.kirchhoff import kirchhoff_correction
 from tradestudy.imaging.matcher import AT_BOUND
-from tradestudy.imaging.passed_texture import picture_electrons
+from tradestudy.imaging.passed_texture import matched_window, picture_electrons
 from tradestudy.imaging.picture import CHANGES, ErrorCauses, error_causes, filled_share
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.plan.pieces.depth import applicable
@@ -58,6 +59,9 @@ def disparity_causes_group(definition: StudyDefinition) -> xr.Dataset | None:
     return dataset(
         "disparity_causes",
         {
+            "matched_window_px": np.stack(
+                [_window(camera.picture_geometry(distance), law) for camera, law in derived.values()]
+            ),
             "electrons": electrons,
             "disparity_error_px": np.stack([one.value for one in found]),
             "disparity_error_px_error": np.stack([one.error for one in found]),
@@ -81,6 +85,12 @@ def _by_matchers(laws: Sequence[PictureDisparityError], found: Sequence[ErrorCau
         "matcher": ["" if law.matcher == AT_BOUND else law.matcher.words for law in laws],
         "false_matches": [law.matcher.false_matches for law in laws],
     }
+
+
+def _window(geometry: PictureGeometry, law: PictureDisparityError) -> FloatArray:
+    """Side of the window [samples]; NaN where there is no picture."""
+    side = matched_window(geometry, law.settings, law.models).side_px
+    return np.where(np.isfinite(geometry.magnification), side, math.nan)
 
 
 def _electrons(camera: DepthCamera, law: PictureDisparityError, distance: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, NamedTuple
 
-from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
+from pydantic import Field, PlainValidator, WithJsonSchema
 
 from tradestudy import units
 from tradestudy.declarations.matcher import MatcherPart
-from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     DETAIL,
@@ -102,7 +101,8 @@ class PicturePart(Part):
 
     texture: TexturePart
     matching_window: PictureWindow = Field(
-        description="Side of the square that is matched: pixels, or a length on the object. At most a micro-image."
+        description="Side of the square that is matched: pixels, or a length on the object. At most what the "
+        "compared pictures share: of two micro-images less the farther apart their lenses are."
     )
     matcher: MatcherPart | None = Field(
         default=None,
@@ -114,7 +114,9 @@ class PicturePart(Part):
     full_well: PositiveElectrons = Field(description="Where a pixel saturates, and the top of the digitised scale.")
     bit_depth: Annotated[int, Field(strict=True, ge=1, le=32)] = Field(description="Of a raw value.")
     field_angle: FieldAngle = Field(
-        default=0.0, description="Of the place in the picture whose light counts; needs the vignetting there."
+        default=0.0,
+        description="Of the place in the picture whose light counts for depth on the axis; needs the vignetting there. "
+        "Each of propagation.field_places has its own.",
     )
     stop_separation: NonNegativeLength = Field(
         default=0.0, description="Of two equal round stops that cut the pupil away from the axis; 0 m: none does."
@@ -127,12 +129,6 @@ class PicturePart(Part):
         default="perfect",
         description="Lens of the Kirchhoff model: well corrected, or the parabolic phase of the paper.",
     )
-
-    @model_validator(mode="after")
-    def _stops_need_an_angle(self) -> Self:
-        if self.stop_separation > 0.0 and self.field_angle == 0.0:
-            raise MistakeAt(("stop_separation",), "cuts nothing on the axis; give a field_angle")
-        return self
 
     def settings(self, wavelength: float) -> PictureSettings:
         """Texture, light, sensor and window in SI; ``wavelength`` [m] is the central one."""

@@ -112,6 +112,13 @@ class StudyFile(Part):
             mistakes.append(MistakeAt(("cameras",), "this key is missing or empty, and nothing else is asked for"))
         if self.cameras and self.scene is None:
             mistakes.append(MistakeAt(("scene",), "this key is missing; cameras need it"))
+        picture = None if self.scene is None else self.scene.picture
+        off_axis = any(place > 0.0 for place in self.propagation.field_places)
+        if picture is not None and picture.stop_separation > 0.0 and not (picture.field_angle > 0.0 or off_axis):
+            place = ("scene", "picture", "stop_separation")
+            mistakes.append(
+                MistakeAt(place, "cuts nothing on the axis; give a field_angle or propagation.field_places")
+            )
         if self.light_spot is not None and not self.cameras:  # of which forced effects may speak instead
             mistakes += law_mistakes(self.light_spot, self.effects)
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
