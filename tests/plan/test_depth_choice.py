@@ -14,13 +14,14 @@ import tradestudy
 from tests.campaigns.depth_cases import base_study
 from tests.campaigns.depth_regret import run
 from tradestudy.accuracy import Quantity
-from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.depth import depth_uncertainty, evaluate_depth
 from tradestudy.effects.choice import Change, Changes, Piece, Slot, choose
 from tradestudy.effects.models import Models
 from tradestudy.errors import StudyError
 from tradestudy.plan.choice import choose_models
 from tradestudy.plan.pieces.depth import depth_pieces
 from tradestudy.plan.pieces.depth_variant import DepthVariant
+from tradestudy.study.acting import acting
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 
@@ -289,3 +290,25 @@ def test_choices_for_random_cameras_keep_their_tolerance() -> None:
     found = list(run(range(3), seed=21))
     assert {one.name.split()[0] for one in found} == {"stereo", "focused", "unfocused"}
     assert all(one.change <= one.tolerance for one in found)
+
+
+def test_models_are_weighed_in_the_light_that_is_left_off_the_axis() -> None:
+    """Against depth evaluated there by either set of models, its noise and its calibration."""
+    picture = (
+        "propagation.field_places=[60 %]",
+        "scene.distances.points=9",
+        "scene.picture.light.electrons=100 electrons",
+    )
+    definition = load_definition(STUDIES / "close_range.yaml", picture)
+    piece = next(one for one in depth_pieces(definition, {}) if one.name == "pair-f9.8")
+    (variant,) = piece._variants
+    bare = {"main_lens_diffraction": "off"}
+    without = acting(variant.reference, bare)
+    found = variant.moved_of_field(bare)
+    whole, less = (
+        evaluate_depth(camera, variant.places, 0.6).uncertainty[2] for camera in (variant.reference, without)
+    )
+    assert 0.01 < found <= float(np.nanmax(np.abs(less / whole - 1.0))) * (1.0 + 1e-3)
+    some = variant.places[np.unique(np.linspace(0, variant.places.size - 1, 5).astype(int))]
+    whole, less = (evaluate_depth(camera, some, 0.6).uncertainty[2] for camera in (variant.reference, without))
+    assert found == pytest.approx(float(np.nanmax(np.abs(less / whole - 1.0))), rel=0.02)

@@ -135,8 +135,8 @@ class DepthPiece(Piece):
             moved = variant.moved(models, 0.0 if left_out is None else left_out, line.relative)
         evidence = self._evidence(left_out, drawn=line.relative > 0.0)
         whole = _largest(variant, moved.uncertainty, known.uncertainty, evidence, line)
-        if models["calibration"] == OFF and variant.camera.calibration.groups and variant.fields:
-            aside = variant.left_out_of_field() + line.relative
+        if variant.fields:
+            aside = variant.moved_of_field(models) + line.relative
             whole = whole if aside <= whole.relative else replace(whole, relative=aside, least=aside, at=math.nan)
         return {
             "depth_uncertainty": whole,

@@ -26,6 +26,7 @@ from tradestudy.plan.pieces.failed_fraction import (
     verdict_changed_without_calibration,
 )
 from tradestudy.plan.pieces.kirchhoff_rule import change_by_exact_paths
+from tradestudy.plan.pieces.off_axis import closed_form_of, moved_off_axis
 from tradestudy.study.acting import acting, complete_in_closed_form, in_closed_form, with_models
 
 _ENDS_ARE_KNOWN_TO: Final = 1e-2  # of their distance: their shift is found from the slope there
@@ -198,9 +199,7 @@ class DepthVariant:
         """Bound of the disparity error everywhere [samples] with models in closed form in their slots."""
         law = self.law
         assert law is not None  # as above
-        own = with_models(law.models, in_closed_form(models))
-        if not law.settings.spectrum:  # which other forms of the camera may have
-            own = replace(own, spectrum=OFF)
+        own = closed_form_of(law, models)
         if own == law.models:  # remembered, for readings of depth at these places ask for it too
             return law.bound_px(self.reference, self._everywhere)
         if own not in self._errors_px:
@@ -401,17 +400,10 @@ class DepthVariant:
         measured = ~np.isnan(distribution(camera, tried, "both", field).half_width)
         return np.where(measured, np.where(np.isnan(error), np.inf, error), 0.0)
 
-    def left_out_of_field(self) -> float:
-        """What leaving calibration out changes at the places in the field that the study asks for, at the most."""
-        places = self.places[np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))]
-        largest = 0.0
-        for place in self.fields:
-            noise, both = (
-                linear_reading(self.reference, places, place, way).standard_deviation for way in ("noise", "both")
-            )
-            with np.errstate(invalid="ignore", divide="ignore"):
-                largest = max(largest, float(np.nanmax(1.0 - noise / both, initial=0.0)))
-        return largest
+    def moved_of_field(self, models: Models) -> float:
+        """The largest relative change of the uncertainty at the places in the field that the study asks for."""
+        some = np.unique(np.linspace(0, self.places.size - 1, _FIELD_DISTANCES).astype(int))
+        return moved_off_axis(self.reference, self.places[some], self.fields, models)
 
 
 def _relative(new: FloatArray, old: FloatArray) -> FloatArray:

@@ -1,0 +1,61 @@
+"""What models change at places in the field, where there is less light, and calibration acts otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tradestudy.analysis.linear_depth import has_covariance, linear_reading
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.effects.models import OFF, Models
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.models import PictureModels
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.acting import in_closed_form, with_models
+
+
+def closed_form_of(law: PictureDisparityError, models: Models) -> PictureModels:
+    """The models of a law with others in their slots, by Fresnel at most, as far as its picture has them."""
+    own = with_models(law.models, in_closed_form(models))
+    return own if law.settings.spectrum else replace(own, spectrum=OFF)  # which other forms of the camera may have
+
+
+def moved_off_axis(reference: DepthCamera, places: FloatArray, fields: Sequence[float], models: Models) -> float:
+    """The largest relative change of the uncertainty at distances [m] and places in the field, by the line.
+
+    Parameters
+    ----------
+    reference
+        With the most complete models in closed form.
+    places, fields
+        Where.
+    models
+        In place of those.
+    """
+    return max((_moved(reference, places, field, models) for field in fields), default=0.0)
+
+
+def _moved(reference: DepthCamera, places: FloatArray, field: float, models: Models) -> float:
+    noise = linear_reading(reference, places, field, "noise").standard_deviation
+    known = has_covariance(reference)  # else as if noise were all, which it moves the most
+    both = linear_reading(reference, places, field, "both").standard_deviation if known else noise
+    moved = noise * _noise_changed(reference, places, field, models)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        beside = 0.0 if models.get("calibration") == OFF else np.maximum(both**2 - noise**2, 0.0)
+        change = np.abs(np.sqrt(moved**2 + beside) / both - 1.0)
+    return float(np.nanmax(change, initial=0.0))
+
+
+def _noise_changed(reference: DepthCamera, places: FloatArray, field: float, models: Models) -> FloatArray:
+    """The factor by which noise changes; 1 where nothing is derived or passes."""
+    law = reference.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return np.ones(places.shape)
+    there = law.at_field(reference, field)
+    bound = there.bound_px(reference, places)
+    other = replace(there, models=closed_form_of(there, models)).bound_px(reference, places)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        factor = other / bound
+    return there.matcher.change(bound, np.where(np.isnan(factor), 1.0, factor))
