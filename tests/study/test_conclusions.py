@@ -19,17 +19,10 @@ from tradestudy.api import Result
 from tradestudy.cli import app
 from tradestudy.comparison import compare_runs
 from tradestudy.errors import StudyError
-from tradestudy.results.views.conclusions import (
-    best_stretches,
-    measure_first,
-    requirement_conclusions,
-    requirement_sentence,
-    rests_on,
-    terminal_lines,
-    worths,
-)
+from tradestudy.results.views.conclusions import best_stretches, measure_first, rests_on, terminal_lines, worths
 from tradestudy.results.views.conclusions_json import conclusions_as_json
 from tradestudy.results.views.designs import path_words
+from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 
 STUDIES = Path(__file__).parents[2] / "studies"
 ASKED = {

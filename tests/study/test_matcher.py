@@ -21,7 +21,7 @@ from tradestudy.plan.pieces.depth import depth_pieces
 from tradestudy.plan.plan import plan_of
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Block, Bullets, Heading, Paragraph, Table, Text, all_blocks, spans
-from tradestudy.results.views.conclusions import requirement_conclusions, requirement_sentence
+from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.loading import load_definition
 from tradestudy.units import UnitError

@@ -9,13 +9,13 @@ import numpy as np
 
 from tradestudy.comparison.difference import ARROW, Difference, Run, same_or_each
 from tradestudy.comparison.stated_errors import SURE
-from tradestudy.results.views.conclusions import (
+from tradestudy.results.views.groups import has, records
+from tradestudy.results.views.requirement_conclusions import (
     MetFrom,
     RequirementConclusion,
     decided_by,
     requirement_conclusions,
 )
-from tradestudy.results.views.groups import has, records
 from tradestudy.wording import counted
 
 NOT_ASKED = "not asked"

@@ -23,9 +23,9 @@ from tradestudy.figures.style import (
     styled,
 )
 from tradestudy.figures.sweeps import AXIS_UNITS, axis_values
-from tradestudy.results.views.conclusions import requirement_conclusions, requirement_sentence
 from tradestudy.results.views.designs import common_stretches, must_hold, path_words
 from tradestudy.results.views.groups import FloatArray
+from tradestudy.results.views.requirement_conclusions import requirement_conclusions, requirement_sentence
 
 _FEW = 2
 _LEVELS = (-50.0, -20.0, -10.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0)  # margins [%], beside 0

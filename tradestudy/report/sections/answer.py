@@ -23,14 +23,7 @@ from tradestudy.report.document import (
     say,
 )
 from tradestudy.report.words import length, limit_words, part_words, share, with_error
-from tradestudy.results.views.conclusions import (
-    RequirementConclusion,
-    best_stretches,
-    measure_first,
-    requirement_conclusions,
-    requirement_details,
-    rests_on,
-)
+from tradestudy.results.views.conclusions import best_stretches, measure_first, rests_on
 from tradestudy.results.views.decision import (
     Flips,
     answer_title,
@@ -45,6 +38,11 @@ from tradestudy.results.views.depth import broken_limits, largest_part, nominal,
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
 from tradestudy.results.views.groups import camera_titles, group, has, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
+from tradestudy.results.views.requirement_conclusions import (
+    RequirementConclusion,
+    requirement_conclusions,
+    requirement_details,
+)
 from tradestudy.results.views.trade_off import trade_off_conclusion
 from tradestudy.units import significant
 from tradestudy.wording import counted, distance, listed, span

@@ -7,16 +7,10 @@ from typing import Any, Final
 import numpy as np
 import xarray as xr
 
-from tradestudy.results.views.conclusions import (
-    RequirementConclusion,
-    best_stretches,
-    measure_first,
-    requirement_conclusions,
-    rests_on,
-    worths,
-)
+from tradestudy.results.views.conclusions import best_stretches, measure_first, rests_on, worths
 from tradestudy.results.views.designs import feasible_designs
 from tradestudy.results.views.groups import has, records
+from tradestudy.results.views.requirement_conclusions import RequirementConclusion, requirement_conclusions
 from tradestudy.results.views.trade_off import candidates_by_rank
 
 JSON_FORMAT: Final = 1
