@@ -453,6 +453,41 @@ def run(
     return result
 
 
+def render(
+    study: Study,
+    directory: Path,
+    *,
+    fresh: bool = False,
+    progress: Progress = lambda _s, _p: None,
+    executor: Executor | None = None,
+) -> list[Path]:
+    """Write only the pictures of the study's scene, their true depth and the cameras that took them.
+
+    An interrupted rendering is taken up where it was, unless ``fresh``.
+
+    Returns
+    -------
+    list of Path
+        The pictures; beside each is its depth, and beside those of a camera ``camera.json``.
+
+    Raises
+    ------
+    StudyError
+        Where the study has no ``scene.image``.
+    UnaffordableError
+        Where the pictures do not fit into the memory that is free.
+    """
+    from tradestudy.execution import Checkpoints, Serial, Steps
+    from tradestudy.run.pictures import render_pictures
+
+    folder = directory / "pictures"
+    with closing(Checkpoints(folder, fresh=fresh)) as checkpoints:
+        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
+        written = render_pictures(study.definition, folder, steps)
+        checkpoints.remove()
+    return written
+
+
 def _drawer_while_computing() -> AbstractContextManager[Drawer | None]:
     """Who draws the figures of a run on another core, where there is one; it gets ready while the run computes."""
     from tradestudy.figures.drawn import drawer

@@ -56,6 +56,16 @@ ToleranceOption = Annotated[
     str | None,
     typer.Option("--tolerance", metavar="X", help="Tolerance for every quantity, such as '1 %'.", show_default=False),
 ]
+JobsOption = Annotated[
+    int | None, typer.Option("--jobs", metavar="N", help="Compute on N worker processes.", show_default=False)
+]
+ThreadsOption = Annotated[
+    int | None, typer.Option("--threads", metavar="N", help="Compute on N threads.", show_default=False)
+]
+DaskOption = Annotated[
+    str | None, typer.Option("--dask", metavar="ADDRESS", help="Compute on a Dask cluster, tcp://HOST:PORT.")
+]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Compute again what an earlier run has computed.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Say nothing but errors.")]
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
@@ -75,17 +85,10 @@ def run(
     out: OutOption = None,
     set_: SetOption = None,
     tolerance: ToleranceOption = None,
-    jobs: Annotated[
-        int | None, typer.Option("--jobs", metavar="N", help="Compute on N worker processes.", show_default=False)
-    ] = None,
-    threads: Annotated[
-        int | None, typer.Option("--threads", metavar="N", help="Compute on N threads.", show_default=False)
-    ] = None,
-    dask: Annotated[
-        str | None,
-        typer.Option("--dask", metavar="ADDRESS", help="Compute on a Dask cluster, tcp://HOST:PORT."),
-    ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Compute again what an earlier run has computed.")] = False,
+    jobs: JobsOption = None,
+    threads: ThreadsOption = None,
+    dask: DaskOption = None,
+    fresh: FreshOption = False,
     no_pdf: Annotated[bool, typer.Option("--no-pdf", help="Leave report.pdf out.")] = False,
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit with 3 if a requirement that must hold is not met or undecided.")
@@ -123,6 +126,31 @@ def run(
             typer.echo("\n".join([*result.lines(), f"Report: {directory / 'report.html'}"]))
         if strict and result.unmet_requirements:
             raise RequirementsNotMetError("requirements not met", value=", ".join(result.unmet_requirements))
+
+
+@app.command()
+def render(
+    study: StudyArgument,
+    out: OutOption = None,
+    set_: SetOption = None,
+    jobs: JobsOption = None,
+    threads: ThreadsOption = None,
+    dask: DaskOption = None,
+    fresh: FreshOption = False,
+    quiet: QuietOption = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write only the pictures of a study's scene, with their true depth and a description of each camera."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        loaded = _warned(api.load(study, set_ or ()))
+        directory = out if out is not None else Path("reports") / loaded.folder_name
+        executor = _executor(jobs=jobs, threads=threads, dask=dask)
+        with _shown_progress(quiet=quiet, is_predicted=False) as progress:
+            written = api.render(loaded, directory, fresh=fresh, progress=progress, executor=executor)
+        if not quiet:
+            typer.echo("\n".join(map(str, written)))
 
 
 @app.command()

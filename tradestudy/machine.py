@@ -1,8 +1,10 @@
-"""What makes two machines the same where seconds are compared."""
+"""The machine: what makes two of them the same where seconds are compared, and how much memory is free."""
 
 from __future__ import annotations
 
 import contextlib
+import math
+import os
 import platform
 from functools import cache
 from pathlib import Path
@@ -17,6 +19,18 @@ def identity() -> dict[str, str | int]:
         "architecture": platform.machine(),
         "cores": cores(),
     }
+
+
+def available_memory() -> float:
+    """Bytes that can be taken without swapping; infinite where the system does not tell."""
+    with contextlib.suppress(OSError, ValueError):
+        for line in Path("/proc/meminfo").read_text(encoding="utf-8").splitlines():
+            name, _, value = line.partition(":")
+            if name == "MemAvailable":
+                return 1024.0 * float(value.split()[0])
+    if hasattr(os, "sysconf") and {"SC_PHYS_PAGES", "SC_PAGE_SIZE"} <= os.sysconf_names.keys():
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    return math.inf
 
 
 @cache

@@ -10,8 +10,12 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
+from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.focus import Focus
+from tradestudy.cameras.light_cones import Exposure
 from tradestudy.cameras.parts import Lens, Sensor
+from tradestudy.cameras.reading import Errors
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
 if TYPE_CHECKING:  # pydantic is not needed to compute with a camera
@@ -90,6 +94,41 @@ class Camera(ABC):
     def microlenses_seeing(self, distance: FloatArray) -> FloatArray:
         """Mean number of microlenses that see a point at distances [m]; NaN for a camera without."""
         return np.full_like(distance, math.nan)
+
+    @property
+    def elements(self) -> int:
+        """How many parts of it have an error each of their own, such as microlenses."""
+        return 0
+
+    def exposures(
+        self,
+        reference_distance: float,  # noqa: ARG002 - none unless the kind has some
+        errors: Errors,  # noqa: ARG002 - as above
+        environment: Environment | None,  # noqa: ARG002 - as above
+        stop_separation: float,  # noqa: ARG002 - as above
+    ) -> Sequence[Exposure]:
+        """The pictures that it takes of one scene.
+
+        Parameters
+        ----------
+        reference_distance
+            Of the middle of the scene [m]: what refocuses is focused there.
+        errors
+            What the camera is less its design, by the names of its vocabulary and of `SESSION_PARAMETERS`; those that
+            every element has of its own have shape (elements, 2).
+        environment
+            How it answers to its surroundings; None: not at all.
+        stop_separation
+            Of a second stop before the lens, which cuts the pupil away from the axis [m]; 0: there is none.
+
+        Raises
+        ------
+        OutOfRangeError
+            Where pictures of this kind of camera, or with such errors, cannot be rendered.
+        """
+        raise OutOfRangeError(
+            "no pictures of this kind of camera can be rendered", remedy="leave it out of scene.image with cameras: […]"
+        )
 
     @property
     def total_covering_plane(self) -> float:

@@ -15,10 +15,12 @@ from tradestudy.cameras.contradictions import PRINTED_TOLERANCE, Contradiction, 
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
+from tradestudy.cameras.microlens_exposure import MicrolensExposure, lattice_counts
 from tradestudy.cameras.parts import Lens, MicrolensArray
 from tradestudy.cameras.plenoptic_errors import PLENOPTIC_ERRORS
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
-from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
+from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
+from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.units import FRACTION, LENGTH, pretty
 
@@ -108,6 +110,43 @@ class PlenopticCamera(DepthCamera):
             no_overlap=np.zeros((1, 1), dtype=bool),
             out_of_range=~(valid & (a > self.main_lens.focal_length)),
         )
+
+    @property
+    def elements(self) -> int:
+        """Microlenses, with some to spare beyond the edges of the sensor."""
+        return math.prod(lattice_counts(self.microlenses, self.sensor))
+
+    def exposures(
+        self, reference_distance: float, errors: Errors, environment: Environment | None, stop_separation: float
+    ) -> Sequence[MicrolensExposure]:
+        """One raw picture.
+
+        Raises
+        ------
+        OutOfRangeError
+            With a second stop: behind microlenses only the pupil is known to cut the light.
+        """
+        require_known(errors, PLENOPTIC_ERRORS, "a plenoptic camera")
+        if stop_separation > 0.0:
+            raise OutOfRangeError(
+                "a second stop before the lens of a plenoptic camera cannot be rendered; scene.picture.stop_separation",
+                value=f"{stop_separation * 1e3:g} mm",
+                limit="0 mm",
+                remedy="leave it out",
+            )
+        changed = self.geometry.changed(errors, environment)
+        moved = {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}
+        return [
+            MicrolensExposure(
+                name="raw",
+                sensor=self.sensor,
+                main_lens=self.main_lens,
+                microlenses=self.microlenses,
+                geometry=self.geometry,
+                errors=moved,
+                reference_distance=reference_distance,
+            )
+        ]
 
     def seen_on_sensor(self, observed_px: FloatArray) -> BoolArray:
         """A corner is seen where its pictures lie on the sensor."""

@@ -361,7 +361,7 @@ class StudyDefinition:
 
     @cached_property
     def data_files(self) -> Mapping[str, Path]:
-        """Files that the calibrations of its cameras name, by where they name them; those of readings too."""
+        """Files that its cameras' calibrations and its scene name, by where they name them; those of readings too."""
         found = self._own_files()
         for name, reading in self.readings.items():
             found |= {f"{name}: {path}": file for path, file in reading._own_files().items()}
@@ -372,6 +372,9 @@ class StudyDefinition:
             dotted(path): self.calibration_folder(name) / file
             for name in self.file.cameras
             for path, file in self._calibration_files(name).items()
+        } | {
+            dotted(("scene", "image", *path)): self.folder_of(("scene", "image")) / file
+            for path, file in (self.file.scene.image.files() if self.file.scene and self.file.scene.image else ())
         }
 
     def folder_of(self, path: tuple[str | int, ...]) -> Path:

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, ClassVar, Final
 from tradestudy.cameras.camera import Camera, Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
 from tradestudy.cameras.conventional.focus_stack import ImageStackFocus
+from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens, require_positive
+from tradestudy.cameras.reading import Errors
+from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.optics.thin_lens import image_distance
 from tradestudy.units import ANGLE, LENGTH, NUMBER, pretty
 
@@ -126,6 +129,28 @@ class ConventionalCamera(Camera):
         """Lens to sensor [m], at the nearest focus of the stack where there is one."""
         focus = self.focus_distance if self.stack is None else min(self.focus_distance, self.stack.near)
         return float(image_distance(focus, self.lens.focal_length))
+
+    def exposures(
+        self,
+        reference_distance: float,  # noqa: ARG002 - its own focus, whatever the scene
+        errors: Errors,  # noqa: ARG002 - it has no calibration
+        environment: Environment | None,  # noqa: ARG002 - as above
+        stop_separation: float,
+    ) -> Sequence[SingleLensExposure]:
+        """One picture, or those of the stack as it is planned for a blur of one pixel."""
+        focus = {"image": self.focus_distance}
+        if isinstance(self.focus, ImageStackFocus):
+            focus = {f"image-{k}": distance for k, distance in enumerate(self.focus.sharpest_distances, start=1)}
+        return [
+            SingleLensExposure(
+                name=name,
+                sensor=self.sensor,
+                lens=self.lens,
+                focus_distance=distance,
+                stop_separation=stop_separation,
+            )
+            for name, distance in focus.items()
+        ]
 
     def properties(self) -> Properties:
         """Lens, focus and field of view."""

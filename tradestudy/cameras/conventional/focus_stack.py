@@ -120,6 +120,11 @@ class ImageStackFocus:
         """How many images the stack takes for its own range."""
         return len(self.focus_distances(criterion))
 
+    @property
+    def sharpest_distances(self) -> list[float]:
+        """Where the images of the stack are focused as planned for a blur of one pixel, geometric [m]."""
+        return [image.focus_distance for image in self._sharpest]
+
     @cached_property
     def _sharpest(self) -> list[SingleLensFocus]:
         """The stack as planned for a blur of one pixel, geometric: what resolution is judged by."""

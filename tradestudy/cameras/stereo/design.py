@@ -23,11 +23,20 @@ from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
-from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known
+from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
+from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
 from tradestudy.cameras.stereo.method import METHOD
 from tradestudy.cameras.stereo.overlap import shared_view
-from tradestudy.cameras.stereo.pair import Image, Pair, pair_inverse_depth, pair_observation
+from tradestudy.cameras.stereo.pair import (
+    SIDES,
+    Image,
+    Pair,
+    pair_interior,
+    pair_inverse_depth,
+    pair_observation,
+    pair_poses,
+)
 from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
@@ -253,10 +262,7 @@ class StereoRig(DepthCamera):
         require_field(field)
         c, sensor = self.principal_distance, self.sensor
         z = np.asarray(distance, dtype=np.float64)
-        changed: dict[str, ArrayLike] = {}
-        if environment is not None and "temperature_change" in errors:
-            growth = environment.length_factor(errors) - 1.0
-            changed = {"baseline": self.baseline * growth, "focal_length": c * growth}
+        changed = self._changed(errors, environment)
         right, down = field * sensor.width / 2.0 / c, field * sensor.height / 2.0 / c
         image = self.observe(changed, right * z, down * z, z)
         left_x, left_y, right_x, right_y = (
@@ -267,6 +273,38 @@ class StereoRig(DepthCamera):
         return InverseDepthReading(
             inverse_depth=inverse, no_overlap=~(left_x & left_y & right_x & right_y), out_of_range=~valid
         )
+
+    def _changed(self, errors: Errors, environment: Environment | None) -> dict[str, ArrayLike]:
+        """What the surroundings have changed since the calibration, as errors."""
+        if environment is None or "temperature_change" not in errors:
+            return {}
+        growth = environment.length_factor(errors) - 1.0
+        return {"baseline": self.baseline * growth, "focal_length": self.principal_distance * growth}
+
+    def exposures(
+        self, reference_distance: float, errors: Errors, environment: Environment | None, stop_separation: float
+    ) -> Sequence[SingleLensExposure]:
+        """Both pictures; lenses that refocus are focused on the middle of the scene."""
+        require_known(errors, STEREO_ERRORS, "a stereo rig")
+        changed = self._changed(errors, environment)
+        moved = {name: value_of(errors, name) + value_of(changed, name) for name in {**errors, **changed}}
+        found = []
+        for side, pose in zip(SIDES, pair_poses(self.pair, moved), strict=True):
+            principal_distance, principal_point, distortion = pair_interior(self.pair, moved, side)
+            found.append(
+                SingleLensExposure(
+                    name=side,
+                    sensor=self.sensor,
+                    lens=self.lens,
+                    focus_distance=self.focus_distance or reference_distance,
+                    pose=pose,
+                    principal_distance=principal_distance,
+                    principal_point=principal_point,
+                    distortion=distortion,
+                    stop_separation=stop_separation,
+                )
+            )
+        return found
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Both coordinates of a corner in both pictures."""

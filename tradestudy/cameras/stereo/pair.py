@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
+from tradestudy.cameras.light_cones import Pose, pose_of
 from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.radial_distortion import distort, undistort
@@ -129,6 +130,26 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
     )
     inverse = from_left / (1.0 - from_left * (half * direction[2]))
     return np.where((left[2] <= 0.0) | (right[2] <= 0.0), 0.0, inverse), valid
+
+
+def pair_poses(pair: Pair, errors: Errors) -> tuple[Pose, Pose]:
+    """Where both cameras of a pair that deviates from its design by single errors stand: left, right."""
+    t = pair.convergence_angle / 2.0
+    half, direction = _half_baseline(pair, errors)
+    axes = [_yaw((row[0], row[1], row[2]), -t) for row in np.eye(3)]
+    rotations = (tuple(zip(*axes, strict=True)), _right_rotation(errors, t))
+    left, right = (
+        pose_of(sign * half * np.stack(direction), np.array(rotation, dtype=np.float64))
+        for sign, rotation in zip((-1.0, 1.0), rotations, strict=True)
+    )
+    return left, right
+
+
+def pair_interior(pair: Pair, errors: Errors, side: str) -> tuple[float, tuple[float, float], tuple[float, float]]:
+    """Principal distance [m], principal point [m] and distortion of one camera under single errors."""
+    principal_distance, x, y = (float(one) for one in _interior(pair, errors, side))
+    k1, k2 = (float(one) for one in _distortion(errors, side))
+    return principal_distance, (x, y), (k1, k2)
 
 
 def _interior(pair: Pair, errors: Errors, side: str) -> tuple[FloatArray, FloatArray, FloatArray]:

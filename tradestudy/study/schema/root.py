@@ -192,6 +192,8 @@ def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
         named += [(("decision", word, i), name) for i, name in enumerate(_list(decision.get(word)))]
     for i, pair in enumerate(_list(decision.get("compare"))):
         named += [(("decision", "compare", i, side), name) for side, name in enumerate(_list(pair))]
+    taking = _list(_mapping(_mapping(tree.get("scene")).get("image")).get("cameras"))
+    named += [(("scene", "image", "cameras", i), name) for i, name in enumerate(taking)]
     ranked = _list(_mapping(tree.get("trade_off")).get("candidates"))
     named += [(("trade_off", "candidates", i), name) for i, name in enumerate(ranked)]
     for key, question in _mapping(tree.get("solve")).items():

@@ -12,6 +12,7 @@ from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import ObjectDistance, PositiveWavelength
 from tradestudy.study.schema.picture import PicturePart
+from tradestudy.study.schema.scene_image import SceneImagePart
 
 
 class ScenePart(Part):
@@ -22,6 +23,18 @@ class ScenePart(Part):
     picture: PicturePart | None = Field(
         default=None, description="Texture, light and sensor: what derived disparity errors follow from."
     )
+
+    image: SceneImagePart | None = Field(
+        default=None, description="Surfaces with depth, for the pictures that `tradestudy render` makes."
+    )
+
+    @model_validator(mode="after")
+    def _image_needs_light(self) -> Self:
+        if self.image is not None and self.picture is None:
+            raise MistakeAt(
+                ("image",), "needs scene.picture beside it, whose texture, light and sensor it is taken with"
+            )
+        return self
 
     @model_validator(mode="after")
     def _sorted(self) -> Self:

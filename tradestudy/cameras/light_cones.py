@@ -1,0 +1,122 @@
+"""What a camera asks of a scene: for every pixel, the cones of rays that its lenses gather onto it.
+
+Everything is upright: x to the right, y down, z along the axis into the scene, and a place on the sensor where an
+upright picture has it. A ray starts in the plane z = 0 of its camera and is linear in the place δ on the pixel and the
+place η on the lens that it passes last, both counted from their centres:
+
+    start = start₀ + start_δ δ + start_η η,    slope = slope₀ + slope_δ δ + slope_η η    (x and y alike).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.parts import Sensor
+from tradestudy.optics.arrays import FloatArray
+
+Description = dict[str, float | int | str | list[float] | list[list[float]]]
+PerCone = float | FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Stop:
+    """A round aperture elsewhere on the way, which a ray meets at ``place + by_pixel δ + by_lens η`` from its centre.
+
+    Parameters
+    ----------
+    place
+        Shape (2, cones) [m].
+    by_pixel, by_lens
+        One number, or one for each cone.
+    radius
+        Of the aperture [m].
+    """
+
+    place: FloatArray
+    by_pixel: PerCone
+    by_lens: PerCone
+    radius: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LightCones:
+    """Cones of rays through one lens each.
+
+    Parameters
+    ----------
+    pixel
+        Which of the pixels that were asked for each cone belongs to, shape (cones,).
+    start, slope
+        Of the ray through the centres of pixel and lens, shape (2, cones) [m] and [1].
+    start_by_pixel, start_by_lens, slope_by_pixel, slope_by_lens
+        Their change with δ and η; one number, or one for each cone.
+    lens_radius
+        Of the aperture of that lens [m].
+    stop
+        What else cuts the cone; None: nothing.
+    light
+        ``cos⁴θ/N²`` of the whole lens, N its f-number towards the pixel, shape (cones,).
+    """
+
+    pixel: NDArray[np.intp]
+    start: FloatArray
+    slope: FloatArray
+    start_by_pixel: PerCone
+    start_by_lens: PerCone
+    slope_by_pixel: PerCone
+    slope_by_lens: PerCone
+    lens_radius: float
+    stop: Stop | None
+    light: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pose:
+    """Where a camera stands in the scene, and where it looks.
+
+    Parameters
+    ----------
+    centre
+        Of its lens [m].
+    rotation
+        Rows of the matrix that takes directions of the camera to those of the scene.
+    """
+
+    centre: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[tuple[float, float, float], ...] = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+AT_ORIGIN: Final = Pose()
+
+
+def pose_of(centre: FloatArray, rotation: FloatArray) -> Pose:
+    """From arrays of shape (3,) and (3, 3)."""
+    x, y, z = (float(one) for one in centre)
+    a, b, c = ((float(row[0]), float(row[1]), float(row[2])) for row in rotation)
+    return Pose(centre=(x, y, z), rotation=(a, b, c))
+
+
+class Exposure(Protocol):
+    """One picture that a camera takes of a scene."""
+
+    @property
+    def name(self) -> str:
+        """Of the picture among those of its camera."""
+
+    @property
+    def sensor(self) -> Sensor:
+        """What takes it."""
+
+    @property
+    def pose(self) -> Pose:
+        """Where its lens is."""
+
+    def cones(self, x: FloatArray, y: FloatArray) -> LightCones:
+        """Of pixels whose centres lie at upright places [m] from the middle of the sensor, shape (pixels,)."""
+
+    def description(self) -> Description:
+        """What a program needs to make use of the picture: lengths in SI, as the camera that took it has them."""

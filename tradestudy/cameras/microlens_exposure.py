@@ -1,0 +1,210 @@
+"""A raw picture behind a microlens array: every pixel sees parts of the pupil through the microlenses around it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, Pose, Stop
+from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
+from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, PlaceOnArray
+from tradestudy.cameras.reading import Errors, value_of
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.microlens_coverage.lattice import lattice_of
+from tradestudy.optics.radial_distortion import undistort
+from tradestudy.optics.thin_lens import image_distance
+
+Indices = NDArray[np.intp]
+_FARTHEST: Final = 0.87  # pitches from a place to the lattice point whose rounded coordinates it has
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MicrolensExposure:
+    """Main lens, array and sensor, every parameter in error as `PLENOPTIC_ERRORS` has it.
+
+    Parameters
+    ----------
+    name, sensor
+        See `Exposure`.
+    main_lens, microlenses, geometry
+        The design.
+    errors
+        What the camera is less its design: one number by name, and of ``microlens_center_scatter`` one pair for every
+        microlens, shape (microlenses, 2).
+    reference_distance
+        Where field curvature, depth distortion and radial distortion are exact [m]; nearer and farther they are right
+        to first order.
+    """
+
+    name: str
+    sensor: Sensor
+    main_lens: Lens
+    microlenses: MicrolensArray
+    geometry: ArrayGeometry
+    errors: Errors
+    reference_distance: float
+    pose: Pose = AT_ORIGIN
+
+    def _error(self, name: str) -> float:
+        return float(value_of(self.errors, name))
+
+    @property
+    def _basis(self) -> FloatArray:
+        """Columns are the steps from a microlens to its neighbours [m]."""
+        skew, rise = lattice_of(self.microlenses.layout).second_vector
+        turn = self._error("array_rotation")
+        c, s = math.cos(turn), math.sin(turn)
+        pitch = self.microlenses.pitch * float(self.geometry.pitch_scale(self.errors))
+        return pitch * np.array([[c, skew * c - rise * s], [s, skew * s + rise * c]])
+
+    @property
+    def _offset(self) -> FloatArray:
+        """From the middle of the sensor to that of the array [m]."""
+        return np.array([self._error("array_offset_x"), self._error("array_offset_y")])
+
+    @property
+    def _axis(self) -> FloatArray:
+        """From the middle of the array to the axis of the main lens [m]."""
+        return np.array([self._error("principal_point_x"), self._error("principal_point_y")])
+
+    def centres(self, first: Indices, second: Indices) -> FloatArray:
+        """Centres of microlenses on the array [m] by their numbers along both basis vectors, shape (2, …)."""
+        basis = self._basis
+        found = np.stack([basis[k, 0] * first + basis[k, 1] * second for k in (0, 1)])
+        scatter = value_of(self.errors, "microlens_center_scatter")
+        if scatter.ndim == 2:
+            rows, columns = lattice_counts(self.microlenses, self.sensor)
+            number = np.clip(first + columns // 2, 0, columns - 1) * rows + np.clip(second + rows // 2, 0, rows - 1)
+            found = found + np.moveaxis(scatter[number], -1, 0)
+        return found
+
+    def cones(self, x: FloatArray, y: FloatArray) -> LightCones:
+        """One cone for each pair of a pixel and a microlens that light of the pupil can pass to it."""
+        place = np.stack([x, y]) - self._offset[:, np.newaxis]
+        over = (self.geometry.gap + self._error("microlens_gap")) / (
+            self.geometry.mla_distance + self._error("mla_distance") + self._error("pupil_distance")
+        )
+        near = (place + self._axis[:, np.newaxis] * over) / (1.0 + over)
+        first, second = np.rint(np.linalg.inv(self._basis) @ near).astype(np.intp)
+        parts = [
+            self._through(place, first + i, second + j) for i, j in self._steps_within(self._reach(over) + _FARTHEST)
+        ]
+        pixel, start, slope, meets, numbers = (np.concatenate([part[k] for part in parts], axis=-1) for k in range(5))
+        start_by_lens, slope_by_lens, stop_by_lens, start_by_pixel, slope_by_pixel, stop_by_pixel, light = numbers
+        return LightCones(
+            pixel=pixel,
+            start=start,
+            slope=slope,
+            start_by_pixel=start_by_pixel,
+            start_by_lens=start_by_lens,
+            slope_by_pixel=slope_by_pixel,
+            slope_by_lens=slope_by_lens,
+            lens_radius=self.microlenses.aperture_diameter / 2.0,
+            stop=Stop(
+                place=meets,
+                by_pixel=stop_by_pixel,
+                by_lens=stop_by_lens,
+                radius=self.main_lens.pupil_diameter / 2.0,
+            ),
+            light=light,
+        )
+
+    def _reach(self, over: float) -> float:
+        """How far from the middle of its micro-image a microlens sends light, in pitches of the array."""
+        array, gap = self.microlenses, self.geometry.gap
+        blur = max(abs(gap / one - over - 1.0) for one in array.focal_lengths) * array.aperture_diameter / 2.0
+        reach = self.main_lens.pupil_diameter / 2.0 * over + blur + self.sensor.pixel_pitch
+        return reach / (1.0 + over) / array.pitch
+
+    def _steps_within(self, reach: float) -> list[tuple[int, int]]:
+        """Steps on the lattice to all microlenses within so many pitches."""
+        lattice = lattice_of(self.microlenses.layout)
+        span = math.ceil(reach / lattice.second_vector[1]) + 1
+        steps = [(i, j) for i in range(-2 * span, 2 * span + 1) for j in range(-span, span + 1)]
+        return [
+            (i, j)
+            for i, j in steps
+            if math.hypot(i + j * lattice.second_vector[0], j * lattice.second_vector[1]) <= reach
+        ]
+
+    def _through(
+        self, place: FloatArray, first: Indices, second: Indices
+    ) -> tuple[Indices, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Cones of pixels at places on the array's plane through one microlens each, as far as any light passes.
+
+        Behind the main lens the frame is turned by 180° about the axis, so that pictures are upright: a point u' there
+        is −u' in the plane of the lens.
+        """
+        centre = self.centres(first, second) - self._axis[:, np.newaxis]
+        s = place - self._axis[:, np.newaxis]
+        array = PlaceOnArray(geometry=self.geometry, errors=self.errors, x=centre[0], y=centre[1])
+        gap, z = array.gap, array.distance
+        types = (first - second) % 3 if self.microlenses.types == 3 else np.zeros_like(first)
+        bend = 1.0 / gap - 1.0 / np.asarray(self.microlenses.focal_lengths)[types]
+        to_pupil = z + self._error("pupil_distance")
+        slope = (centre - s) / gap
+        meets = centre + to_pupil * slope
+        widest = self.main_lens.pupil_diameter / 2.0 + np.abs(1.0 + to_pupil * bend) * (
+            self.microlenses.aperture_diameter / 2.0
+        )
+        widest = widest + to_pupil / gap * self.sensor.pixel_pitch * math.sqrt(0.5)
+        lit = np.flatnonzero(np.sum(meets * meets, axis=0) < widest * widest)
+        centre, slope, meets, bend = centre[:, lit], slope[:, lit], meets[:, lit], bend[lit]
+        gap, z, to_pupil = (np.broadcast_to(one, first.shape)[lit] for one in (gap, z, to_pupil))
+        f = self._focal_length(centre)
+        on_lens = centre + z * slope
+        seen = on_lens / f - slope
+        k1, k2 = self._error("distortion_k1"), self._error("distortion_k2")
+        if k1 or k2:
+            chief = seen - on_lens / self.reference_distance
+            seen = seen + np.stack(undistort(chief[0], chief[1], k1, k2)[:2]) - chief
+        turned = 1.0 + z * bend
+        numbers = np.stack(
+            [
+                -turned,
+                turned / f - bend,
+                1.0 + to_pupil * bend,
+                z / gap,
+                (1.0 - z / f) / gap,
+                -to_pupil / gap,
+                np.square(self.microlenses.aperture_diameter / gap / (1.0 + np.sum(slope * slope, axis=0))),
+            ]
+        )
+        return lit, -on_lens, seen, meets, numbers
+
+    def _focal_length(self, centre: FloatArray) -> FloatArray:
+        """f_M [m] of a lens that images flat where the main lens does not: exact at the reference distance."""
+        f = self.geometry.focal_length_with(self.errors)
+        place = PlaceOnArray(geometry=self.geometry, errors=self.errors, x=centre[0], y=centre[1])
+        b = image_distance(self.reference_distance, f)
+        moved = place.distance - (place.flat_distance - b) / place.stretch - b
+        return np.asarray(f + moved * (f / b) ** 2)
+
+    def description(self) -> Description:
+        """Distances, the lattice of the array and its types, as they are with the errors."""
+        geometry, errors = self.geometry, self.errors
+        return {
+            "focal_length": float(geometry.focal_length_with(errors)),
+            "pupil_diameter": self.main_lens.pupil_diameter,
+            "main_lens_to_array": geometry.mla_distance + self._error("mla_distance"),
+            "array_to_sensor": geometry.gap + self._error("microlens_gap"),
+            "pupil_to_array": geometry.mla_distance + self._error("mla_distance") + self._error("pupil_distance"),
+            "microlens_layout": self.microlenses.layout,
+            "microlens_focal_lengths": list(self.microlenses.focal_lengths),
+            "microlens_aperture_diameter": self.microlenses.aperture_diameter,
+            "microlens_basis": self._basis.T.tolist(),
+            "microlens_type": "(first − second) modulo the number of types, first and second counting along the basis",
+            "array_centre_on_sensor": self._offset.tolist(),
+            "axis_on_array": self._axis.tolist(),
+        }
+
+
+def lattice_counts(array: MicrolensArray, sensor: Sensor) -> tuple[int, int]:
+    """Rows and columns of lattice numbers that hold every microlens before a sensor, with some to spare."""
+    skew, rise = lattice_of(array.layout).second_vector
+    rows = math.ceil(sensor.height / (rise * array.pitch)) + 8
+    return rows, math.ceil(sensor.width / array.pitch + skew * rows) + 8

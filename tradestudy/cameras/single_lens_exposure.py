@@ -1,0 +1,96 @@
+"""A picture through one thin lens: each pixel sees through the whole pupil."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, Pose, Stop
+from tradestudy.cameras.parts import Lens, Sensor
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.radial_distortion import undistort
+from tradestudy.optics.thin_lens import image_distance
+
+
+@dataclass(frozen=True, kw_only=True)
+class SingleLensExposure:
+    """A thin lens focused at one distance, and a sensor behind it.
+
+    Parameters
+    ----------
+    name, sensor, pose
+        See `Exposure`.
+    lens
+        What gathers the light.
+    focus_distance
+        In focus [m]; infinity is allowed.
+    principal_distance
+        What turns places on the sensor into slopes [m]; None: the image distance of the focus.
+    principal_point
+        Where the axis meets the sensor [m].
+    distortion
+        k₁ and k₂ of the slopes; see `distort`.
+    stop_separation
+        Of a second, equal stop before the pupil [m]; see `field_illumination`.
+    """
+
+    name: str
+    sensor: Sensor
+    lens: Lens
+    focus_distance: float
+    pose: Pose = AT_ORIGIN
+    principal_distance: float | None = None
+    principal_point: tuple[float, float] = (0.0, 0.0)
+    distortion: tuple[float, float] = (0.0, 0.0)
+    stop_separation: float = 0.0
+
+    @property
+    def image_distance(self) -> float:
+        """Lens to sensor [m], which the light on the sensor follows."""
+        return float(image_distance(self.focus_distance, self.lens.focal_length))
+
+    @property
+    def _scale(self) -> float:
+        return self.image_distance if self.principal_distance is None else self.principal_distance
+
+    def cones(self, x: FloatArray, y: FloatArray) -> LightCones:
+        """``start = η``, ``slope = (s + δ)/c − η/a₀``."""
+        c, radius = self._scale, self.lens.pupil_diameter / 2.0
+        across, down = (x - self.principal_point[0]) / c, (y - self.principal_point[1]) / c
+        cosine_squared = 1.0 / (1.0 + across * across + down * down)
+        if any(self.distortion):
+            across, down, _ = undistort(across, down, *self.distortion)
+        slope = np.stack([across, down])
+        stop = None
+        if self.stop_separation > 0.0:
+            stop = Stop(
+                place=slope * self.stop_separation,
+                by_pixel=self.stop_separation / c,
+                by_lens=1.0 - self.stop_separation / self.focus_distance,
+                radius=radius,
+            )
+        return LightCones(
+            pixel=np.arange(x.size),
+            start=np.zeros_like(slope),
+            slope=slope,
+            start_by_pixel=0.0,
+            start_by_lens=1.0,
+            slope_by_pixel=1.0 / c,
+            slope_by_lens=-1.0 / self.focus_distance,
+            lens_radius=radius,
+            stop=stop,
+            light=np.square(cosine_squared * 2.0 * radius / self.image_distance),
+        )
+
+    def description(self) -> Description:
+        """Lens, focus and interior orientation."""
+        return {
+            "focal_length": self.lens.focal_length,
+            "pupil_diameter": self.lens.pupil_diameter,
+            "focus_distance": self.focus_distance,
+            "lens_to_sensor": self.image_distance,
+            "principal_distance": self._scale,
+            "principal_point": list(self.principal_point),
+            "distortion_k1_k2": list(self.distortion),
+        }

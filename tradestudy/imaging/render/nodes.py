@@ -1,0 +1,184 @@
+"""Places on a pixel and on the lit part of a lens that stand for all of them.
+
+The lit part of a lens is what two discs have in common: its own aperture and that of the stop, as it is seen from the
+pixel. A node of the unit disc goes there along the line through both centres, where the half height of the part is
+known in closed form, so that no node is wasted and its weight is the stretch of that map.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.light_cones import LightCones, Stop
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+
+LEAST_NODES: Final = 4
+_GOLDEN_ANGLE: Final = np.pi * (3.0 - np.sqrt(5.0))
+_GOLDEN: Final = (np.sqrt(5.0) - 1.0) / 2.0
+_FILTER: Final = 2.0  # variance of the filter of one node, in parts of the whole
+_SMALLEST_SCALE: Final = 1e-6  # of the change with the place on the lens, below which the stop is at infinity
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Nodes:
+    """Places on a unit pixel (side 1) and a unit disc (radius 1), both centred on 0.
+
+    Parameters
+    ----------
+    pixel, disc
+        Shape (nodes, 2).
+    pixel_spread, disc_spread
+        Variance along one axis that the nodes leave to the filter of each: 1/12 and 1/4 are those of the whole.
+    """
+
+    pixel: FloatArray
+    disc: FloatArray
+    pixel_spread: float
+    disc_spread: float
+
+
+@cache
+def nodes(count: int) -> Nodes:
+    """So many nodes, spread evenly over both, whose mean is 0 and whose covariance is that of the whole less a share.
+
+    A filter on what each node sees makes up for that share, so that first and second moments are exact for any number.
+    With the share of its own n-th part the filters of neighbouring nodes would hardly touch; with twice that the
+    picture of a texture is closest to that of many nodes.
+
+    Raises
+    ------
+    OutOfRangeError
+        For fewer than four.
+    """
+    if count < LEAST_NODES:
+        raise OutOfRangeError("samples of a pixel", value=str(count), limit=f"{LEAST_NODES} or more")
+    k = np.arange(count)
+    angle, radius = k * _GOLDEN_ANGLE, np.sqrt((k + 0.5) / count)
+    disc = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
+    pixel = np.stack([(k + 0.5) / count, (k + 0.5) * _GOLDEN % 1.0], axis=-1) - 0.5
+    left = min(_FILTER / count, 0.5)
+    whole = np.sqrt(np.array([1.0, 1.0, 3.0, 3.0]) * (1.0 - left) / 12.0)
+    both = np.concatenate([pixel, disc], axis=-1)
+    both -= both.mean(axis=0)
+    if count > both.shape[1]:  # fewer cannot span both
+        # The smallest change that gives the wanted covariance: the symmetric square root.
+        values, vectors = np.linalg.eigh(np.cov(both.T, bias=True) / np.outer(whole, whole))
+        both = both / whole @ (vectors / np.sqrt(values)) @ vectors.T * whole
+    else:
+        both *= whole / both.std(axis=0)
+    return Nodes(pixel=both[:, :2], disc=both[:, 2:], pixel_spread=left / 12.0, disc_spread=left / 4.0)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LitPart:
+    """The lit parts of lenses: from ``low`` to ``low + 2 half`` along ``axis`` from the centre of each lens [m].
+
+    Parameters
+    ----------
+    axis
+        Unit vector from the centre of the lens to that of the stop as it is seen there, shape (2, cones).
+    near, width
+        The stop along that axis: where it begins, and how wide it is; None: there is none.
+    low, half
+        Where both overlap, and half its length; not above 0 where nothing is lit.
+    """
+
+    axis: FloatArray
+    near: FloatArray | None
+    width: FloatArray | None
+    low: FloatArray
+    half: FloatArray
+
+
+def lit_part(cones: LightCones, pixel_x: float, pixel_y: float) -> LitPart:
+    """Of each cone, seen from a place [m] on its pixel."""
+    r, stop = cones.lens_radius, cones.stop
+    kind = cones.start.dtype.type
+    if stop is None:
+        size = cones.start.shape[1]
+        axis = np.zeros((2, size), kind)
+        axis[0] = 1.0
+        return LitPart(axis=axis, near=None, width=None, low=np.full(size, -r, kind), half=np.full(size, r, kind))
+    place = _place_at_stop(stop, pixel_x, pixel_y)
+    by_lens = _by_lens(stop)
+    distance = np.sqrt(place[0] * place[0] + place[1] * place[1])
+    axis = place * (-np.sign(by_lens) / np.maximum(distance, kind(1e-12)))
+    scale = np.abs(by_lens)
+    # From the near edge, so that a stop much larger than the lens costs no digits.
+    near = (distance - kind(stop.radius)) / scale
+    width = kind(2.0 * stop.radius) / scale
+    low = np.maximum(near, kind(-r))
+    return LitPart(axis=axis, near=near, width=width, low=low, half=(np.minimum(near + width, kind(r)) - low) / 2)
+
+
+def places_on_lens(lit: LitPart, radius: float, across: float, beside: float) -> tuple[FloatArray, FloatArray]:
+    """A node of the unit disc on the lit parts: places η from the centres of the lenses, shape (2, cones), and weights.
+
+    The mean of the weights over nodes times π tends to the lit area [m²]; weights are 0 where nothing is lit.
+    """
+    kind = lit.low.dtype.type
+    half = np.maximum(lit.half, 0)
+    t = lit.low + half * kind(1.0 + across)
+    height = (kind(radius) - t) * (kind(radius) + t)
+    if lit.near is not None and lit.width is not None:
+        from_near = t - lit.near
+        height = np.minimum(height, from_near * (lit.width - from_near))
+    height = np.sqrt(np.maximum(height, 0)) * kind(1.0 / np.sqrt(max(1.0 - across * across, 1e-12)))
+    y = height * kind(beside)
+    ax, ay = lit.axis
+    return np.stack([t * ax - y * ay, t * ay + y * ax]), half * height
+
+
+def lit_area(cones: LightCones, pixel_width: float) -> FloatArray:
+    """Lit area [m²] of each cone's lens, the mean over a square pixel of a width [m].
+
+    Gauss–Legendre over the pixel, as fine as the edge of the light needs: a pixel that moves the edge by more than it
+    is blurred gets more nodes.
+    """
+    r, stop = cones.lens_radius, cones.stop
+    if stop is None:
+        return np.full(cones.pixel.size, np.pi * r * r)
+    place, by_lens = stop.place.astype(float), np.abs(_by_lens(stop).astype(float))
+    by_pixel = np.abs(np.asarray(stop.by_pixel, float))
+    distance = np.hypot(*place)
+    reach = by_pixel * pixel_width * np.sqrt(0.5)
+    whole = np.pi * np.minimum(np.square(r), np.square(stop.radius / by_lens))
+    contained = distance + reach <= np.abs(stop.radius - by_lens * r)
+    area = np.where(contained, whole, 0.0)
+    edge = np.flatnonzero(~contained & (distance - reach < stop.radius + by_lens * r))
+    scales = tuple(np.broadcast_to(one, distance.shape)[edge] for one in (by_pixel, by_lens))
+    fine = bool(edge.size) and float(np.max(scales[0] / scales[1])) * pixel_width > r
+    t, w = np.polynomial.legendre.leggauss(5 if fine else 2)
+    for x, wx in zip(t, w, strict=True):
+        for y, wy in zip(t, w, strict=True):
+            moved = np.hypot(*(place[:, edge] + np.array([[x], [y]]) * (pixel_width / 2.0) * scales[0]))
+            area[edge] += wx * wy / 4.0 * _overlap(moved / scales[1], r, stop.radius / scales[1])
+    return area
+
+
+def _place_at_stop(stop: Stop, x: float, y: float) -> FloatArray:
+    return stop.place + np.stack([np.asarray(stop.by_pixel * x), np.asarray(stop.by_pixel * y)]).reshape(2, -1).astype(
+        stop.place.dtype
+    )
+
+
+def _by_lens(stop: Stop) -> FloatArray:
+    """Never quite 0: a stop that looks the same from the whole lens is very large and far away."""
+    found = np.asarray(stop.by_lens, stop.place.dtype)
+    return np.where(np.abs(found) < _SMALLEST_SCALE, stop.place.dtype.type(_SMALLEST_SCALE), found)
+
+
+def _overlap(distance: FloatArray, first: float, second: FloatArray) -> FloatArray:
+    """Area that two discs have in common."""
+    apart = np.maximum(distance, 1e-12 * first)
+    one = np.clip((apart**2 + first**2 - second**2) / (2.0 * apart * first), -1.0, 1.0)
+    other = np.clip((apart**2 + second**2 - first**2) / (2.0 * apart * second), -1.0, 1.0)
+    return np.asarray(
+        first**2 * (np.arccos(one) - one * np.sqrt(1.0 - one * one))
+        + second**2 * (np.arccos(other) - other * np.sqrt(1.0 - other * other))
+    )

@@ -1,0 +1,205 @@
+"""What cones of rays see of a scene: the mean brightness of each, and its depth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.light_cones import LightCones, PerCone, Pose, Stop
+from tradestudy.imaging.render.nodes import LitPart, Nodes, lit_part, places_on_lens
+from tradestudy.imaging.scenes.scene import Scene
+from tradestudy.optics.arrays import FloatArray
+
+REAL = np.float32
+"""Of everything that is computed for each ray: 4 nm on the object at 150 mm."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sight:
+    """What cones see.
+
+    Parameters
+    ----------
+    brightness
+        Mean over pixel and lit part of the lens, relative to the mean of the pattern, shape (cones,).
+    depth
+        From the plane z = 0 of the camera along its axis [m] on the middle ray of the lit part; infinite where it
+        meets nothing.
+    """
+
+    brightness: FloatArray
+    depth: FloatArray
+
+
+def sight(
+    scene: Scene, cones: LightCones, pose: Pose, nodes: Nodes, pixel_width: float, color: NDArray[np.intp] | int
+) -> Sight:
+    """What every cone sees.
+
+    Parameters
+    ----------
+    scene, cones, pose
+        What is looked at, by which rays, from where.
+    nodes
+        Rays of each cone.
+    pixel_width
+        Side of the light-sensitive square of a pixel [m].
+    color
+        Which colour of a coloured pattern each cone sees; one number where it is the same for all.
+    """
+    cones = _single(cones)
+    if not cones.pixel.size:
+        return Sight(brightness=np.zeros(0), depth=np.zeros(0))
+    radius = cones.lens_radius
+    middle = lit_part(cones, 0.0, 0.0)
+    eta = (middle.low + np.maximum(middle.half, 0)) * middle.axis
+    start, slope = _rays(cones, pose, 0.0, 0.0, eta)
+    spread = _spread(scene, cones, pixel_width)
+    found = [surface.approach(start, slope, spread) for surface in scene.surfaces]
+    depth, _ = _nearest([one for one, _ in found])
+    begins = [begin for _, begin in found]
+    mixtures = _mixtures(scene, cones, middle, depth, nodes, pixel_width)
+    total, weights = np.zeros(cones.pixel.size, REAL), np.zeros(cones.pixel.size, REAL)
+    for (x, y), (across, beside) in zip(nodes.pixel * pixel_width, nodes.disc, strict=True):
+        lit = lit_part(cones, x, y)
+        eta, weight = places_on_lens(lit, radius, across, beside)
+        rays = _rays(cones, pose, x, y, eta)
+        total += weight * _brightness(scene, *rays, begins, mixtures, color)
+        weights += weight
+    mean = np.where(weights > 0, total / np.where(weights > 0, weights, 1), 0)
+    return Sight(brightness=mean, depth=_along_axis(pose, start, slope, depth))
+
+
+def _single(cones: LightCones) -> LightCones:
+    """In single precision, the origin of every place and slope being the cone's own."""
+
+    def small(value: PerCone) -> PerCone:
+        return np.asarray(value, REAL)
+
+    stop = cones.stop
+    return replace(
+        cones,
+        start=cones.start.astype(REAL),
+        slope=cones.slope.astype(REAL),
+        start_by_pixel=small(cones.start_by_pixel),
+        start_by_lens=small(cones.start_by_lens),
+        slope_by_pixel=small(cones.slope_by_pixel),
+        slope_by_lens=small(cones.slope_by_lens),
+        stop=None
+        if stop is None
+        else Stop(
+            place=stop.place.astype(REAL),
+            by_pixel=small(stop.by_pixel),
+            by_lens=small(stop.by_lens),
+            radius=stop.radius,
+        ),
+    )
+
+
+def _rays(cones: LightCones, pose: Pose, x: float, y: float, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Rays of the scene through places on the pixels and on the lenses: places at z = 0, and slopes."""
+    start, slope = eta * cones.start_by_lens, eta * cones.slope_by_lens
+    start += cones.start
+    slope += cones.slope
+    for axis, value in enumerate((x, y)):
+        if value != 0.0:
+            start[axis] += REAL(value) * cones.start_by_pixel
+            slope[axis] += REAL(value) * cones.slope_by_pixel
+    if pose == Pose():
+        return start, slope
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = ([REAL(value) for value in row] for row in pose.rotation)
+    u, v = slope
+    ahead = REAL(1) / (zx * u + zy * v + zz)
+    turned = np.stack([(xx * u + xy * v + xz) * ahead, (yx * u + yy * v + yz) * ahead])
+    a, b = start
+    z = zx * a + zy * b + REAL(pose.centre[2])
+    at = np.stack([xx * a + xy * b + REAL(pose.centre[0]), yx * a + yy * b + REAL(pose.centre[1])])
+    return at - z * turned, turned
+
+
+def _along_axis(pose: Pose, start: FloatArray, slope: FloatArray, depth: FloatArray) -> FloatArray:
+    """Depth from a camera along its own axis."""
+    if pose == Pose():
+        return depth
+    met = np.where(np.isfinite(depth), depth, 0)
+    axis = [row[2] for row in pose.rotation]
+    x, y = start + met * slope
+    own = (x - pose.centre[0]) * axis[0] + (y - pose.centre[1]) * axis[1] + (met - pose.centre[2]) * axis[2]
+    return np.where(np.isfinite(depth), own, depth)
+
+
+def _nearest(depths: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.intp] | int]:
+    """The nearest of several surfaces, and which one it is."""
+    if len(depths) == 1:
+        return depths[0], 0
+    nearest, number = depths[0], np.zeros(depths[0].size, np.intp)
+    for k, depth in enumerate(depths[1:], start=1):
+        before = depth < nearest
+        nearest, number = np.where(before, depth, nearest), np.where(before, k, number)
+    return nearest, number
+
+
+def _spread(scene: Scene, cones: LightCones, pixel_width: float) -> float:
+    """How far rays of a cone may be from its middle ray anywhere in the scene [m]."""
+    ends = [end for surface in scene.surfaces for end in surface.extent]
+
+    def widest(z: float) -> float:
+        by_pixel = np.abs(cones.start_by_pixel + np.float32(z) * np.asarray(cones.slope_by_pixel))
+        by_lens = np.abs(cones.start_by_lens + np.float32(z) * np.asarray(cones.slope_by_lens))
+        return float(np.max(by_pixel)) * pixel_width * math.sqrt(0.5) + 2.0 * float(np.max(by_lens)) * cones.lens_radius
+
+    return max(widest(min(ends)), widest(max(ends)))
+
+
+Mixture = tuple[NDArray[np.intp], FloatArray]
+
+
+def _mixtures(
+    scene: Scene, cones: LightCones, lit: LitPart, depth: FloatArray, nodes: Nodes, pixel_width: float
+) -> list[Mixture]:
+    """For every pattern, the levels whose filter stands for what one node does not."""
+    z = np.where(np.isfinite(depth), depth, 1)
+    by_pixel = (cones.start_by_pixel + z * cones.slope_by_pixel) * REAL(pixel_width)
+    # Of a part that is not a whole disc, as of a disc of the same length.
+    by_lens = (cones.start_by_lens + z * cones.slope_by_lens) * np.maximum(lit.half, 0)
+    variance = np.square(by_pixel) * REAL(nodes.pixel_spread) + np.square(by_lens) * REAL(nodes.disc_spread)
+    return [
+        pattern.mixture(variance * np.square(np.asarray(surface.pattern_scale(z), REAL)))
+        for surface, pattern in zip(scene.surfaces, scene.patterns, strict=True)
+    ]
+
+
+def _brightness(
+    scene: Scene,
+    start: FloatArray,
+    slope: FloatArray,
+    begins: Sequence[FloatArray | None],
+    mixtures: Sequence[Mixture],
+    color: NDArray[np.intp] | int,
+) -> FloatArray:
+    """Of what each ray meets first."""
+    depths = [surface.depth(start, slope, begin) for surface, begin in zip(scene.surfaces, begins, strict=True)]
+    depth, number = _nearest(depths)
+    there = np.isfinite(depth)
+    if isinstance(number, int) and there.all():
+        return _painted(scene, 0, start + depth * slope, depth, mixtures[0], color)
+    found = np.full(depth.size, scene.background, REAL)
+    for k in range(len(scene.surfaces)):
+        own = np.flatnonzero(there & (number == k))
+        if own.size:
+            at = start[:, own] + depth[own] * slope[:, own]
+            level, share = mixtures[k]
+            own_color = color if isinstance(color, int) else color[own]
+            found[own] = _painted(scene, k, at, depth[own], (level[own], share[own]), own_color)
+    return found
+
+
+def _painted(
+    scene: Scene, k: int, at: FloatArray, depth: FloatArray, mixture: Mixture, color: NDArray[np.intp] | int
+) -> FloatArray:
+    x, y = scene.surfaces[k].place(at, depth)
+    return scene.patterns[k].brightness(x, y, *mixture, color)

@@ -1,0 +1,166 @@
+"""Pictures tile by tile: each depends on nothing but itself, so that it does not matter who renders it and when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.light_cones import Exposure
+from tradestudy.imaging.render.nodes import lit_area, nodes
+from tradestudy.imaging.render.sensor import Recording
+from tradestudy.imaging.render.sight import sight
+from tradestudy.imaging.scenes.pattern import GREY
+from tradestudy.imaging.scenes.scene import SceneSource
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.streams import point_generator
+
+TILE: Final = (256, 1024)
+"""Rows and columns; random numbers go by tiles, so that another size gives other noise."""
+_AT_ONCE: Final = (64, 512)  # rows and columns whose rays stay in a processor's cache
+_PROBE: Final = 24  # rows and columns in the middle of a tile where it is compared with a finer one
+FINER: Final = 16
+"""How many times the samples of a picture the one has that its error is estimated by."""
+WORKER_BYTES: Final = 400_000_000
+"""Of one worker: interpreter, libraries, and the rays that it computes at once."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tile:
+    """A part of a picture to be rendered.
+
+    Parameters
+    ----------
+    camera
+        Its name; with that of the picture and the place of the tile it says which random numbers are drawn.
+    exposure, scene, recording
+        How it is taken, of what, and what the sensor does.
+    samples
+        Rays of each pixel and lens.
+    seed
+        Of the study.
+    rows, columns
+        First and behind the last.
+    """
+
+    camera: str
+    exposure: Exposure
+    scene: SceneSource
+    recording: Recording
+    samples: int
+    seed: int
+    rows: tuple[int, int]
+    columns: tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rendered:
+    """A tile as it was taken.
+
+    Parameters
+    ----------
+    values
+        Digital numbers or electrons, shape (rows, columns).
+    depth
+        Along the axis of the camera [m], of what the brightest ray to each pixel comes from; NaN where no light comes
+        from the pupil, infinite where it comes from no surface.
+    saturated
+        How many pixels are full.
+    sampling_error
+        Of the light in its middle: sum of squares of the difference from one with 16 times the samples, and that of
+        the finer one [electrons²].
+    """
+
+    values: NDArray[Any]
+    depth: NDArray[np.float32]
+    saturated: int
+    sampling_error: tuple[float, float]
+
+
+def tiles_of(tile: Tile) -> list[Tile]:
+    """All tiles of a picture, given as one."""
+    sensor = tile.exposure.sensor
+    return [
+        replace(tile, rows=(top, min(top + TILE[0], sensor.rows)), columns=(left, min(left + TILE[1], sensor.columns)))
+        for top in range(0, sensor.rows, TILE[0])
+        for left in range(0, sensor.columns, TILE[1])
+    ]
+
+
+def render_tile(tile: Tile) -> Rendered:
+    """Light, then noise."""
+    expected, depth = expected_electrons(tile)
+    point = f"{tile.camera}/{tile.exposure.name}/{tile.rows[0]}/{tile.columns[0]}"
+    recording = tile.recording
+    values = recording.record(expected, point_generator(seed=tile.seed, point=point, replicate=0))
+    full = recording.noise.full_well_electrons - (recording.black_level if recording.is_digital else 0.0)
+    return Rendered(
+        values=values,
+        depth=depth,
+        saturated=int(np.count_nonzero(expected >= full)),
+        sampling_error=_sampling_error(tile),
+    )
+
+
+def expected_electrons(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
+    """Mean electrons of every pixel, and its depth."""
+    shape = (tile.rows[1] - tile.rows[0], tile.columns[1] - tile.columns[0])
+    electrons, depth = np.zeros(shape), np.zeros(shape, np.float32)
+    for rows, columns in _blocks(shape):
+        part = replace(
+            tile,
+            rows=(tile.rows[0] + rows.start, tile.rows[0] + rows.stop),
+            columns=(tile.columns[0] + columns.start, tile.columns[0] + columns.stop),
+        )
+        electrons[rows, columns], depth[rows, columns] = _block(part)
+    return electrons, depth
+
+
+def _sampling_error(tile: Tile) -> tuple[float, float]:
+    """Sum of squares of the difference from a finer picture in the middle of a tile, and that of the finer picture."""
+    middles = ((tile.rows[0] + tile.rows[1]) // 2, (tile.columns[0] + tile.columns[1]) // 2)
+    rows, columns = (
+        (max(begin, middle - _PROBE // 2), min(end, middle + _PROBE // 2))
+        for (begin, end), middle in zip((tile.rows, tile.columns), middles, strict=True)
+    )
+    coarse = replace(tile, rows=rows, columns=columns)
+    light, _ = expected_electrons(coarse)
+    fine, _ = expected_electrons(replace(coarse, samples=FINER * tile.samples))
+    return float(np.sum(np.square(light - fine))), float(np.sum(np.square(fine)))
+
+
+def _blocks(shape: tuple[int, int]) -> Iterator[tuple[slice, slice]]:
+    for top in range(0, shape[0], _AT_ONCE[0]):
+        for left in range(0, shape[1], _AT_ONCE[1]):
+            yield slice(top, min(top + _AT_ONCE[0], shape[0])), slice(left, min(left + _AT_ONCE[1], shape[1]))
+
+
+def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
+    """Electrons and depths of a few pixels."""
+    exposure, recording = tile.exposure, tile.recording
+    sensor = exposure.sensor
+    rows, columns = (grid.ravel() for grid in np.mgrid[slice(*tile.rows), slice(*tile.columns)])
+    x = (columns + 0.5 - sensor.columns / 2.0) * sensor.pixel_pitch
+    y = (rows + 0.5 - sensor.rows / 2.0) * sensor.pixel_pitch
+    cones = exposure.cones(x, y)
+    width = sensor.pixel_pitch * recording.pixel_fill
+    lit = lit_area(cones, width) / (np.pi * cones.lens_radius**2) * cones.light
+    gain = np.asarray(recording.electrons_at_f1(sensor))
+    color: NDArray[np.intp] | int = GREY
+    scene = tile.scene.build()
+    if recording.mosaic is not None:
+        own = recording.mosaic.colors(rows, columns)
+        gain = gain * np.asarray(recording.mosaic.response)[own]
+        color = own[cones.pixel]
+    seen = sight(scene, cones, exposure.pose, nodes(tile.samples), width, color)
+    light = np.bincount(cones.pixel, weights=lit * seen.brightness, minlength=x.size)
+    brightest = np.zeros(x.size)
+    np.maximum.at(brightest, cones.pixel, lit)
+    depth = np.full(x.size, np.nan, np.float32)
+    winner = (lit > 0.0) & (lit >= brightest[cones.pixel])
+    depth[cones.pixel[winner]] = seen.depth[winner]
+    shape = (tile.rows[1] - tile.rows[0], tile.columns[1] - tile.columns[0])
+    return np.asarray(gain * light).reshape(shape), depth.reshape(shape)

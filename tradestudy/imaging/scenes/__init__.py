@@ -1,0 +1,1 @@
+"""What is pictured: textures, surfaces, and where rays meet them."""

@@ -1,0 +1,71 @@
+"""Pictures and depth maps from files: PNG, TIFF and NPY."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+
+
+def read_picture(file: Path) -> FloatArray:
+    """Brightness (colours, rows, columns), one colour or three, as the file has it: values are taken as linear.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a file that is no picture, or one that is black.
+    """
+    values = _values(file)
+    values = values[..., :3] if values.ndim == 3 and values.shape[-1] in (3, 4) else values
+    if values.ndim == 3 and values.shape[-1] == 3:
+        values = np.moveaxis(values, -1, 0)
+    elif values.ndim == 2:
+        values = values[None]
+    if values.ndim != 3 or values.shape[0] not in (1, 3):
+        raise OutOfRangeError("a picture", value=f"{file}: shape {values.shape}", limit="grey, or red, green, blue")
+    if not (np.all(np.isfinite(values)) and np.all(values >= 0.0) and values.mean() > 0.0):
+        raise OutOfRangeError("brightness of a picture", value=str(file), limit="0 or more, and not 0 everywhere")
+    return np.asarray(values, np.float32)
+
+
+def read_depths(file: Path, unit: float) -> FloatArray:
+    """Depths [m], shape (rows, columns), of a map whose values count in a unit [m].
+
+    Raises
+    ------
+    OutOfRangeError
+        For a file that is no depth map, or one with holes.
+    """
+    values = _values(file)
+    if values.ndim != 2 or min(values.shape) < 2:
+        raise OutOfRangeError(
+            "a depth map", value=f"{file}: shape {values.shape}", limit="one value for each of 2 × 2 pixels or more"
+        )
+    holes = int(np.count_nonzero(~(np.isfinite(values) & (values > 0.0))))
+    if holes:
+        raise OutOfRangeError(
+            "depths that are not above zero",
+            value=f"{holes} pixels of {file}",
+            limit="none",
+            remedy="fill the holes of the map",
+        )
+    return np.asarray(values * unit)
+
+
+def _values(file: Path) -> FloatArray:
+    try:
+        if file.suffix.lower() == ".npy":
+            return np.asarray(np.load(file, allow_pickle=False), np.float64)
+        from PIL import Image
+
+        with Image.open(file) as picture:
+            return np.asarray(picture.convert("RGB") if picture.mode == "P" else picture, np.float64)
+    except (OSError, ValueError) as error:
+        raise OutOfRangeError(
+            "a file that cannot be read",
+            value=f"{file}: {error}",
+            limit="PNG, TIFF or NPY",
+        ) from error

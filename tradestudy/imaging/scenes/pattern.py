@@ -1,0 +1,213 @@
+"""What is painted on surfaces: a random texture or a picture, prefiltered so that few samples see no more than it has.
+
+Each level of a pattern has half the samples of the one below, each the mean of four. Interpolated, level l has the
+variance ``(3·4^l − 1)/12`` of its filter along each axis in samples of the finest one; two levels are mixed so that
+the variance is the one asked for.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.models import Texture, texture_spectrum
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.uncertainty.streams import point_generator
+
+MOST_CONTRAST: Final = 0.3
+"""Three deviations below the mean, a Gaussian texture is black."""
+GREY: Final = -1
+"""The colour of a pixel without a filter; 0, 1 and 2 are red, green and blue."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RandomPattern:
+    """A random texture of mean 1 that repeats itself.
+
+    Parameters
+    ----------
+    texture
+        Its contrast and correlation length.
+    sample
+        Distance of neighbouring samples [m].
+    side
+        Samples along each side before it repeats itself; a power of two.
+    seed
+        Of the study.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a contrast that a Gaussian cannot have without being darker than black.
+    """
+
+    texture: Texture
+    sample: float
+    side: int
+    seed: int
+
+    def __post_init__(self) -> None:
+        if self.texture.contrast > MOST_CONTRAST:
+            raise OutOfRangeError(
+                "a Gaussian texture would be darker than black in places; its contrast",
+                value=f"{100 * self.texture.contrast:g} %",
+                limit=f"at most {100 * MOST_CONTRAST:g} %",
+                remedy="reduce the contrast of scene.picture.texture, or paint the scene with a picture",
+            )
+
+    def build(self) -> Pattern:
+        """The pattern with all its levels; made once for each process."""
+        return _random_pattern(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PicturePattern:
+    """A picture, brightness 1 where it is as bright as its mean.
+
+    Parameters
+    ----------
+    file
+        The picture.
+    sha256
+        Of its content.
+    sample
+        Size of one of its pixels on the surface; its own unit where the surface is given by a depth map.
+    from_top
+        Whether its first row is the top one.
+    """
+
+    file: Path
+    sha256: str
+    sample: float
+    from_top: bool
+
+    def build(self) -> Pattern:
+        """The pattern with all its levels; made once for each process."""
+        return _picture_pattern(self)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Pattern:
+    """A pattern, level behind level.
+
+    Parameters
+    ----------
+    values
+        All levels in one row for each colour, shape (colours, samples): grey alone, or red, green, blue and grey.
+    columns, rows
+        Of the finest level; powers of two.
+    sample
+        Distance of its samples.
+    """
+
+    values: NDArray[np.float32]
+    columns: int
+    rows: int
+    sample: float
+
+    @property
+    def levels(self) -> int:
+        """How many."""
+        return int(math.log2(min(self.columns, self.rows))) + 1
+
+    def mixture(self, variance: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
+        """Level, and the share of the next one, whose filter has a variance along each axis."""
+        wanted = np.maximum(variance * (4.0 / self.sample**2) + 1.0 / 3.0, 1.0)
+        _, exponent = np.frexp(wanted)
+        level = np.minimum((exponent - 1) >> 1, self.levels - 2).astype(np.intp)
+        scale = np.ldexp(np.ones_like(wanted), 2 * level)
+        return level, np.clip((wanted / scale - 1.0) / 3.0, 0.0, 1.0).astype(np.float32)
+
+    def brightness(
+        self,
+        x: FloatArray,
+        y: FloatArray,
+        level: NDArray[np.intp],
+        share: FloatArray,
+        color: NDArray[np.intp] | int = GREY,
+    ) -> FloatArray:
+        """At places, in the unit of ``sample``, with the mixture that `mixture` gave for them."""
+        scale = np.ldexp(np.float32(1.0 / self.sample), -level)
+        start = color % self.values.shape[0] * self.values.shape[1]
+        x, y = x * scale, y * scale
+        fine = self._level(x, y, level, start)
+        coarse = self._level(x * np.float32(0.5), y * np.float32(0.5), level + 1, start)
+        return fine + share * (coarse - fine)
+
+    def _level(
+        self, x: FloatArray, y: FloatArray, level: NDArray[np.intp], start: NDArray[np.intp] | int
+    ) -> FloatArray:
+        """Bilinear between the samples of one level, whose centres lie half a sample from the origin."""
+        x, y = x - np.float32(0.5), y - np.float32(0.5)
+        left, top = np.floor(x), np.floor(y)
+        right_share, lower_share = x - left, y - top
+        columns, rows = (self.columns >> level), (self.rows >> level)
+        i, j = left.astype(np.intp) & (columns - 1), top.astype(np.intp) & (rows - 1)
+        i_next = (i + 1) & (columns - 1)
+        first = _starts(self.columns, self.rows)[level] + start
+        upper = first + j * columns
+        lower = first + ((j + 1) & (rows - 1)) * columns
+        values = self.values.reshape(-1)
+        a, b = values.take(upper + i, mode="clip"), values.take(upper + i_next, mode="clip")
+        a += right_share * (b - a)
+        c, d = values.take(lower + i, mode="clip"), values.take(lower + i_next, mode="clip")
+        c += right_share * (d - c)
+        return np.asarray(a + lower_share * (c - a))
+
+
+@lru_cache(maxsize=64)
+def _starts(columns: int, rows: int) -> NDArray[np.intp]:
+    """Where each level begins."""
+    sizes = [(columns >> k) * (rows >> k) for k in range(int(math.log2(min(columns, rows))) + 1)]
+    return np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.intp)
+
+
+def pattern_of(finest: FloatArray, sample: float) -> Pattern:
+    """Build all levels of samples (colours, rows, columns), both powers of two."""
+    levels: list[NDArray[np.float32]] = [finest.astype(np.float32)]
+    while min(levels[-1].shape[1:]) > 1:
+        last = levels[-1]
+        levels.append(
+            (last[:, ::2, ::2] + last[:, 1::2, ::2] + last[:, ::2, 1::2] + last[:, 1::2, 1::2]) / np.float32(4)
+        )
+    values = np.concatenate([level.reshape(level.shape[0], -1) for level in levels], axis=1)
+    return Pattern(values=values, columns=finest.shape[2], rows=finest.shape[1], sample=sample)
+
+
+@lru_cache(maxsize=4)
+def _random_pattern(settings: RandomPattern) -> Pattern:
+    """Gaussian noise shaped by the root of the texture's spectrum, each sample the mean over its square."""
+    from scipy import fft
+
+    side, sample, texture = settings.side, settings.sample, settings.texture
+    rng = point_generator(seed=settings.seed, point="texture", replicate=0)
+    across, down = fft.rfftfreq(side).astype(np.float32), fft.fftfreq(side).astype(np.float32)
+    frequency = np.hypot(across[None, :], down[:, None])
+    power = texture_spectrum(frequency, texture.contrast, texture.correlation_length / sample)
+    amplitude = np.sqrt(power).astype(np.float32) * np.sinc(across)[None, :] * np.sinc(down)[:, None]
+    amplitude[0, 0] = 0.0  # the mean is 1
+    spectrum = fft.rfft2(rng.standard_normal((side, side), dtype=np.float32)) * amplitude
+    found = fft.irfft2(spectrum, s=(side, side))
+    return pattern_of(np.maximum(1.0 + found, 0.0)[None], sample)
+
+
+@lru_cache(maxsize=4)
+def _picture_pattern(settings: PicturePattern) -> Pattern:
+    """Padded to powers of two by repeating its edges."""
+    from tradestudy.imaging.scenes.files import read_picture
+
+    picture = read_picture(settings.file)
+    picture = picture / picture.mean()
+    picture = picture if settings.from_top else picture[:, ::-1]
+    if len(picture) == 3:
+        picture = np.concatenate([picture, picture.mean(axis=0, keepdims=True)])
+    rows, columns = (2 ** math.ceil(math.log2(max(size, 2))) for size in picture.shape[1:])
+    padding = ((0, 0), (0, rows - picture.shape[1]), (0, columns - picture.shape[2]))
+    return pattern_of(np.pad(picture, padding, mode="edge"), settings.sample)

@@ -1,0 +1,174 @@
+"""Surfaces given by their depth over a grid: where rays meet them first, without missing what stands in front.
+
+Between its samples the depth is bilinear. A ray at z, g before the surface, moves over s samples for each metre; where
+the depth changes by at most L from sample to sample, it cannot meet the surface within ``g/(1 + L s)``. It goes on by
+that, or to the next sample, and where it has passed the surface, regula falsi finds the place.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.imaging.scenes.surface import PatternSource
+from tradestudy.optics.arrays import FloatArray
+
+_REFINEMENTS: Final = 2
+_SLOWEST: Final = 1e-6  # samples for each metre, so that a ray along the axis has a next sample, far away
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Relief:
+    """Depths on a grid.
+
+    Parameters
+    ----------
+    depths
+        [m], shape (rows, columns), rows down.
+    corner
+        Of the first sample: x and y [m], or the slopes x/z and y/z where the map is in perspective.
+    step
+        Between samples, in the same unit.
+    perspective
+        Whether the grid is that of a pinhole in the origin, not one of parallel lines of sight.
+    repeats
+        Whether it goes on for ever; if not, what lies beyond its edge is not there.
+    pattern
+        In the unit of the grid, or in samples where ``pattern_in_samples``.
+    pattern_in_samples
+        Whether the pattern has one sample for each of the grid.
+    """
+
+    depths: NDArray[np.float32]
+    corner: tuple[float, float]
+    step: float
+    perspective: bool
+    repeats: bool
+    pattern: PatternSource
+    pattern_in_samples: bool = False
+    steepest: float = math.nan
+
+    def __post_init__(self) -> None:
+        across, down = (np.abs(np.diff(self.depths, axis=axis)).max(initial=0.0) for axis in (0, 1))
+        object.__setattr__(self, "steepest", math.hypot(float(across), float(down)))
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """See `Surface`."""
+        return float(self.depths.min()), float(self.depths.max())
+
+    def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, FloatArray | None]:
+        """See `Surface`."""
+        near = self.extent[0]
+        margin = self.steepest * spread / (self.step * (near if self.perspective else 1.0))
+        begin = np.full(start.shape[1], near * (1.0 - 1e-6), start.dtype)
+        return self._march(start, slope, begin, margin)
+
+    def depth(self, start: FloatArray, slope: FloatArray, begin: FloatArray | None) -> FloatArray:
+        """See `Surface`."""
+        if begin is None:
+            return self.approach(start, slope, 0.0)[0]
+        return self._march(start, slope, begin, 0.0)[0]
+
+    def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See `Surface`."""
+        if self.pattern_in_samples:
+            i, j = self._grid(at, depth)
+            half = at.dtype.type(0.5)  # a sample of the pattern is centred half its size from its corner
+            return i + half, j + half
+        return at[0], at[1]
+
+    def pattern_scale(self, depth: FloatArray) -> FloatArray | float:
+        """As `Surface` says; slopes of the relief are left to the pattern's own filter."""
+        if not self.pattern_in_samples:
+            return 1.0
+        return 1.0 / (self.step * depth) if self.perspective else 1.0 / self.step
+
+    def _grid(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where on the grid a point lies, in samples."""
+        kind = at.dtype.type
+        scale = kind(1.0 / self.step)
+        if self.perspective:
+            at = at / depth
+        return (at[0] - kind(self.corner[0])) * scale, (at[1] - kind(self.corner[1])) * scale
+
+    def _gap(self, start: FloatArray, slope: FloatArray, z: FloatArray) -> FloatArray:
+        """How far before the surface rays are at depth z [m]."""
+        i, j = self._grid(start + z * slope, z)
+        rows, columns = self.depths.shape
+        if not self.repeats:
+            i, j = np.clip(i, 0, columns - 1), np.clip(j, 0, rows - 1)
+        left, top = np.floor(i), np.floor(j)
+        across, down = i - left, j - top
+        first, upper = left.astype(np.intp), top.astype(np.intp)
+        if self.repeats:
+            first, upper = first % columns, upper % rows
+        second, lower = first + 1, upper + 1
+        if self.repeats:
+            second, lower = np.where(second == columns, 0, second), np.where(lower == rows, 0, lower)
+        else:
+            second, lower = np.minimum(second, columns - 1), np.minimum(lower, rows - 1)
+        values = self.depths.reshape(-1)
+        upper, lower = upper * columns, lower * columns
+        a, c = values.take(upper + first, mode="clip"), values.take(lower + first, mode="clip")
+        a += across * (values.take(upper + second, mode="clip") - a)
+        c += across * (values.take(lower + second, mode="clip") - c)
+        return np.asarray(a + down * (c - a) - z)
+
+    def _march(
+        self, start: FloatArray, slope: FloatArray, begin: FloatArray, margin: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Where rays meet the surface, and the last depth from the beginning on up to which all were farther off."""
+        kind = start.dtype.type
+        near, far = self.extent
+        speed = np.hypot(start[0], start[1]) / kind(near * near) if self.perspective else np.hypot(slope[0], slope[1])
+        speed = np.maximum(speed / kind(self.step), kind(_SLOWEST))
+        end = kind(far * (1.0 + 1e-6))
+        found, safe = np.full(begin.size, math.inf, begin.dtype), begin.copy()
+        ray = np.arange(begin.size)
+        z, gap = begin, self._gap(start, slope, begin)
+        close = gap <= margin
+        while ray.size:
+            reach = (gap - kind(margin)) / (kind(1) + kind(self.steepest) * speed)
+            following = np.minimum(z + np.maximum(reach, kind(1) / speed), end)
+            next_gap = self._gap(start, slope, following)
+            met = next_gap <= 0
+            if np.any(met):
+                found[ray[met]] = self._between(
+                    start[:, met], slope[:, met], z[met], gap[met], following[met], next_gap[met]
+                )
+            close |= next_gap <= margin
+            going = ~close
+            safe[ray[going]] = following[going]
+            on = np.flatnonzero(~met & (following < end))
+            ray, z, gap, close, speed = ray[on], following[on], next_gap[on], close[on], speed[on]
+            start, slope = start[:, on], slope[:, on]
+        return found, safe
+
+    def _between(
+        self,
+        start: FloatArray,
+        slope: FloatArray,
+        z: FloatArray,
+        gap: FloatArray,
+        beyond: FloatArray,
+        beyond_gap: FloatArray,
+    ) -> FloatArray:
+        """Regula falsi between a depth before the surface and one behind it; infinite beyond the edge of the grid."""
+        for _ in range(_REFINEMENTS):
+            middle = z + (beyond - z) * (gap / (gap - beyond_gap))
+            middle_gap = self._gap(start, slope, middle)
+            before = middle_gap > 0
+            z, gap = np.where(before, middle, z), np.where(before, middle_gap, gap)
+            beyond, beyond_gap = np.where(before, beyond, middle), np.where(before, beyond_gap, middle_gap)
+        middle = z + (beyond - z) * (gap / np.maximum(gap - beyond_gap, start.dtype.type(1e-30)))
+        if self.repeats:
+            return np.asarray(middle)
+        i, j = self._grid(start + middle * slope, middle)
+        rows, columns = self.depths.shape
+        there = (i >= -0.5) & (i <= columns - 0.5) & (j >= -0.5) & (j <= rows - 0.5)
+        return np.where(there, middle, start.dtype.type(math.inf))

@@ -1,0 +1,248 @@
+"""A scene as it is declared, small enough to be sent to workers, and as it is rendered, with all its samples."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Final, Protocol
+
+import numpy as np
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.scenes.pattern import Pattern
+from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
+from tradestudy.imaging.scenes.relief import Relief
+from tradestudy.imaging.scenes.surface import PatternSource, Surface
+from tradestudy.uncertainty.streams import point_generator
+
+ROCK_SIDE: Final = 1024
+_SAMPLES_PER_FEATURE: Final = 32
+_FINEST: Final = 4.0  # samples below which a rock is smooth, so that its slopes do not depend on the grid
+
+
+class SurfaceSource(Protocol):
+    """What a surface is made of."""
+
+    @property
+    def pattern(self) -> PatternSource:
+        """What is painted on it."""
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Nearest and farthest depth [m]."""
+
+    def build(self) -> Surface:
+        """The surface; made once for each process."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plain:
+    """A surface with a closed form.
+
+    Parameters
+    ----------
+    surface
+        It.
+    """
+
+    surface: Flat | Sphere
+
+    @property
+    def pattern(self) -> PatternSource:
+        """Its own."""
+        return self.surface.pattern
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Its own."""
+        return self.surface.extent
+
+    def build(self) -> Surface:
+        """It needs no samples."""
+        return self.surface
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rock:
+    """A rough height field that repeats itself: Gaussian noise with a power law below its features, within a range.
+
+    Its spectrum is ``(1 + (2π ℓ ν)²)^(−1−h)``, that of a self-affine surface of Hurst exponent h.
+
+    Parameters
+    ----------
+    near, far
+        Of its highest and deepest place [m].
+    feature_size
+        ℓ [m].
+    hurst
+        h: 1 is smooth, 0 is rugged.
+    seed
+        Of the study.
+    number
+        Among the surfaces of the scene, so that two rocks differ.
+    pattern
+        What is painted on it, by lateral place.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a range that is none, or an exponent outside 0 to 1.
+    """
+
+    near: float
+    far: float
+    feature_size: float
+    hurst: float
+    seed: int
+    number: int
+    pattern: PatternSource
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.near < self.far:
+            raise OutOfRangeError("a rock", value=f"from {self.near:g} to {self.far:g} m", limit="0 < near < far")
+        if not 0.0 <= self.hurst <= 1.0:
+            raise OutOfRangeError("Hurst exponent of a rock", value=f"{self.hurst:g}", limit="0 to 1")
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """From its highest to its deepest place [m]."""
+        return self.near, self.far
+
+    def build(self) -> Relief:
+        """The surface; made once for each process."""
+        return _rock(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DepthMap:
+    """A surface by a file of depths.
+
+    Parameters
+    ----------
+    file, sha256
+        The map, and the hash of its content.
+    unit
+        Depth [m] for each unit of its values.
+    from_top
+        Whether its first row is the top one.
+    width
+        Of the whole map [m], in parallel lines of sight; None: it is in perspective.
+    field_of_view
+        Across the whole map [rad], of a pinhole in the origin; None: parallel.
+    extent
+        Nearest and farthest depth [m].
+    pattern
+        A picture with one pixel for each of the map, or a texture by lateral place.
+    """
+
+    file: Path
+    sha256: str
+    unit: float
+    from_top: bool
+    width: float | None
+    field_of_view: float | None
+    extent: tuple[float, float]
+    pattern: PatternSource
+    pattern_in_samples: bool
+
+    def build(self) -> Relief:
+        """The surface; made once for each process."""
+        return _depth_map(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SceneSource:
+    """What a scene is made of.
+
+    Parameters
+    ----------
+    surfaces
+        Those in it.
+    background
+        Brightness where there is none, relative to the mean of the texture.
+    """
+
+    surfaces: tuple[SurfaceSource, ...]
+    background: float
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Nearest and farthest depth [m]."""
+        ends = [end for surface in self.surfaces for end in surface.extent]
+        return min(ends), max(ends)
+
+    def build(self) -> Scene:
+        """The scene with all its samples; made once for each process."""
+        return _scene(self)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """Surfaces with their patterns, and what is seen where there is none.
+
+    Parameters
+    ----------
+    surfaces, patterns
+        Each with its own.
+    background
+        Brightness where a line of sight meets nothing.
+    """
+
+    surfaces: Sequence[Surface]
+    patterns: Sequence[Pattern]
+    background: float
+
+
+@lru_cache(maxsize=2)
+def _scene(source: SceneSource) -> Scene:
+    return Scene(
+        surfaces=[one.build() for one in source.surfaces],
+        patterns=[one.pattern.build() for one in source.surfaces],
+        background=source.background,
+    )
+
+
+@lru_cache(maxsize=4)
+def _rock(rock: Rock) -> Relief:
+    from scipy import fft
+
+    rng = point_generator(seed=rock.seed, point=f"rock {rock.number}", replicate=0)
+    frequency = np.hypot(fft.rfftfreq(ROCK_SIDE)[None, :], fft.fftfreq(ROCK_SIDE)[:, None])
+    shape = (1.0 + np.square(2.0 * math.pi * _SAMPLES_PER_FEATURE * frequency)) ** (-0.5 * (1.0 + rock.hurst))
+    shape *= np.exp(-0.5 * np.square(_FINEST * frequency))
+    noise = fft.irfft2(fft.rfft2(rng.standard_normal((ROCK_SIDE, ROCK_SIDE))) * shape, s=(ROCK_SIDE, ROCK_SIDE))
+    share = (noise - noise.min()) / np.ptp(noise)
+    step = rock.feature_size / _SAMPLES_PER_FEATURE
+    return Relief(
+        depths=(rock.near + (rock.far - rock.near) * share).astype(np.float32),
+        corner=(-step * ROCK_SIDE / 2.0, -step * ROCK_SIDE / 2.0),
+        step=step,
+        perspective=False,
+        repeats=True,
+        pattern=rock.pattern,
+    )
+
+
+@lru_cache(maxsize=4)
+def _depth_map(source: DepthMap) -> Relief:
+    from tradestudy.imaging.scenes.files import read_depths
+
+    depths = read_depths(source.file, source.unit)
+    if not source.from_top:
+        depths = depths[::-1]
+    rows, columns = depths.shape
+    perspective = source.width is None
+    whole = source.width if source.width is not None else 2.0 * math.tan((source.field_of_view or 0.0) / 2.0)
+    step = whole / columns
+    return Relief(
+        depths=np.ascontiguousarray(depths, np.float32),
+        corner=(-step * (columns - 1) / 2.0, -step * (rows - 1) / 2.0),
+        step=step,
+        perspective=perspective,
+        repeats=False,
+        pattern=source.pattern,
+        pattern_in_samples=source.pattern_in_samples,
+    )

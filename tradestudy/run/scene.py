@@ -1,0 +1,174 @@
+"""From the scene that a study declares to the surfaces that are rendered."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.light_cones import Exposure
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.imaging.models import Texture
+from tradestudy.imaging.scenes.files import read_depths, read_picture
+from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern
+from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
+from tradestudy.imaging.scenes.scene import DepthMap, Plain, Rock, SceneSource, SurfaceSource
+from tradestudy.provenance import file_hash
+from tradestudy.study.schema.scene_image import (
+    DepthMapPart,
+    PlanePart,
+    RockPart,
+    SceneImagePart,
+    SpherePart,
+    StairsPart,
+)
+
+_SIDES: Final = (512, 4096)  # of a random texture before it repeats itself
+_CORRELATION_LENGTHS: Final = 16  # that it holds at least
+_OVERLAP: Final = 1e-6  # of its height, by which a riser reaches beyond its treads, so that no ray slips through
+
+
+def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> SceneSource:
+    """The scene in SI.
+
+    Parameters
+    ----------
+    part
+        As declared.
+    pattern
+        Painted on everything that brings no picture.
+    folder
+        Where its files are.
+
+    Raises
+    ------
+    MistakeAt
+        For files that are no depth maps or pictures, or do not fit together, relative to the part.
+    """
+    surfaces: list[SurfaceSource] = []
+    for number, one in enumerate(part.surfaces):
+        if isinstance(one, PlanePart):
+            surfaces.append(Plain(surface=_plane(one, pattern)))
+        elif isinstance(one, StairsPart):
+            surfaces += [Plain(surface=face) for face in _stairs(one, pattern)]
+        elif isinstance(one, SpherePart):
+            sphere = Sphere(centre=(*one.centre, one.distance), radius=one.radius, pattern=pattern)
+            surfaces.append(Plain(surface=sphere))
+        elif isinstance(one, RockPart):
+            surfaces.append(
+                Rock(
+                    near=one.near,
+                    far=one.far,
+                    feature_size=one.feature_size,
+                    hurst=one.hurst,
+                    seed=pattern.seed,
+                    number=number,
+                    pattern=pattern,
+                )
+            )
+        else:
+            surfaces.append(_map(one, ("surfaces", number), pattern, folder))
+    return SceneSource(surfaces=tuple(surfaces), background=part.background)
+
+
+def pattern_of_scene(
+    texture: Texture, exposures: Sequence[Exposure], extent: tuple[float, float], seed: int
+) -> RandomPattern:
+    """A texture twice as fine as the finest pixel on the nearest surface, and as wide as what is seen if that can be."""
+    finest, widest = math.inf, 0.0
+    for exposure in exposures:
+        sensor = exposure.sensor
+        x = np.array([0.0, -0.5, 0.5, -0.5, 0.5]) * sensor.width
+        y = np.array([0.0, -0.5, -0.5, 0.5, 0.5]) * sensor.height
+        cones = exposure.cones(x, y)
+        on_surface = np.abs(np.asarray(cones.start_by_pixel) + extent[0] * np.asarray(cones.slope_by_pixel))
+        finest = min(finest, float(np.min(on_surface)) * sensor.pixel_pitch)
+        place = cones.start + extent[1] * cones.slope
+        widest = max(widest, 2.0 * float(np.max(np.abs(place))) + 2.0 * abs(exposure.pose.centre[0]))
+    least, most = _SIDES
+    sample = max(finest / 2.0, _CORRELATION_LENGTHS * texture.correlation_length / most)
+    needed = max(widest, _CORRELATION_LENGTHS * texture.correlation_length) / sample
+    side = min(max(2 ** math.ceil(math.log2(max(needed, 1.0))), least), most)
+    return RandomPattern(texture=texture, sample=sample, side=side, seed=seed)
+
+
+def _plane(part: PlanePart, pattern: RandomPattern) -> Flat:
+    """Its directions lie above x and y; the second is turned to be at right angles to the first."""
+    first = np.array([1.0, 0.0, math.tan(part.tilt_x)])
+    second = np.array([0.0, 1.0, math.tan(part.tilt_y)])
+    first /= np.linalg.norm(first)
+    second -= first * (first @ second)
+    second /= np.linalg.norm(second)
+    return Flat(
+        centre=(*part.centre, part.distance),
+        first=(float(first[0]), float(first[1]), float(first[2])),
+        second=(float(second[0]), float(second[1]), float(second[2])),
+        size=part.size or (math.inf, math.inf),
+        pattern=pattern,
+        origin=part.centre,
+    )
+
+
+def _stairs(part: StairsPart, pattern: RandomPattern) -> Iterator[Flat]:
+    """Treads and risers; the first and the last tread reach far beyond what any camera sees."""
+    across, down, along = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    endless = 1e3 * part.far
+    depths = np.linspace(part.near, part.far, part.treads)
+    inner = (np.arange(part.treads - 1) - (part.treads - 2) / 2.0) * (part.tread_width or 0.0) + part.edge
+    edges = [part.edge - endless, *(float(edge) for edge in inner), part.edge + endless]
+    for k, depth in enumerate(float(one) for one in depths):
+        left, right = edges[k], edges[k + 1]
+        middle = (left + right) / 2.0
+        yield Flat(
+            centre=(middle, 0.0, depth),
+            first=across,
+            second=down,
+            size=(right - left, math.inf),
+            pattern=pattern,
+            origin=(middle, 0.0),
+        )
+        if k:
+            height = depth - float(depths[k - 1])
+            yield Flat(
+                centre=(left, 0.0, depth - height / 2.0),
+                first=along,
+                second=down,
+                size=(height * (1.0 + _OVERLAP), math.inf),
+                pattern=pattern,
+                origin=(left, 0.0),
+            )
+
+
+def _map(part: DepthMapPart, at: tuple[str | int, ...], texture: RandomPattern, folder: Path) -> DepthMap:
+    """Read once here, so that a file that is none is refused before anything is rendered."""
+    try:
+        file = folder / part.depth
+        depths = read_depths(file, part.unit)
+    except ValueError as error:
+        raise MistakeAt((*at, "depth"), str(error)) from error
+    pattern: RandomPattern | PicturePattern = texture
+    if part.picture is not None:
+        try:
+            shape = read_picture(folder / part.picture).shape[1:]
+        except ValueError as error:
+            raise MistakeAt((*at, "picture"), str(error)) from error
+        if shape != depths.shape:
+            raise MistakeAt(
+                (*at, "picture"), f"{shape} rows and columns; those of the map, {depths.shape}, are expected"
+            )
+        picture = folder / part.picture
+        pattern = PicturePattern(file=picture, sha256=file_hash(picture), sample=1.0, from_top=part.first_row == "top")
+    return DepthMap(
+        file=file,
+        sha256=file_hash(file),
+        unit=part.unit,
+        from_top=part.first_row == "top",
+        width=part.width,
+        field_of_view=part.field_of_view,
+        extent=(float(depths.min()), float(depths.max())),
+        pattern=pattern,
+        pattern_in_samples=part.picture is not None,
+    )

@@ -1,0 +1,166 @@
+"""The scene as pictures of it are rendered: surfaces with depth, and how they are taken."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+
+from tradestudy import units
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.declarations.part import Part
+from tradestudy.declarations.quantities import (
+    DetailSize,
+    Length,
+    NonNegativeElectrons,
+    ObjectDistance,
+    PositiveAngle,
+    PositiveFraction,
+    Share,
+    quantity,
+)
+from tradestudy.imaging.light import SensorNoiseModel
+
+Tilt = Annotated[float, *quantity(units.ANGLE, at_least=-80.0 * units.DEGREE, at_most=80.0 * units.DEGREE)]
+Place = tuple[Length, Length]
+FileName = Annotated[str, Field(min_length=1, max_length=1000)]
+MOST_STEPS = 50
+MOST_SURFACES = 20
+
+
+class PlanePart(Part):
+    """A textured plane, upright or slanted."""
+
+    shape: Literal["plane"]
+    distance: ObjectDistance = Field(description="Of its centre, along the axis.")
+    centre: Place = Field(default=(0.0, 0.0), description="To the right of the axis, and below it.")
+    size: tuple[DetailSize, DetailSize] | None = Field(default=None, description="Width and height; default: endless.")
+    tilt_x: Tilt = Field(default=0.0, description="Slope along x: farther away to the right.")
+    tilt_y: Tilt = Field(default=0.0, description="Slope along y: farther away downwards.")
+
+
+class StairsPart(Part):
+    """Upright treads from near (left) to far (right), with the risers between them; two treads are a step."""
+
+    shape: Literal["step", "staircase"]
+    near: ObjectDistance = Field(description="Of the nearest tread.")
+    far: ObjectDistance = Field(description="Of the farthest tread.")
+    treads: Annotated[int, Field(strict=True, ge=2, le=MOST_STEPS)] = Field(default=2, description="How many.")
+    tread_width: DetailSize | None = Field(
+        default=None, description="Of each but the first and the last, which are endless; a step needs none."
+    )
+    edge: Length = Field(default=0.0, description="Middle of all edges, to the right of the axis.")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.near < self.far:
+            raise MistakeAt(("far",), "must lie beyond near")
+        if self.shape == "step" and (self.treads != 2 or self.tread_width is not None):
+            raise MistakeAt((), "a step has two treads without a width; use shape: staircase")
+        if self.shape == "staircase" and self.tread_width is None:
+            raise MistakeAt((), "a staircase needs a tread_width")
+        return self
+
+
+class SpherePart(Part):
+    """A textured sphere."""
+
+    shape: Literal["sphere"]
+    distance: ObjectDistance = Field(description="Of its centre, along the axis.")
+    centre: Place = Field(default=(0.0, 0.0), description="To the right of the axis, and below it.")
+    radius: DetailSize
+
+    @model_validator(mode="after")
+    def _before_the_camera(self) -> Self:
+        if not self.radius < self.distance:
+            raise MistakeAt(("radius",), "the camera would be inside; less than the distance is expected")
+        return self
+
+
+class RockPart(Part):
+    """A rough surface by seeded noise; it repeats itself after 32 features."""
+
+    shape: Literal["rock"]
+    near: ObjectDistance = Field(description="Of its highest place.")
+    far: ObjectDistance = Field(description="Of its deepest place.")
+    feature_size: DetailSize = Field(description="Of its largest features; below it follows a power law.")
+    hurst: Share = Field(default=0.8, description="Hurst exponent: 1 is smooth, 0 is rugged.")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.near < self.far:
+            raise MistakeAt(("far",), "must lie beyond near")
+        return self
+
+
+class DepthMapPart(Part):
+    """A surface by a depth map (PNG of 8 or 16 bits, TIFF or NPY), with a picture on it or the texture of the scene."""
+
+    shape: Literal["depth-map"]
+    depth: FileName = Field(description="File of the map; distances along the axis, without holes.")
+    unit: DetailSize = Field(description="Distance for each unit of its values, such as 1 mm.")
+    first_row: Literal["top", "bottom"] = Field(description="Which end of the scene its first row is.")
+    width: DetailSize | None = Field(default=None, description="Of the whole map, seen along parallel lines.")
+    field_of_view: PositiveAngle | None = Field(
+        default=None, description="Across the whole map, seen from the origin as by a pinhole, instead of a width."
+    )
+    picture: FileName | None = Field(
+        default=None,
+        description="File of brightness on it, in the order of its rows, grey or in colour; values are linear.",
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.width is None) == (self.field_of_view is None):
+            raise MistakeAt((), "give exactly one of width and field_of_view")
+        if self.field_of_view is not None and self.field_of_view >= 179.0 * units.DEGREE:
+            raise MistakeAt(("field_of_view",), "below 179 deg is expected")
+        return self
+
+
+SurfacePart = Annotated[
+    PlanePart | StairsPart | SpherePart | RockPart | DepthMapPart,
+    Field(discriminator="shape"),
+]
+
+
+class MosaicPart(Part):
+    """A Bayer mosaic before the pixels."""
+
+    pattern: Literal["RGGB", "BGGR", "GRBG", "GBRG"] = Field(description="First two pixels of rows one and two.")
+    response: tuple[PositiveFraction, PositiveFraction, PositiveFraction] = Field(
+        description="Electrons of red, green and blue pixels over those without a filter."
+    )
+
+
+class SceneImagePart(Part):
+    """What `render` makes pictures of, and how; the texture, the light and the sensor are those of scene.picture."""
+
+    surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)]
+    background: Share = Field(default=0.0, description="Brightness where there is no surface, over the texture's mean.")
+    cameras: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+        default=None, description="Those that take pictures; default: all."
+    )
+    rig: Literal["as-designed", "drawn"] = Field(
+        default="as-designed",
+        description="Cameras without errors, or each with errors drawn once from its calibration.",
+    )
+    noise: SensorNoiseModel = Field(
+        default="shot+read+quantisation",
+        description="Quantised pictures are PNG of 16 bits, in digital numbers; others TIFF of floats, in electrons.",
+    )
+    black_level: NonNegativeElectrons = Field(default=0.0, description="Added before digitising.")
+    mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
+    samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
+        default=10, description="Rays for each pixel and lens; the estimated error stands beside the pictures."
+    )
+    depth_format: Literal["tiff", "npy"] = Field(default="tiff", description="Of the true depth, in metres.")
+
+    def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:
+        """Files that it names, by where."""
+        for number, one in enumerate(self.surfaces):
+            if isinstance(one, DepthMapPart):
+                yield ("surfaces", number, "depth"), one.depth
+                if one.picture is not None:
+                    yield ("surfaces", number, "picture"), one.picture
