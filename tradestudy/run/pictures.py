@@ -199,7 +199,9 @@ def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int
         )
 
 
-def _put_together(parts: Sequence[tuple[Tile, Rendered]], shape: tuple[int, int]) -> tuple[NDArray[Any], FloatArray]:
+def _put_together(
+    parts: Sequence[tuple[Tile, Rendered]], shape: tuple[int, int]
+) -> tuple[NDArray[Any], NDArray[np.float32]]:
     values = np.empty(shape, parts[0][1].values.dtype)
     depth = np.empty(shape, np.float32)
     for tile, rendered in parts:

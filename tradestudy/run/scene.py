@@ -77,15 +77,17 @@ def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> Scen
 def pattern_of_scene(
     texture: Texture, exposures: Sequence[Exposure], extent: tuple[float, float], seed: int
 ) -> RandomPattern:
-    """A texture twice as fine as the finest pixel on the nearest surface, and as wide as what is seen if that can be."""
+    """A texture twice as fine as what a pixel blends on any surface, and as wide as what is seen if that can be."""
     finest, widest = math.inf, 0.0
     for exposure in exposures:
         sensor = exposure.sensor
         x = np.array([0.0, -0.5, 0.5, -0.5, 0.5]) * sensor.width
         y = np.array([0.0, -0.5, -0.5, 0.5, 0.5]) * sensor.height
         cones = exposure.cones(x, y)
-        on_surface = np.abs(np.asarray(cones.start_by_pixel) + extent[0] * np.asarray(cones.slope_by_pixel))
-        finest = min(finest, float(np.min(on_surface)) * sensor.pixel_pitch)
+        for depth in np.linspace(*extent, 5):
+            by_pixel = (cones.start_by_pixel + depth * np.asarray(cones.slope_by_pixel)) * sensor.pixel_pitch
+            by_lens = (cones.start_by_lens + depth * np.asarray(cones.slope_by_lens)) * cones.lens_radius
+            finest = min(finest, float(np.min(np.hypot(by_pixel, by_lens))))
         place = cones.start + extent[1] * cones.slope
         widest = max(widest, 2.0 * float(np.max(np.abs(place))) + 2.0 * abs(exposure.pose.centre[0]))
     least, most = _SIDES

@@ -21,6 +21,7 @@ LEAST_NODES: Final = 4
 _GOLDEN_ANGLE: Final = np.pi * (3.0 - np.sqrt(5.0))
 _GOLDEN: Final = (np.sqrt(5.0) - 1.0) / 2.0
 _FILTER: Final = 2.0  # variance of the filter of one node, in parts of the whole
+_DARK: Final = 1e-7  # weight of a node that is not lit, in squares of the radius of the lens
 _SMALLEST_SCALE: Final = 1e-6  # of the change with the place on the lens, below which the stop is at infinity
 
 
@@ -119,11 +120,13 @@ def lit_part(cones: LightCones, pixel_x: float, pixel_y: float) -> LitPart:
 def places_on_lens(lit: LitPart, radius: float, across: float, beside: float) -> tuple[FloatArray, FloatArray]:
     """A node of the unit disc on the lit parts: places η from the centres of the lenses, shape (2, cones), and weights.
 
-    The mean of the weights over nodes times π tends to the lit area [m²]; weights are 0 where nothing is lit.
+    The mean of the weights over nodes times π tends to the lit area [m²]. Where nothing is lit from this place of the
+    pixel they are next to nothing, and the place is the one on the lens next to the light: a pixel of which only a
+    corner is lit, without a node in it, then sees what stands there.
     """
     kind = lit.low.dtype.type
     half = np.maximum(lit.half, 0)
-    t = lit.low + half * kind(1.0 + across)
+    t = np.minimum(lit.low + half * kind(1.0 + across), kind(radius))
     height = (kind(radius) - t) * (kind(radius) + t)
     if lit.near is not None and lit.width is not None:
         from_near = t - lit.near
@@ -131,7 +134,7 @@ def places_on_lens(lit: LitPart, radius: float, across: float, beside: float) ->
     height = np.sqrt(np.maximum(height, 0)) * kind(1.0 / np.sqrt(max(1.0 - across * across, 1e-12)))
     y = height * kind(beside)
     ax, ay = lit.axis
-    return np.stack([t * ax - y * ay, t * ay + y * ax]), half * height
+    return np.stack([t * ax - y * ay, t * ay + y * ax]), half * height + kind(_DARK * radius * radius)
 
 
 def lit_area(cones: LightCones, pixel_width: float) -> FloatArray:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tradestudy.cameras.light_cones import LightCones, PerCone, Pose, Stop
 from tradestudy.imaging.render.nodes import LitPart, Nodes, lit_part, places_on_lens
 from tradestudy.imaging.scenes.scene import Scene
+from tradestudy.imaging.scenes.surface import Nearby
 from tradestudy.optics.arrays import FloatArray
 
 REAL = np.float32
@@ -61,17 +62,16 @@ def sight(
     spread = _spread(scene, cones, pixel_width)
     found = [surface.approach(start, slope, spread) for surface in scene.surfaces]
     depth, _ = _nearest([one for one, _ in found])
-    begins = [begin for _, begin in found]
+    nearby = [beside for _, beside in found]
     mixtures = _mixtures(scene, cones, middle, depth, nodes, pixel_width)
     total, weights = np.zeros(cones.pixel.size, REAL), np.zeros(cones.pixel.size, REAL)
     for (x, y), (across, beside) in zip(nodes.pixel * pixel_width, nodes.disc, strict=True):
         lit = lit_part(cones, x, y)
         eta, weight = places_on_lens(lit, radius, across, beside)
         rays = _rays(cones, pose, x, y, eta)
-        total += weight * _brightness(scene, *rays, begins, mixtures, color)
+        total += weight * _brightness(scene, *rays, nearby, mixtures, color)
         weights += weight
-    mean = np.where(weights > 0, total / np.where(weights > 0, weights, 1), 0)
-    return Sight(brightness=mean, depth=_along_axis(pose, start, slope, depth))
+    return Sight(brightness=total / weights, depth=_along_axis(pose, start, slope, depth))
 
 
 def _single(cones: LightCones) -> LightCones:
@@ -177,12 +177,12 @@ def _brightness(
     scene: Scene,
     start: FloatArray,
     slope: FloatArray,
-    begins: Sequence[FloatArray | None],
+    nearby: Sequence[Nearby | None],
     mixtures: Sequence[Mixture],
     color: NDArray[np.intp] | int,
 ) -> FloatArray:
     """Of what each ray meets first."""
-    depths = [surface.depth(start, slope, begin) for surface, begin in zip(scene.surfaces, begins, strict=True)]
+    depths = [surface.depth(start, slope, beside) for surface, beside in zip(scene.surfaces, nearby, strict=True)]
     depth, number = _nearest(depths)
     there = np.isfinite(depth)
     if isinstance(number, int) and there.all():
@@ -195,7 +195,7 @@ def _brightness(
             level, share = mixtures[k]
             own_color = color if isinstance(color, int) else color[own]
             found[own] = _painted(scene, k, at, depth[own], (level[own], share[own]), own_color)
-    return found
+    return np.asarray(found)
 
 
 def _painted(

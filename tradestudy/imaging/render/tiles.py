@@ -156,7 +156,7 @@ def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
         gain = gain * np.asarray(recording.mosaic.response)[own]
         color = own[cones.pixel]
     seen = sight(scene, cones, exposure.pose, nodes(tile.samples), width, color)
-    light = np.bincount(cones.pixel, weights=lit * seen.brightness, minlength=x.size)
+    light: FloatArray = np.bincount(cones.pixel, weights=lit * seen.brightness, minlength=x.size).astype(float)
     brightest = np.zeros(x.size)
     np.maximum.at(brightest, cones.pixel, lit)
     depth = np.full(x.size, np.nan, np.float32)

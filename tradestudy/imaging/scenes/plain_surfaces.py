@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.imaging.scenes.surface import PatternSource
+from tradestudy.imaging.scenes.surface import Nearby, PatternSource
 from tradestudy.optics.arrays import FloatArray
 
 Vector = tuple[float, float, float]
@@ -69,7 +69,7 @@ class Flat:
         """See `Surface`."""
         return self.depth(start, slope, None), None
 
-    def depth(self, start: FloatArray, slope: FloatArray, begin: FloatArray | None) -> FloatArray:  # noqa: ARG002 - as above
+    def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:  # noqa: ARG002 - as above
         """``n·(c − s)/n·(m, 1)``."""
         kind = start.dtype.type
         nx, ny, nz = (kind(one) for one in self._normal)
@@ -124,7 +124,7 @@ class Sphere:
         """See `Surface`."""
         return self.depth(start, slope, None), None
 
-    def depth(self, start: FloatArray, slope: FloatArray, begin: FloatArray | None) -> FloatArray:  # noqa: ARG002 - as above
+    def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:  # noqa: ARG002 - as above
         """The smaller root of ``|s + z (m, 1) − c| = r``, from the point of the ray abreast of the centre."""
         kind = start.dtype.type
         x, y, z = (kind(one) for one in self.centre)

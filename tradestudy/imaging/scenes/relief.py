@@ -8,16 +8,17 @@ that, or to the next sample, and where it has passed the surface, regula falsi f
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tradestudy.imaging.scenes.surface import PatternSource
+from tradestudy.imaging.scenes.surface import Nearby, PatternSource
 from tradestudy.optics.arrays import FloatArray
 
 _REFINEMENTS: Final = 2
+_CLOSE: Final = 3.0  # times what the last steps before a surface are long, within which nothing else is met
 _SLOWEST: Final = 1e-6  # samples for each metre, so that a ray along the axis has a next sample, far away
 
 
@@ -50,29 +51,50 @@ class Relief:
     repeats: bool
     pattern: PatternSource
     pattern_in_samples: bool = False
-    steepest: float = math.nan
+    steepest: float = field(init=False)
+    range: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "range", (float(self.depths.min()), float(self.depths.max())))
         across, down = (np.abs(np.diff(self.depths, axis=axis)).max(initial=0.0) for axis in (0, 1))
         object.__setattr__(self, "steepest", math.hypot(float(across), float(down)))
 
     @property
     def extent(self) -> tuple[float, float]:
         """See `Surface`."""
-        return float(self.depths.min()), float(self.depths.max())
+        return self.range
 
-    def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, FloatArray | None]:
+    def approach(self, start: FloatArray, slope: FloatArray, spread: float) -> tuple[FloatArray, Nearby]:
         """See `Surface`."""
         near = self.extent[0]
         margin = self.steepest * spread / (self.step * (near if self.perspective else 1.0))
         begin = np.full(start.shape[1], near * (1.0 - 1e-6), start.dtype)
-        return self._march(start, slope, begin, margin)
+        found, safe = self._march(start, slope, begin, margin)
+        close = found - safe <= _CLOSE * (margin + 1.0 / self._speed(start, slope))
+        return found, Nearby(safe=safe, met=found, direct=np.isfinite(found) & close)
 
-    def depth(self, start: FloatArray, slope: FloatArray, begin: FloatArray | None) -> FloatArray:
+    def depth(self, start: FloatArray, slope: FloatArray, nearby: Nearby | None) -> FloatArray:
         """See `Surface`."""
-        if begin is None:
+        if nearby is None:
             return self.approach(start, slope, 0.0)[0]
-        return self._march(start, slope, begin, 0.0)[0]
+        if nearby.direct.all():
+            return self._directly(start, slope, nearby.met)
+        found = np.empty_like(nearby.met)
+        near, far = np.flatnonzero(nearby.direct), np.flatnonzero(~nearby.direct)
+        found[near] = self._directly(start[:, near], slope[:, near], nearby.met[near])
+        found[far] = self._march(start[:, far], slope[:, far], nearby.safe[far], 0.0)[0]
+        return found
+
+    def _directly(self, start: FloatArray, slope: FloatArray, first: FloatArray) -> FloatArray:
+        """By a step to the depth of the surface abreast of the first guess, and one along the secant."""
+        gap = self._gap(start, slope, first)
+        second = first + gap
+        next_gap = self._gap(start, slope, second)
+        change = next_gap - gap
+        steady = np.abs(change) > np.abs(gap) * start.dtype.type(0.1)
+        return self._where_there_is_any(
+            start, slope, np.where(steady, second - next_gap * gap / np.where(steady, change, 1), second + next_gap)
+        )
 
     def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Surface`."""
@@ -95,6 +117,15 @@ class Relief:
         if self.perspective:
             at = at / depth
         return (at[0] - kind(self.corner[0])) * scale, (at[1] - kind(self.corner[1])) * scale
+
+    def _speed(self, start: FloatArray, slope: FloatArray) -> FloatArray:
+        """How many samples rays move over for each metre."""
+        kind = start.dtype.type
+        if self.perspective:
+            speed = np.hypot(start[0], start[1]) / kind(self.extent[0] ** 2)
+        else:
+            speed = np.hypot(slope[0], slope[1])
+        return np.asarray(np.maximum(speed / kind(self.step), kind(_SLOWEST)))
 
     def _gap(self, start: FloatArray, slope: FloatArray, z: FloatArray) -> FloatArray:
         """How far before the surface rays are at depth z [m]."""
@@ -124,9 +155,8 @@ class Relief:
     ) -> tuple[FloatArray, FloatArray]:
         """Where rays meet the surface, and the last depth from the beginning on up to which all were farther off."""
         kind = start.dtype.type
-        near, far = self.extent
-        speed = np.hypot(start[0], start[1]) / kind(near * near) if self.perspective else np.hypot(slope[0], slope[1])
-        speed = np.maximum(speed / kind(self.step), kind(_SLOWEST))
+        far = self.extent[1]
+        speed = self._speed(start, slope)
         end = kind(far * (1.0 + 1e-6))
         found, safe = np.full(begin.size, math.inf, begin.dtype), begin.copy()
         ray = np.arange(begin.size)
@@ -166,9 +196,13 @@ class Relief:
             z, gap = np.where(before, middle, z), np.where(before, middle_gap, gap)
             beyond, beyond_gap = np.where(before, beyond, middle), np.where(before, beyond_gap, middle_gap)
         middle = z + (beyond - z) * (gap / np.maximum(gap - beyond_gap, start.dtype.type(1e-30)))
+        return self._where_there_is_any(start, slope, middle)
+
+    def _where_there_is_any(self, start: FloatArray, slope: FloatArray, depth: FloatArray) -> FloatArray:
+        """Depths where the grid has a surface, infinite beyond its edge."""
         if self.repeats:
-            return np.asarray(middle)
-        i, j = self._grid(start + middle * slope, middle)
+            return depth
+        i, j = self._grid(start + depth * slope, depth)
         rows, columns = self.depths.shape
         there = (i >= -0.5) & (i <= columns - 0.5) & (j >= -0.5) & (j <= rows - 0.5)
-        return np.where(there, middle, start.dtype.type(math.inf))
+        return np.where(there, depth, start.dtype.type(math.inf))
