@@ -59,7 +59,8 @@ class LightCones:
     stop
         What else cuts the cone; None: nothing.
     light
-        ``cos⁴θ/N²`` of the whole lens, N its f-number towards the pixel, shape (cones,).
+        ``cos⁴θ/N²`` of the whole lens, N its f-number towards the pixel and θ the angle of the ray through the centre
+        of the pupil, as of `field_illumination`; shape (cones,).
     """
 
     pixel: NDArray[np.intp]

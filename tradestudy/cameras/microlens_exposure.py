@@ -171,7 +171,7 @@ class MicrolensExposure:
                 z / gap,
                 (1.0 - z / f) / gap,
                 -to_pupil / gap,
-                np.square(self.microlenses.aperture_diameter / gap / (1.0 + np.sum(slope * slope, axis=0))),
+                np.square(self.microlenses.aperture_diameter / gap / (1.0 + np.sum(np.square(centre / z), axis=0))),
             ]
         )
         return lit, -on_lens, seen, meets, numbers

@@ -18,9 +18,9 @@ from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
 
 LEAST_NODES: Final = 4
-_GOLDEN_ANGLE: Final = np.pi * (3.0 - np.sqrt(5.0))
-_GOLDEN: Final = (np.sqrt(5.0) - 1.0) / 2.0
-_FILTER: Final = 2.0  # variance of the filter of one node, in parts of the whole
+# Root of x⁴ = x + 1: multiples of its inverse powers are spread evenly over a cube, modulo 1.
+_CUBIC: Final = 1.22074408460575947536
+_FILTER: Final = 3.0  # variance of the filter of one node, in parts of the whole
 _DARK: Final = 1e-7  # weight of a node that is not lit, in squares of the radius of the lens
 _SMALLEST_SCALE: Final = 1e-6  # of the change with the place on the lens, below which the stop is at infinity
 
@@ -48,7 +48,7 @@ def nodes(count: int) -> Nodes:
     """So many nodes, spread evenly over both, whose mean is 0 and whose covariance is that of the whole less a share.
 
     A filter on what each node sees makes up for that share, so that first and second moments are exact for any number.
-    With the share of its own n-th part the filters of neighbouring nodes would hardly touch; with twice that the
+    With the share of its own n-th part the filters of neighbouring nodes would hardly touch; with three times that the
     picture of a texture is closest to that of many nodes.
 
     Raises
@@ -59,9 +59,10 @@ def nodes(count: int) -> Nodes:
     if count < LEAST_NODES:
         raise OutOfRangeError("samples of a pixel", value=str(count), limit=f"{LEAST_NODES} or more")
     k = np.arange(count)
-    angle, radius = k * _GOLDEN_ANGLE, np.sqrt((k + 0.5) / count)
+    angle, across, down = (0.5 + k / _CUBIC**power for power in (1, 2, 3))
+    radius, angle = np.sqrt((k + 0.5) / count), 2.0 * np.pi * angle
     disc = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=-1)
-    pixel = np.stack([(k + 0.5) / count, (k + 0.5) * _GOLDEN % 1.0], axis=-1) - 0.5
+    pixel = np.stack([across, down], axis=-1) % 1.0 - 0.5
     left = min(_FILTER / count, 0.5)
     whole = np.sqrt(np.array([1.0, 1.0, 3.0, 3.0]) * (1.0 - left) / 12.0)
     both = np.concatenate([pixel, disc], axis=-1)
