@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from tradestudy.imaging.scenes.surface import Nearby, PatternSource
 from tradestudy.optics.arrays import FloatArray
 
-_REFINEMENTS: Final = 2
+_REFINEMENTS: Final = 4
 _CLOSE: Final = 3.0  # times what the last steps before a surface are long, within which nothing else is met
+_LEFT: Final = 0.05  # samples from the surface, beyond which two steps have not been enough
 _SLOWEST: Final = 1e-6  # samples for each metre, so that a ray along the axis has a next sample, far away
 
 
@@ -37,7 +38,8 @@ class Relief:
     perspective
         Whether the grid is that of a pinhole in the origin, not one of parallel lines of sight.
     repeats
-        Whether it goes on for ever; if not, what lies beyond its edge is not there.
+        Whether it goes on for ever, rows and columns then being powers of two; if not, what lies beyond its edge is
+        not there.
     pattern
         In the unit of the grid, or in samples where ``pattern_in_samples``.
     pattern_in_samples
@@ -77,24 +79,33 @@ class Relief:
         """See `Surface`."""
         if nearby is None:
             return self.approach(start, slope, 0.0)[0]
-        if nearby.direct.all():
-            return self._directly(start, slope, nearby.met)
-        found = np.empty_like(nearby.met)
-        near, far = np.flatnonzero(nearby.direct), np.flatnonzero(~nearby.direct)
-        found[near] = self._directly(start[:, near], slope[:, near], nearby.met[near])
-        found[far] = self._march(start[:, far], slope[:, far], nearby.safe[far], 0.0)[0]
+        guess, near = nearby.met, nearby.direct
+        if not near.all():
+            guess = np.where(near, guess, nearby.safe)
+        found, left = self._directly(start, slope, guess)
+        far = np.flatnonzero(~near | (left > self.step * (self.extent[0] if self.perspective else 1.0) * _LEFT))
+        if far.size:
+            found[far] = self._march(start[:, far], slope[:, far], nearby.safe[far], 0.0)[0]
         return found
 
-    def _directly(self, start: FloatArray, slope: FloatArray, first: FloatArray) -> FloatArray:
-        """By a step to the depth of the surface abreast of the first guess, and one along the secant."""
+    def _directly(self, start: FloatArray, slope: FloatArray, first: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """By a step to the depth of the surface abreast of the first guess, and one along the secant.
+
+        Returns
+        -------
+        depth
+            Corrected once more by what is left.
+        left
+            How far from the surface the second step ended [m].
+        """
         gap = self._gap(start, slope, first)
         second = first + gap
         next_gap = self._gap(start, slope, second)
         change = next_gap - gap
         steady = np.abs(change) > np.abs(gap) * start.dtype.type(0.1)
-        return self._where_there_is_any(
-            start, slope, np.where(steady, second - next_gap * gap / np.where(steady, change, 1), second + next_gap)
-        )
+        third = np.where(steady, second - next_gap * gap / np.where(steady, change, 1), second + next_gap)
+        left = self._gap(start, slope, third)
+        return self._where_there_is_any(start, slope, third + left), np.abs(left)
 
     def place(self, at: FloatArray, depth: FloatArray) -> tuple[FloatArray, FloatArray]:
         """See `Surface`."""
@@ -137,10 +148,10 @@ class Relief:
         across, down = i - left, j - top
         first, upper = left.astype(np.intp), top.astype(np.intp)
         if self.repeats:
-            first, upper = first % columns, upper % rows
+            first, upper = first & (columns - 1), upper & (rows - 1)
         second, lower = first + 1, upper + 1
         if self.repeats:
-            second, lower = np.where(second == columns, 0, second), np.where(lower == rows, 0, lower)
+            second, lower = second & (columns - 1), lower & (rows - 1)
         else:
             second, lower = np.minimum(second, columns - 1), np.minimum(lower, rows - 1)
         values = self.depths.reshape(-1)
@@ -201,7 +212,7 @@ class Relief:
     def _where_there_is_any(self, start: FloatArray, slope: FloatArray, depth: FloatArray) -> FloatArray:
         """Depths where the grid has a surface, infinite beyond its edge."""
         if self.repeats:
-            return depth
+            return np.array(depth)
         i, j = self._grid(start + depth * slope, depth)
         rows, columns = self.depths.shape
         there = (i >= -0.5) & (i <= columns - 0.5) & (j >= -0.5) & (j <= rows - 0.5)
