@@ -35,6 +35,7 @@ HEAVY = {
     "pydantic": ("declarations", "study", *DECLARATIONS),
     "xarray": ("results", "run", "cost", "comparison", "figures", "report", "api"),
     "matplotlib": ("figures",),
+    "PIL": ("imaging.scenes.files", "run.pictures"),
     "typst": ("report",),
     "jinja2": ("report",),
     "ruamel": ("study", "verification.hard_cases.study_files"),

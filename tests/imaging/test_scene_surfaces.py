@@ -18,9 +18,7 @@ from tradestudy.imaging.scenes.scene import Rock
 from tradestudy.optics.arrays import FloatArray
 
 SIDE = 256
-PATTERN = RandomPattern(
-    texture=Texture(contrast=0.2, correlation_length=8e-4), sample=1e-4, side=2 * SIDE, seed=3
-)
+PATTERN = RandomPattern(texture=Texture(contrast=0.2, correlation_length=8e-4), sample=1e-4, side=2 * SIDE, seed=3)
 
 
 def seen(pattern: Pattern, x: FloatArray, y: FloatArray, deviation: float) -> FloatArray:
@@ -104,7 +102,7 @@ def brute_force(relief: Relief, start: FloatArray, slope: FloatArray) -> FloatAr
 def test_rays_meet_a_rugged_relief_where_they_first_cross_it(perspective: bool) -> None:
     rock = Rock(near=0.1, far=0.14, feature_size=0.02, hurst=0.4, seed=2, number=0, pattern=PATTERN).build()
     step = 0.004 if perspective else 5e-4
-    depths = rock.depths[: SIDE, : SIDE]
+    depths = rock.depths[:SIDE, :SIDE]
     relief = Relief(
         depths=depths,
         corner=(-step * (SIDE - 1) / 2,) * 2,

@@ -71,7 +71,7 @@ def sight(
         rays = _rays(cones, pose, x, y, eta)
         total += weight * _brightness(scene, *rays, nearby, mixtures, color)
         weights += weight
-    return Sight(brightness=total / weights, depth=_along_axis(pose, start, slope, depth))
+    return Sight(brightness=(total / weights).astype(float), depth=_along_axis(pose, start, slope, depth))
 
 
 def _single(cones: LightCones) -> LightCones:
