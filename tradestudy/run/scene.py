@@ -77,7 +77,7 @@ def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> Scen
 def pattern_of_scene(
     texture: Texture, exposures: Sequence[Exposure], extent: tuple[float, float], seed: int
 ) -> RandomPattern:
-    """A texture twice as fine as what a pixel blends on any surface, and as wide as what is seen if that can be."""
+    """A texture twice as fine as what a pixel blends on any surface, and about as wide as what is seen, if that can be."""
     finest, widest = math.inf, 0.0
     for exposure in exposures:
         sensor = exposure.sensor
@@ -93,7 +93,7 @@ def pattern_of_scene(
     least, most = _SIDES
     sample = max(finest / 2.0, _CORRELATION_LENGTHS * texture.correlation_length / most)
     needed = max(widest, _CORRELATION_LENGTHS * texture.correlation_length) / sample
-    side = min(max(2 ** math.ceil(math.log2(max(needed, 1.0))), least), most)
+    side = min(max(2 ** round(math.log2(max(needed, 1.0))), least), most)
     return RandomPattern(texture=texture, sample=sample, side=side, seed=seed)
 
 

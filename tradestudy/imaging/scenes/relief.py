@@ -58,8 +58,10 @@ class Relief:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "range", (float(self.depths.min()), float(self.depths.max())))
-        across, down = (np.abs(np.diff(self.depths, axis=axis)).max(initial=0.0) for axis in (0, 1))
-        object.__setattr__(self, "steepest", math.hypot(float(across), float(down)))
+        # In a cell both differences lie between those of its edges.
+        across, down = np.abs(np.diff(self.depths, axis=1)), np.abs(np.diff(self.depths, axis=0))
+        steepest = np.hypot(np.maximum(across[1:], across[:-1]), np.maximum(down[:, 1:], down[:, :-1]))
+        object.__setattr__(self, "steepest", float(steepest.max()))
 
     @property
     def extent(self) -> tuple[float, float]:
