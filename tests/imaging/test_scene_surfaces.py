@@ -11,9 +11,9 @@ from PIL import Image
 from tradestudy.errors import OutOfRangeError
 from tradestudy.imaging.models import Texture
 from tradestudy.imaging.scenes.files import read_depths, read_picture
+from tradestudy.imaging.scenes.height_field import HeightField
 from tradestudy.imaging.scenes.pattern import Pattern, PicturePattern, RandomPattern, pattern_of
 from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
-from tradestudy.imaging.scenes.relief import Relief
 from tradestudy.imaging.scenes.scene import Rock
 from tradestudy.optics.arrays import FloatArray
 
@@ -90,7 +90,7 @@ def test_a_tilted_plane_and_a_sphere_are_met_where_their_equations_hold() -> Non
     assert np.all(at[2][met] < 0.1 * 0.1)  # from the front
 
 
-def brute_force(relief: Relief, start: FloatArray, slope: FloatArray) -> FloatArray:
+def brute_force(relief: HeightField, start: FloatArray, slope: FloatArray) -> FloatArray:
     """First crossing by many small steps."""
     near, far = relief.extent
     z = np.linspace(near * (1 - 1e-6), far * (1 + 1e-6), 8001)
@@ -103,7 +103,7 @@ def test_rays_meet_a_rugged_relief_where_they_first_cross_it(perspective: bool) 
     rock = Rock(near=0.1, far=0.14, feature_size=0.02, hurst=0.4, seed=2, number=0, pattern=PATTERN).build()
     step = 0.004 if perspective else 5e-4
     depths = rock.depths[:SIDE, :SIDE]
-    relief = Relief(
+    relief = HeightField(
         depths=depths,
         corner=(-step * (SIDE - 1) / 2,) * 2,
         step=step,

@@ -12,9 +12,9 @@ from typing import Final, Protocol
 import numpy as np
 
 from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.scenes.height_field import HeightField
 from tradestudy.imaging.scenes.pattern import Pattern
 from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
-from tradestudy.imaging.scenes.relief import Relief
 from tradestudy.imaging.scenes.surface import PatternSource, Surface
 from tradestudy.uncertainty.streams import point_generator
 
@@ -111,7 +111,7 @@ class Rock:
         """From its highest to its deepest place [m]."""
         return self.near, self.far
 
-    def build(self) -> Relief:
+    def build(self) -> HeightField:
         """The surface; made once for each process."""
         return _rock(self)
 
@@ -148,7 +148,7 @@ class DepthMap:
     pattern: PatternSource
     pattern_in_samples: bool
 
-    def build(self) -> Relief:
+    def build(self) -> HeightField:
         """The surface; made once for each process."""
         return _depth_map(self)
 
@@ -206,7 +206,7 @@ def _scene(source: SceneSource) -> Scene:
 
 
 @lru_cache(maxsize=4)
-def _rock(rock: Rock) -> Relief:
+def _rock(rock: Rock) -> HeightField:
     from scipy import fft
 
     rng = point_generator(seed=rock.seed, point=f"rock {rock.number}", replicate=0)
@@ -216,7 +216,7 @@ def _rock(rock: Rock) -> Relief:
     noise = fft.irfft2(fft.rfft2(rng.standard_normal((ROCK_SIDE, ROCK_SIDE))) * shape, s=(ROCK_SIDE, ROCK_SIDE))
     share = (noise - noise.min()) / np.ptp(noise)
     step = rock.feature_size / _SAMPLES_PER_FEATURE
-    return Relief(
+    return HeightField(
         depths=(rock.near + (rock.far - rock.near) * share).astype(np.float32),
         corner=(-step * ROCK_SIDE / 2.0, -step * ROCK_SIDE / 2.0),
         step=step,
@@ -227,7 +227,7 @@ def _rock(rock: Rock) -> Relief:
 
 
 @lru_cache(maxsize=4)
-def _depth_map(source: DepthMap) -> Relief:
+def _depth_map(source: DepthMap) -> HeightField:
     from tradestudy.imaging.scenes.files import read_depths
 
     depths = read_depths(source.file, source.unit)
@@ -237,7 +237,7 @@ def _depth_map(source: DepthMap) -> Relief:
     perspective = source.width is None
     whole = source.width if source.width is not None else 2.0 * math.tan((source.field_of_view or 0.0) / 2.0)
     step = whole / columns
-    return Relief(
+    return HeightField(
         depths=np.ascontiguousarray(depths, np.float32),
         corner=(-step * (columns - 1) / 2.0, -step * (rows - 1) / 2.0),
         step=step,

@@ -24,7 +24,7 @@ _SLOWEST: Final = 1e-6  # samples for each metre, so that a ray along the axis h
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Relief:
+class HeightField:
     """Depths on a grid.
 
     Parameters
