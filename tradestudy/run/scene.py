@@ -77,7 +77,7 @@ def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> Scen
 def pattern_of_scene(
     texture: Texture, exposures: Sequence[Exposure], extent: tuple[float, float], seed: int
 ) -> RandomPattern:
-    """A texture twice as fine as what a pixel blends on any surface, and about as wide as what is seen, if that can be."""
+    """A texture twice as fine as what a pixel blends on any surface, and about as wide as what is seen."""
     finest, widest = math.inf, 0.0
     for exposure in exposures:
         sensor = exposure.sensor
