@@ -176,7 +176,8 @@ class HeightField:
         z, gap = begin, self._gap(start, slope, begin)
         close = gap <= margin
         while ray.size:
-            reach = (gap - kind(margin)) / (kind(1) + kind(self.steepest) * speed)
+            # Rays nearby matter only up to where the first of them may be met.
+            reach = np.where(close, gap, gap - kind(margin)) / (kind(1) + kind(self.steepest) * speed)
             following = np.minimum(z + np.maximum(reach, kind(1) / speed), end)
             next_gap = self._gap(start, slope, following)
             met = next_gap <= 0
