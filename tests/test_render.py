@@ -16,6 +16,7 @@ from tradestudy import api, cli
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.execution import Checkpoints, Executor, Steps, Threads
 from tradestudy.imaging.render import tiles
+from tradestudy.imaging.render.rig import drawn_errors
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.run import pictures
 
@@ -201,6 +202,25 @@ def test_a_drawn_rig_moves_the_picture_by_its_yaw(tmp_path: Path) -> None:
     best = shifts[np.argmin([np.std(b[60 + k : 100 + k] - a[middle]) for k in shifts])]
     c = 1 / (1 / 8e-3 - 1 / 0.15)
     assert best == pytest.approx(c * np.tan(yaw) / 10e-6, abs=1.0)
+
+
+def test_a_drawn_rig_has_correlated_errors_once_and_scatter_for_every_microlens(tmp_path: Path) -> None:
+    loaded = study(tmp_path, PLANE, "rig: drawn").with_values(
+        {
+            "plenoptic.calibration.errors.mla_distance.standard_deviation": "1 um",
+            "plenoptic.calibration.errors.focal_length.standard_deviation": "1 um",
+            "plenoptic.calibration.errors.microlens_center_scatter.standard_deviation": "0.1 um",
+            "plenoptic.calibration.correlations.mla_distance.focal_length": "0.9",
+        }
+    )
+    camera: Any = loaded.definition.case.cameras["plenoptic"]
+    drawn = [drawn_errors(camera, "plenoptic", seed) for seed in range(400)]
+    z, f = (np.array([float(one[name]) for one in drawn]) for name in ("mla_distance", "focal_length"))
+    assert np.corrcoef(z, f)[0, 1] == pytest.approx(0.9, abs=0.04)
+    assert np.std(z) == pytest.approx(1e-6, rel=0.1)
+    scatter = drawn[0]["microlens_center_scatter"]
+    assert scatter.shape == (camera.elements, 2)
+    assert np.std(scatter) == pytest.approx(1e-7, rel=0.1)
 
 
 def test_without_noise_electrons_are_written_as_floats(tmp_path: Path) -> None:

@@ -135,7 +135,11 @@ class MosaicPart(Part):
 
 
 class SceneImagePart(Part):
-    """What `render` makes pictures of, and how; the texture, the light and the sensor are those of scene.picture."""
+    """What `render` makes pictures of, and how.
+
+    Texture, light, noise, fill and stops are those of scene.picture; its window, matcher, field angle, spectrum and lens
+    phase belong to derived errors alone: rays are traced over the whole field and have no wavelength.
+    """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)]
     background: Share = Field(default=0.0, description="Brightness where there is no surface, over the texture's mean.")
