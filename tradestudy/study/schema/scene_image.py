@@ -137,8 +137,8 @@ class MosaicPart(Part):
 class SceneImagePart(Part):
     """What `render` makes pictures of, and how.
 
-    Texture, light, noise, fill and stops are those of scene.picture; its window, matcher, field angle, spectrum and lens
-    phase belong to derived errors alone: rays are traced over the whole field and have no wavelength.
+    Texture, light, noise, fill and stops are those of scene.picture; its window, matcher, field angle, spectrum and
+    lens phase belong to derived errors alone: rays are traced over the whole field and have no wavelength.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)]
