@@ -9,7 +9,7 @@ place η on the lens that it passes last, both counted from their centres:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Protocol
 
 import numpy as np
@@ -73,6 +73,28 @@ class LightCones:
     lens_radius: float
     stop: Stop | None
     light: FloatArray
+
+    def only(self, kept: NDArray[np.intp]) -> LightCones:
+        """Some of the cones, by their places."""
+
+        def of(value: PerCone) -> PerCone:
+            return value[kept] if isinstance(value, np.ndarray) and value.ndim else value
+
+        stop = self.stop
+        return replace(
+            self,
+            pixel=self.pixel[kept],
+            start=self.start[:, kept],
+            slope=self.slope[:, kept],
+            start_by_pixel=of(self.start_by_pixel),
+            start_by_lens=of(self.start_by_lens),
+            slope_by_pixel=of(self.slope_by_pixel),
+            slope_by_lens=of(self.slope_by_lens),
+            light=self.light[kept],
+            stop=None
+            if stop is None
+            else replace(stop, place=stop.place[:, kept], by_pixel=of(stop.by_pixel), by_lens=of(stop.by_lens)),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

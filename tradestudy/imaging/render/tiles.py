@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.light_cones import Exposure
-from tradestudy.imaging.render.nodes import lit_area, nodes
+from tradestudy.imaging.render.nodes import LEAST_NODES, lit_area, nodes
 from tradestudy.imaging.render.sensor import Recording
 from tradestudy.imaging.render.sight import sight
 from tradestudy.imaging.scenes.pattern import GREY
@@ -24,6 +24,7 @@ _AT_ONCE: Final = (64, 512)  # rows and columns whose rays stay in a processor's
 _PROBE: Final = 24  # rows and columns in the middle of a tile where it is compared with a finer one
 FINER: Final = 16
 """How many times the samples of a picture the one has that its error is estimated by."""
+_DIM: Final = 0.3  # lit share of a lens up to which half of the samples do
 WORKER_BYTES: Final = 400_000_000
 """Of one worker: interpreter, libraries, and the rays that it computes at once."""
 
@@ -155,12 +156,20 @@ def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
         own = recording.mosaic.colors(rows, columns)
         gain = gain * np.asarray(recording.mosaic.response)[own]
         color = own[cones.pixel]
-    seen = sight(scene, cones, exposure.pose, nodes(tile.samples), width, color)
-    light: FloatArray = np.bincount(cones.pixel, weights=lit * seen.brightness, minlength=x.size).astype(float)
+    brightness, seen_at = np.zeros(lit.size), np.full(lit.size, np.nan)
+    share = lit / cones.light
+    for kept, samples in (
+        (np.flatnonzero(share > _DIM), tile.samples),
+        (np.flatnonzero((share > 0.0) & (share <= _DIM)), max(LEAST_NODES, tile.samples // 2)),
+    ):
+        own_color = color if isinstance(color, int) else color[kept]
+        seen = sight(scene, cones.only(kept), exposure.pose, nodes(samples), width, own_color)
+        brightness[kept], seen_at[kept] = seen.brightness, seen.depth
+    light: FloatArray = np.bincount(cones.pixel, weights=lit * brightness, minlength=x.size).astype(float)
     brightest = np.zeros(x.size)
     np.maximum.at(brightest, cones.pixel, lit)
     depth = np.full(x.size, np.nan, np.float32)
     winner = (lit > 0.0) & (lit >= brightest[cones.pixel])
-    depth[cones.pixel[winner]] = seen.depth[winner]
+    depth[cones.pixel[winner]] = seen_at[winner]
     shape = (tile.rows[1] - tile.rows[0], tile.columns[1] - tile.columns[0])
     return np.asarray(gain * light).reshape(shape), depth.reshape(shape)

@@ -157,7 +157,8 @@ class SceneImagePart(Part):
     black_level: NonNegativeElectrons = Field(default=0.0, description="Added before digitising.")
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
-        default=10, description="Rays for each pixel and lens; the estimated error stands beside the pictures."
+        default=8,
+        description="Rays for each pixel and lens, half of them where a lens is barely lit; camera.json has their error.",
     )
     depth_format: Literal["tiff", "npy"] = Field(default="tiff", description="Of the true depth, in metres.")
 
