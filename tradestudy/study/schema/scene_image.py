@@ -158,7 +158,7 @@ class SceneImagePart(Part):
     mosaic: MosaicPart | None = Field(default=None, description="Colour filters; default: none.")
     samples: Annotated[int, Field(strict=True, ge=4, le=4096)] = Field(
         default=8,
-        description="Rays for each pixel and lens, half of them where a lens is barely lit; camera.json has their error.",
+        description="Rays for each pixel and lens, half of them where a lens is barely lit; camera.json has the error.",
     )
     depth_format: Literal["tiff", "npy"] = Field(default="tiff", description="Of the true depth, in metres.")
 
