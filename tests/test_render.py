@@ -182,7 +182,7 @@ def test_an_interrupted_rendering_is_taken_up(tmp_path: Path, monkeypatch: pytes
         except KeyboardInterrupt:
             assert stop
         checkpoints.close()
-        counts.append(steps.counts["pictures"])
+        counts.append(steps.counts["rendering"])
     assert counts[1]["taken up"] == counts[0]["computed"] > 0
     assert counts[1]["computed"] > 0
 

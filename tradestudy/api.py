@@ -410,6 +410,17 @@ def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
             write_posterior(file, posterior)
 
 
+def _write_pictures(study: Study, directory: Path, checkpoints: Checkpoints) -> None:
+    """Write whole the pictures of a scene whose tiles a run has just kept."""
+    scene = study.definition.file.scene
+    if scene is None or scene.image is None:
+        return
+    from tradestudy.execution import Serial, Steps
+    from tradestudy.run.pictures import render_pictures
+
+    render_pictures(study.definition, directory / "pictures", Steps(executor=Serial(), checkpoints=checkpoints))
+
+
 def run(
     study: Study,
     directory: Path,
@@ -440,6 +451,7 @@ def run(
             with _drawer_while_computing() as drawer:
                 if result is None:
                     result = study.run(progress, executor=executor, checkpoints=checkpoints, planned=planned)
+                    _write_pictures(study, directory, checkpoints)
                 if measuring:
                     result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
                 progress("report", 0.0)

@@ -23,6 +23,7 @@ from tradestudy.figures.calibration_gallery import calibration_drawings
 from tradestudy.figures.cost import cost_drawing
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
+from tradestudy.figures.pictures import pictures_drawing
 from tradestudy.figures.rank_acceptability import rank_drawing
 from tradestudy.figures.requirement_margins import margins_drawing
 from tradestudy.figures.style import CameraTrace, traces
@@ -55,6 +56,8 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
             if (margins := margins_drawing(tree)) is not None:
                 yield margins
             yield from _sweeps(tree)
+    if (pictures := pictures_drawing(tree)) is not None:
+        yield pictures
     if (worth := worths_drawing(tree)) is not None:
         yield worth
     if (ranks := rank_drawing(tree)) is not None:

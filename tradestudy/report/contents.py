@@ -19,6 +19,7 @@ from tradestudy.report.sections.fresnel_validity import describe_fresnel_answer,
 from tradestudy.report.sections.hard_cases import describe_hard_cases
 from tradestudy.report.sections.light_spot import describe_light_spot, describe_light_spot_answer
 from tradestudy.report.sections.method import describe_method
+from tradestudy.report.sections.pictures import describe_pictures
 from tradestudy.report.sections.registers import (
     describe_assumptions,
     describe_cameras,
@@ -57,6 +58,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_assumptions(tree),
         *describe_method(tree),
         *describe_effects(tree),
+        *describe_pictures(tree, drawings),
         *describe_verdicts(tree),
         *describe_value_of_information(tree, drawings),
         *describe_trade_off(tree, drawings),

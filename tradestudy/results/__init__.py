@@ -17,6 +17,7 @@ from tradestudy.results.depth import DEPTH, DEPTH_FIELD, DISPARITY_CAUSES
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.results.effects import EFFECTS
 from tradestudy.results.hard_cases import HARD_CASES
+from tradestudy.results.pictures import PICTURES
 from tradestudy.results.questions import CLAIMS, DECISION, REQUIREMENTS
 from tradestudy.results.registers import ASSUMPTIONS, CAMERAS, CONTRADICTIONS, CRITERIA
 from tradestudy.results.trade_off import TRADE_OFF
@@ -50,6 +51,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "cost": COST,
     "claims": CLAIMS,
     "datasheet": DATASHEET,
+    "pictures": PICTURES,
     "requirements": REQUIREMENTS,
     "value_of_information": VALUE_OF_INFORMATION,
     "assumptions": ASSUMPTIONS,

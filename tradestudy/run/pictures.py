@@ -32,7 +32,7 @@ from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.scene_image import SceneImagePart
 
-STEP: Final = "pictures"
+STEP: Final = "rendering"
 _BYTES_PER_PIXEL: Final = 16  # values and depth, in tiles and put together
 _BYTES_PER_SAMPLE: Final = 24  # of a texture while it is made
 _WHERE: Final = ("scene", "image")
@@ -58,22 +58,59 @@ class Taken:
     exposures: Sequence[Exposure]
 
 
-def render_pictures(definition: StudyDefinition, directory: Path, steps: Steps) -> list[Path]:
-    """Render and write every picture that the study's scene asks for.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Picture:
+    """One picture as it was taken.
+
+    Parameters
+    ----------
+    camera, name
+        Whose, and which of its pictures.
+    values, depth
+        Digital numbers or electrons, and true depth [m]; shape (rows, columns).
+    saturated
+        How many pixels are full.
+    sampling_error
+        Relative difference from a picture with 16 times the rays.
+    tile
+        The whole picture as it was asked for.
+    """
+
+    camera: str
+    name: str
+    values: NDArray[Any]
+    depth: NDArray[np.float32]
+    saturated: int
+    sampling_error: float
+    tile: Tile
+
+    @property
+    def pixel_pitch(self) -> float:
+        """Distance of its pixels [m]."""
+        return self.tile.exposure.sensor.pixel_pitch
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Rendering:
+    """All pictures of a study's scene, and what they were taken with."""
+
+    definition: StudyDefinition
+    image: SceneImagePart
+    scene: SceneSource
+    recording: Recording
+    cameras: Sequence[Taken]
+    pictures: Sequence[Picture]
+
+
+def render(definition: StudyDefinition, steps: Steps) -> Rendering:
+    """Render every picture that the study's scene asks for.
 
     Parameters
     ----------
     definition
-        A study with ``scene.image``.
-    directory
-        Where to: a folder for each camera, with its pictures, their depth, and ``camera.json``.
+        A study with ``scene.image``, its calibrations inferred.
     steps
         How tiles are computed.
-
-    Returns
-    -------
-    list of Path
-        The pictures.
 
     Raises
     ------
@@ -83,7 +120,6 @@ def render_pictures(definition: StudyDefinition, directory: Path, steps: Steps) 
         Where the pictures do not fit into the memory that is free, before anything is rendered.
     """
     image, picture = _declared(definition)
-    definition, _ = infer_calibrations(definition, steps)
     scene, cameras = _set_up(definition, image, picture)
     recording = _recording(image, picture)
     whole = [
@@ -106,15 +142,45 @@ def render_pictures(definition: StudyDefinition, directory: Path, steps: Steps) 
     efforts = [float((tile.rows[1] - tile.rows[0]) * (tile.columns[1] - tile.columns[0])) for tile in flat]
     labels = [f"{tile.camera} {tile.exposure.name}, row {tile.rows[0]}, column {tile.columns[0]}" for tile in flat]
     rendered = iter(steps.map(STEP, render_tile, flat, labels, efforts))
+    pictures = [
+        _put_together(one, [(tile, next(rendered)) for tile in some]) for one, some in zip(whole, tiles, strict=True)
+    ]
+    return Rendering(
+        definition=definition, image=image, scene=scene, recording=recording, cameras=cameras, pictures=pictures
+    )
+
+
+def render_pictures(definition: StudyDefinition, directory: Path, steps: Steps) -> list[Path]:
+    """Render and write every picture that the study's scene asks for; see `render` for what is refused.
+
+    Parameters
+    ----------
+    definition
+        A study with ``scene.image``.
+    directory
+        Where to: a folder for each camera, with its pictures, their depth, and ``camera.json``.
+    steps
+        How tiles are computed.
+
+    Returns
+    -------
+    list of Path
+        The pictures.
+    """
+    _declared(definition)
+    definition, _ = infer_calibrations(definition, steps)
+    return write_pictures(render(definition, steps), directory)
+
+
+def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
+    """Write pictures, their depth, and what is true of the cameras that took them."""
     written: list[Path] = []
     told: dict[str, dict[str, Any]] = {}
-    for one, some in zip(whole, tiles, strict=True):
-        parts = [(tile, next(rendered)) for tile in some]
-        folder = directory / one.camera
-        written.append(_write_picture(one, parts, folder, image.depth_format))
-        told.setdefault(one.camera, {})[one.exposure.name] = _picture_facts(one, parts, written[-1], image)
-    for taken in cameras:
-        facts = _camera_facts(definition, taken, scene, recording, image, told[taken.name])
+    for one in rendering.pictures:
+        written.append(_write_picture(one, directory / one.camera, rendering.image.depth_format))
+        told.setdefault(one.camera, {})[one.name] = _picture_facts(one, written[-1], rendering.image)
+    for taken in rendering.cameras:
+        facts = _camera_facts(rendering, taken, told[taken.name])
         text = json.dumps(facts, indent=2, ensure_ascii=False)
         replace_file(directory / taken.name / "camera.json", f"{text}\n".encode())
     return written
@@ -199,30 +265,38 @@ def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int
         )
 
 
-def _put_together(
-    parts: Sequence[tuple[Tile, Rendered]], shape: tuple[int, int]
-) -> tuple[NDArray[Any], NDArray[np.float32]]:
+def _put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> Picture:
+    shape = (whole.rows[1], whole.columns[1])
     values = np.empty(shape, parts[0][1].values.dtype)
     depth = np.empty(shape, np.float32)
     for tile, rendered in parts:
         values[slice(*tile.rows), slice(*tile.columns)] = rendered.values
         depth[slice(*tile.rows), slice(*tile.columns)] = rendered.depth
-    return values, depth
+    difference, size = (sum(rendered.sampling_error[k] for _, rendered in parts) for k in (0, 1))
+    return Picture(
+        camera=whole.camera,
+        name=whole.exposure.name,
+        values=values,
+        depth=depth,
+        saturated=sum(rendered.saturated for _, rendered in parts),
+        sampling_error=(difference / size) ** 0.5 if size > 0.0 else 0.0,
+        tile=whole,
+    )
 
 
-def _write_picture(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], folder: Path, depth_format: str) -> Path:
+def _write_picture(one: Picture, folder: Path, depth_format: str) -> Path:
     """Digital numbers as PNG, electrons as TIFF; depth in metres."""
     from PIL import Image
 
-    values, depth = _put_together(parts, (whole.rows[1], whole.columns[1]))
-    digital = whole.recording.is_digital
-    path = folder / f"{whole.exposure.name}.{'png' if digital else 'tiff'}"
+    values, depth = one.values, one.depth
+    digital = one.tile.recording.is_digital
+    path = folder / f"{one.name}.{'png' if digital else 'tiff'}"
     with replacing(path) as part:
         if digital:
             Image.fromarray(values).save(part, format="PNG")
         else:
             Image.fromarray(values).save(part, format="TIFF", description="electrons")
-    with replacing(folder / f"{whole.exposure.name}_depth.{depth_format}") as part:
+    with replacing(folder / f"{one.name}_depth.{depth_format}") as part:
         if depth_format == "npy":
             with part.open("wb") as file:
                 np.save(file, depth)
@@ -231,35 +305,26 @@ def _write_picture(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], folder: 
     return path
 
 
-def _picture_facts(
-    whole: Tile, parts: Sequence[tuple[Tile, Rendered]], path: Path, image: SceneImagePart
-) -> dict[str, Any]:
+def _picture_facts(one: Picture, path: Path, image: SceneImagePart) -> dict[str, Any]:
     """What is true of one picture."""
-    difference, size = (sum(rendered.sampling_error[k] for _, rendered in parts) for k in (0, 1))
-    pose = whole.exposure.pose
+    pose = one.tile.exposure.pose
     return {
         "file": path.name,
-        "depth_file": f"{whole.exposure.name}_depth.{image.depth_format}",
+        "depth_file": f"{one.name}_depth.{image.depth_format}",
         "centre": list(pose.centre),
         "rotation": [list(row) for row in pose.rotation],
-        "saturated_pixels": sum(rendered.saturated for _, rendered in parts),
-        "sampling_error": round((difference / size) ** 0.5, 6) if size > 0.0 else 0.0,
-        **whole.exposure.description(),
+        "saturated_pixels": one.saturated,
+        "sampling_error": round(one.sampling_error, 6),
+        **one.tile.exposure.description(),
     }
 
 
-def _camera_facts(
-    definition: StudyDefinition,
-    taken: Taken,
-    scene: SceneSource,
-    recording: Recording,
-    image: SceneImagePart,
-    pictures: Mapping[str, Any],
-) -> dict[str, Any]:
+def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any]) -> dict[str, Any]:
     """What stands beside the pictures of a camera."""
+    definition, image, recording = rendering.definition, rendering.image, rendering.recording
     sensor = taken.camera.sensor
     part = definition.file.cameras[taken.name]
-    near, far = scene.extent
+    near, far = rendering.scene.extent
     values: dict[str, Any] = (
         {"unit": "digital number", "electrons_per_number": recording.electrons_per_number}
         if recording.is_digital

@@ -134,6 +134,11 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.run.groups.value_of_information import value_of_information_group
 
         groups["/value_of_information"] = value_of_information_group(definition, file.value_of_information, progress)
+    if file.scene is not None and file.scene.image is not None:
+        from tradestudy.run.groups.pictures import pictures_group
+        from tradestudy.run.pictures import render
+
+        groups["/pictures"] = pictures_group(render(definition, asked.steps).pictures)
     if file.sensitivity is not None:
         from tradestudy.run.groups.sensitivity import sensitivity_group
 

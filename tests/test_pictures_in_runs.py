@@ -1,0 +1,79 @@
+"""What a run keeps and shows of the pictures of its scene, against the files that it writes beside the report."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tests.test_render import STEP, study
+from tradestudy import api, figures
+from tradestudy.report.contents import compose_report
+from tradestudy.report.document import Table
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Result, Path]:
+    folder = tmp_path_factory.mktemp("ran")
+    return api.run(study(folder, STEP), folder / "out", pdf=False), folder / "out"
+
+
+def test_a_run_writes_the_pictures_that_render_writes(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
+    _, out = ran
+    api.render(study(tmp_path, STEP), tmp_path)
+    own = {path.relative_to(tmp_path / "pictures") for path in (tmp_path / "pictures").glob("*/*.*")}
+    assert own == {path.relative_to(out / "pictures") for path in (out / "pictures").glob("*/*.*")}
+    for path in own:
+        assert (out / "pictures" / path).read_bytes() == (tmp_path / "pictures" / path).read_bytes()
+
+
+def test_results_keep_blocks_details_and_depth_of_them(ran: tuple[api.Result, Path]) -> None:
+    result, out = ran
+    data = result.data["pictures"].to_dataset()
+    assert data["picture"].values.tolist() == ["pair left", "pair right", "plenoptic raw"]
+    for name in data["picture"].values:
+        one = data.sel(picture=name)
+        camera, picture = str(name).split(" ")
+        values = np.asarray(Image.open(out / "pictures" / camera / f"{picture}.png"), dtype=np.float64)
+        depth = np.asarray(Image.open(out / "pictures" / camera / f"{picture}_depth.tiff"))
+        rows, columns = values.shape
+        assert float(one["block"]) == 1.0  # small pictures stay whole
+        np.testing.assert_allclose(one["brightness"].values[:rows, :columns], values / values.max(), rtol=1e-12)
+        np.testing.assert_array_equal(one["true_depth"].values[:rows, :columns], depth)
+        assert np.isnan(one["brightness"].values[rows:]).all()
+        side = data.sizes["detail_row"]
+        middle = values[(rows - side) // 2 :, (columns - side) // 2 :][:side, :side]
+        np.testing.assert_allclose(one["detail"].values, middle / values.max(), rtol=1e-12)
+        assert (float(one["rows"]), float(one["columns"])) == (rows, columns)
+
+
+def test_the_step_of_the_scene_is_in_the_depths(ran: tuple[api.Result, Path]) -> None:
+    depth = ran[0].data["pictures"]["true_depth"].sel(picture="pair left").values
+    seen = np.unique(np.round(depth[np.isfinite(depth)], 3))
+    assert seen.tolist() == [0.13, 0.17]
+
+
+def test_the_report_shows_every_camera_and_lists_every_picture(ran: tuple[api.Result, Path]) -> None:
+    tree = ran[0].data
+    drawings = figures.build(tree)
+    assert "Pair and Plenoptic" in drawings["scene_pictures"].alt
+    assert drawings["scene_pictures"].draw().svg()
+    report = compose_report(tree, ran[0].run_record, drawings)
+    (table,) = (block for block in report.blocks if isinstance(block, Table) and block.name == "scene-pictures-table")
+    assert [row[1] for row in table.rows] == ["left", "right", "raw"]
+    assert table.rows[0][2] == "160 × 100"
+
+
+def test_large_pictures_are_reduced_by_whole_blocks() -> None:
+    from types import SimpleNamespace
+
+    from tradestudy.run.groups.pictures import _block, _reduced
+
+    values = np.arange(600.0 * 500.0).reshape(600, 500)
+    one = SimpleNamespace(values=values, depth=np.ones((600, 500), dtype=np.float32))
+    assert _block(one) == 3  # type: ignore[arg-type]  # a stand-in
+    brightness, depth = _reduced(one)  # type: ignore[arg-type]  # a stand-in
+    assert brightness.shape == depth.shape == (200, 166)
+    assert brightness[1, 2] == pytest.approx(values[3:6, 6:9].mean() / values.max())

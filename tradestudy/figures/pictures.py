@@ -1,0 +1,85 @@
+"""What the cameras see of the scene: each first picture whole, a detail of it, and its true depth."""
+
+from __future__ import annotations
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.style import StudyFigure, new_figure, shortened, styled
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
+from tradestudy.wording import distance, listed
+
+_MOST = 6  # cameras
+_LONGEST = 34
+_BRIGHT = 99.5  # per cent of the pixels that are no brighter than white
+
+
+def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
+    """The figure of a study that renders a scene; None of any other."""
+    if not has(tree, "pictures", "brightness"):
+        return None
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    shown = _first_of_each(data)
+    depth = data["true_depth"].values
+    near, far = (
+        distance(float(end)) for end in (np.nanmin(depth), np.nanmax(np.where(np.isinf(depth), np.nan, depth)))
+    )
+    names = listed([titles[str(data["camera_of"].values[k])] for k in shown])
+    return Drawing(
+        name="scene_pictures",
+        caption="The scene as each camera takes it: the whole picture, its middle pixel by pixel, and the true depth "
+        "of what each pixel sees. Brightness is scaled for each picture.",
+        alt=f"Pictures of the scene by {names}, each with a detail of {data.sizes['detail_row']} pixels and its true "
+        f"depth, from {near} to {far}.",
+        draw=lambda: draw_pictures(tree),
+    )
+
+
+@styled()
+def draw_pictures(tree: xr.DataTree) -> StudyFigure:
+    """A row for each camera: its first picture, the middle of it, and true depth on one scale for all."""
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    shown = _first_of_each(data)
+    depth = np.where(np.isinf(data["true_depth"].values), np.nan, data["true_depth"].values)
+    ends = float(np.nanmin(depth[shown])), float(np.nanmax(depth[shown]))
+    figure = new_figure(0.3 + 2.05 * len(shown))
+    panels = figure.subplots(len(shown), 3, squeeze=False)
+    last = None
+    for (whole, detail, deep), k in zip(panels, shown, strict=True):
+        one = data.isel(picture=k)
+        title = titles[str(one["camera_of"].item())]
+        _grey(whole, one["brightness"].values, f"{shortened(title, _LONGEST)}")
+        _grey(detail, one["detail"].values, f"middle {data.sizes['detail_column']} pixels")
+        _bare(deep, "true depth")
+        last = deep.imshow(_cropped(depth[k]) * 1e3, cmap="cividis", vmin=ends[0] * 1e3, vmax=ends[1] * 1e3)
+    if last is not None:
+        figure.colorbar(last, ax=panels[:, 2].tolist(), label="true depth [mm]", fraction=0.05)
+    return figure
+
+
+def _first_of_each(data: xr.Dataset) -> list[int]:
+    """The first picture of each camera."""
+    _, first = np.unique(data["camera_of"].values.astype(str), return_index=True)
+    return sorted(first.tolist())[:_MOST]
+
+
+def _grey(axes: Axes, values: FloatArray, title: str) -> None:
+    shown = _cropped(values)
+    _bare(axes, title)
+    axes.imshow(shown, cmap="gray", vmin=0.0, vmax=float(np.nanpercentile(shown, _BRIGHT)), interpolation="nearest")
+
+
+def _bare(axes: Axes, title: str) -> None:
+    axes.set_title(title, fontsize=7.5)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.grid(visible=False)
+
+
+def _cropped(values: FloatArray) -> FloatArray:
+    """Without the rows and columns that only larger pictures have."""
+    known = ~np.isnan(values)
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    return values[: rows[-1] + 1, : columns[-1] + 1] if rows.size else values[:1, :1]

@@ -1,0 +1,56 @@
+"""What the cameras see of the study's scene."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import xarray as xr
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, pictures_of
+from tradestudy.report.words import length, share
+from tradestudy.results.views.groups import camera_titles, group, has
+
+
+def describe_pictures(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Show the pictures of the scene and say how they were taken; nothing for a study that renders none."""
+    if not has(tree, "pictures", "brightness"):
+        return
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    yield Heading(text="Pictures of the scene", anchor="pictures")
+    yield Paragraph(
+        "Rays through every lens, without diffraction. The whole pictures, their true depth and the cameras that took "
+        "them lie in the folder pictures beside this report."
+    )
+    yield from pictures_of(drawings, "scene_pictures")
+    yield Table(
+        name="scene-pictures-table",
+        caption="The pictures; their sampling error is the relative difference (root mean square) from pictures with "
+        "16 times the rays, noise apart.",
+        columns=(
+            Column(title="Camera", weight=3),
+            Column(title="Picture", weight=2),
+            Column(title="Pixels", align="right"),
+            Column(title="Pitch", align="right"),
+            Column(title="Full pixels", align="right"),
+            Column(title="Sampling error", align="right"),
+        ),
+        rows=tuple(
+            (
+                titles[str(camera)],
+                str(name).removeprefix(f"{camera} "),
+                f"{int(columns)} × {int(rows)}",
+                length(float(pitch)),
+                str(int(full)),
+                share(float(error), digits=2),
+            )
+            for name, camera, columns, rows, pitch, full, error in zip(
+                data["picture"].values,
+                *(
+                    data[key].values
+                    for key in ("camera_of", "columns", "rows", "pixel_pitch", "saturated", "sampling_error")
+                ),
+                strict=True,
+            )
+        ),
+    )

@@ -1,0 +1,70 @@
+"""/pictures: the pictures of the scene as results keep them, reduced to what a report shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.results import dataset
+from tradestudy.run.pictures import Picture
+
+_MOST: Final = 256  # rows and columns of a reduced picture
+_DETAIL: Final = 96  # pixels
+
+
+def pictures_group(pictures: Sequence[Picture]) -> xr.Dataset:
+    """/pictures over pictures and their rows and columns."""
+    reduced = [_reduced(one) for one in pictures]
+    rows, columns = (max(one[0].shape[k] for one in reduced) for k in (0, 1))
+    return dataset(
+        "pictures",
+        {
+            "brightness": [_padded(one[0], (rows, columns)) for one in reduced],
+            "true_depth": [_padded(one[1], (rows, columns)) for one in reduced],
+            "detail": [_padded(_detail(one), (_DETAIL, _DETAIL)) for one in pictures],
+            "camera_of": [one.camera for one in pictures],
+            "block": [float(_block(one)) for one in pictures],
+            "columns": [float(one.values.shape[1]) for one in pictures],
+            "rows": [float(one.values.shape[0]) for one in pictures],
+            "pixel_pitch": [one.pixel_pitch for one in pictures],
+            "saturated": [float(one.saturated) for one in pictures],
+            "sampling_error": [one.sampling_error for one in pictures],
+        },
+        {"picture": [f"{one.camera} {one.name}" for one in pictures]},
+    )
+
+
+def _block(one: Picture) -> int:
+    largest: int = max(one.values.shape)
+    return math.ceil(largest / _MOST)
+
+
+def _reduced(one: Picture) -> tuple[FloatArray, FloatArray]:
+    """Brightness and depth of blocks; what does not fill a block at the last edges is left out."""
+    side = _block(one)
+    rows, columns = (size // side for size in one.values.shape)
+    inside = one.values[: rows * side, : columns * side].astype(np.float64)
+    blocks = inside.reshape(rows, side, columns, side).mean(axis=(1, 3))
+    middle = slice(side // 2, None, side)
+    return blocks / _brightest(one), one.depth[middle, middle][:rows, :columns].astype(np.float64)
+
+
+def _detail(one: Picture) -> FloatArray:
+    top, left = (max(0, (size - _DETAIL) // 2) for size in one.values.shape)
+    return one.values[top : top + _DETAIL, left : left + _DETAIL].astype(np.float64) / _brightest(one)
+
+
+def _brightest(one: Picture) -> float:
+    return max(float(np.max(one.values)), np.finfo(np.float64).tiny)
+
+
+def _padded(values: NDArray[Any], shape: tuple[int, int]) -> FloatArray:
+    whole = np.full(shape, np.nan)
+    whole[: values.shape[0], : values.shape[1]] = values
+    return whole
