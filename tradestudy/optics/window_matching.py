@@ -1,0 +1,238 @@
+"""Disparity of two pictures within square windows: the best whole step, then its fraction, with standard deviations.
+
+The least-squares shift of a window solves ``B(d) = Σ g (O(d) − R) = 0``: R is the window of the reference, O(d) the
+other picture moved by d, and g the gradient of the reference along the direction of the disparity. That is the normal
+equation of Lucas and Kanade in its inverse-compositional form. Because B is linear in O, moving the other picture by a
+fraction of a step and summing is the same as summing at whole steps and interpolating B; so B is computed once for
+every whole step, and the Newton steps for all windows cost a few operations each.
+
+g and the noise of O are independent, and g is an odd difference of R, so that neither the noise of the interpolated
+picture nor that of the reference shifts the root: there is no pixel locking by noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+_NEWTON_STEPS: Final = 4
+_DOUBT: Final = 3.0  # standard deviations by which the best step must beat every other
+_MISFIT: Final = 4.0  # standard deviations that the residual may lie above that of noise alone
+_SLACK: Final = 1.0  # share of the squared gradient that the fraction of a step may add to the residual
+_BEYOND: Final = 0.01  # of a step by which a root may miss its bracket
+_LEAST_RISE: Final = 0.1  # of the slope of B over the squared gradient, which is 1 without noise
+
+
+class Reason(IntEnum):
+    """Why a point has no depth; 0 where it has one."""
+
+    MEASURED = 0
+    NO_PARTNER = 1
+    TEXTURELESS = 2
+    AMBIGUOUS = 3
+    NO_MATCH = 4
+    INCONSISTENT = 5
+    OUT_OF_RANGE = 6
+    LESS_SHARP = 7
+    NO_LIGHT = 8
+
+
+REASONS: Final = {
+    Reason.MEASURED: "measured",
+    Reason.NO_PARTNER: "the estimator has no second picture of it, or too little of its window is in both",
+    Reason.TEXTURELESS: "too little texture in the window",
+    Reason.AMBIGUOUS: "two disparities fit equally well",
+    Reason.NO_MATCH: "the two pictures differ by more than their noise",
+    Reason.INCONSISTENT: "the match in the other direction disagrees, as where the point is hidden",
+    Reason.OUT_OF_RANGE: "the best match lies at an end of the range searched",
+    Reason.LESS_SHARP: "its microlens is not of the type that is sharpest at its depth",
+    Reason.NO_LIGHT: "too little light reaches the pixel, or that of several microlenses",
+}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matches:
+    """Disparities of all windows; arrays in the shape of the reference.
+
+    Parameters
+    ----------
+    disparity
+        [steps]; NaN where none was measured.
+    deviation
+        Standard deviation that the noise of both pictures gives it [steps], from the texture of the window itself.
+    reason
+        `Reason` of each.
+    """
+
+    disparity: FloatArray
+    deviation: FloatArray
+    reason: NDArray[np.uint8]
+
+
+def gradient_along(picture: FloatArray, direction: tuple[float, float]) -> FloatArray:
+    """Central difference along a unit vector (x, y), over the last two axes; NaN at the edges."""
+    found = np.full_like(picture, np.nan)
+    across = (picture[..., 1:-1, 2:] - picture[..., 1:-1, :-2]) * picture.dtype.type(direction[0] / 2.0)
+    down = (picture[..., 2:, 1:-1] - picture[..., :-2, 1:-1]) * picture.dtype.type(direction[1] / 2.0)
+    if direction[1] == 0.0:  # no rows beside are needed
+        found[..., 1:-1] = (picture[..., 2:] - picture[..., :-2]) * picture.dtype.type(direction[0] / 2.0)
+    else:
+        found[..., 1:-1, 1:-1] = across + down
+    return found
+
+
+def window_sum(values: FloatArray, window: int) -> FloatArray:
+    """Sum over a square window around every pixel, over the last two axes; nothing lies beyond the edges."""
+    from scipy.ndimage import uniform_filter1d
+
+    for axis in (-1, -2):
+        values = uniform_filter1d(values, window, axis=axis, mode="constant")
+    return np.asarray(values * values.dtype.type(window * window))
+
+
+def odd_window(window_px: float) -> int:
+    """The odd number of pixels nearest to a declared window, 3 or more.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a window below 2 px.
+    """
+    if not window_px >= 2.0:
+        raise OutOfRangeError("matching window", value=f"{window_px:g} px", limit="2 px or more")
+    return max(3, 2 * round((window_px - 1.0) / 2.0) + 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairOfPictures:
+    """Two pictures that a disparity moves against each other.
+
+    Parameters
+    ----------
+    gradient
+        Of a picture of the same place per step of disparity, shape (…, rows, columns); NaN where there is none.
+    difference
+        Of a whole step: the second picture moved back by it less the first, and where both count.
+    """
+
+    gradient: FloatArray
+    difference: Callable[[int], tuple[FloatArray, BoolArray]]
+
+
+def match_windows(
+    pairs: Sequence[PairOfPictures],
+    steps: Sequence[int],
+    *,
+    window: int,
+    variance: FloatArray,
+    least_share: float,
+    largest_deviation: float,
+    start: FloatArray | None = None,
+) -> Matches:
+    """Disparity of the window around every pixel, by least squares over all pairs of pictures.
+
+    Parameters
+    ----------
+    pairs
+        One pair, or several with noise of their own that one disparity moves.
+    steps
+        Six or more consecutive whole steps; disparities between the second and the last but one can be measured.
+    window
+        Side of the windows [px], odd. Where a window reaches beyond what both pictures see, the rest of it counts.
+    variance
+        Of the noise of one pixel, the same in both pictures; broadcast.
+    least_share
+        Of the pixels of a window that must count.
+    largest_deviation
+        Above it a window is textureless [steps].
+    start
+        Whole steps found otherwise, which replace the search; NaN: none was found.
+    """
+    misfit, error, size, count = _sums(pairs, steps, window)
+    noise = 2.0 * np.asarray(variance, np.float64)
+    enough = count >= max(1.0, least_share * window * window * len(pairs))
+    misfit = np.where(enough, misfit / np.maximum(count, 1), np.inf)
+    if start is None:
+        best = np.argmin(misfit, axis=0)
+    else:
+        best = np.clip(np.rint(np.nan_to_num(start)) - steps[0], 0, len(steps) - 1).astype(np.intp)
+    first = np.where(_at(error, best) > 0.0, best - 1, best)
+    inside = (first >= 1) & (first <= len(steps) - 3)
+    first = np.clip(first, 1, len(steps) - 3)
+    corner = np.stack([_at(error, first + k) for k in (-1, 0, 1, 2)])
+    n, steepness = np.maximum(_at(count, first), 1.0), _at(size, first)
+    fraction, rise = _root(corner)
+    with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all, refused below
+        deviation = np.sqrt(noise / steepness) / np.abs(rise)
+    spread = noise * np.sqrt(2.0 / n)
+    reason = np.full(n.shape, Reason.MEASURED, np.uint8)
+    least = _at(misfit, best)
+    crosses = np.isfinite(fraction) & (np.abs(fraction - 0.5) <= 0.5 + _BEYOND) & (rise > _LEAST_RISE)
+    fits = least <= noise + _MISFIT * spread + _SLACK * steepness / n
+    reason[~(crosses & fits)] = Reason.NO_MATCH
+    if start is None:
+        number = np.arange(len(steps)).reshape(-1, *([1] * best.ndim))
+        rival = np.min(np.where(np.abs(number - best) >= 2, misfit, np.inf), axis=0)
+        reason[rival < least + _DOUBT * np.sqrt(2.0) * spread] = Reason.AMBIGUOUS
+    reason[~(deviation <= largest_deviation)] = Reason.TEXTURELESS
+    reason[~inside] = Reason.OUT_OF_RANGE
+    if start is not None:
+        reason[~np.isfinite(start)] = Reason.NO_MATCH
+    reason[~np.any(enough, axis=0)] = Reason.NO_PARTNER
+    good = reason == Reason.MEASURED
+    return Matches(
+        disparity=np.where(good, np.asarray(steps)[first] + fraction, np.nan),
+        deviation=np.where(good, deviation, np.nan),
+        reason=reason,
+    )
+
+
+def _sums(
+    pairs: Sequence[PairOfPictures], steps: Sequence[int], window: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Over windows, at every step: squared difference, B over the squared gradient, that itself, and pixels."""
+    shape, kind = pairs[0].gradient.shape, pairs[0].gradient.dtype
+    misfit, moment, size, count = (np.zeros((len(steps), *shape), kind) for _ in range(4))
+    for pair in pairs:
+        there = np.isfinite(pair.gradient)
+        g = np.where(there, pair.gradient, kind.type(0))
+        for k, step in enumerate(steps):
+            difference, seen = pair.difference(step)
+            both = seen & there
+            difference = np.where(both, difference, kind.type(0))
+            misfit[k] += window_sum(difference * difference, window)
+            moment[k] += window_sum(g * difference, window)
+            size[k] += window_sum(g * g * both, window)
+            count[k] += window_sum(both.astype(kind), window)
+    with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all
+        return misfit, moment / size, size, count
+
+
+def _at(cube: FloatArray, index: NDArray[np.intp]) -> FloatArray:
+    return np.asarray(np.take_along_axis(cube, index[np.newaxis], axis=0)[0], np.float64)
+
+
+def _root(corner: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Where the cubic through four values at −1, 0, 1, 2 is zero between 0 and 1, and its slope there.
+
+    A value beyond the middle two that is missing is continued linearly.
+    """
+    before, low, high, after = corner
+    before = np.where(np.isfinite(before), before, 2.0 * low - high)
+    after = np.where(np.isfinite(after), after, 2.0 * high - low)
+    c1 = high - before / 3.0 - low / 2.0 - after / 6.0
+    c2 = (before + high) / 2.0 - low
+    c3 = (after - before) / 6.0 + (low - high) / 2.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        t = np.clip(-low / (high - low), 0.0, 1.0)
+        for _ in range(_NEWTON_STEPS):
+            t = np.clip(t - (low + t * (c1 + t * (c2 + t * c3))) / (c1 + t * (2.0 * c2 + 3.0 * t * c3)), -0.5, 1.5)
+        return t, c1 + t * (2.0 * c2 + 3.0 * t * c3)
