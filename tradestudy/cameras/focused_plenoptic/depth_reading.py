@@ -1,0 +1,380 @@
+"""Depth from a raw picture: micro-images matched with those that the declared estimator compares them with."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.focused_plenoptic.estimator import neighbour_distance
+from tradestudy.cameras.microlens_pictures import MARGIN, Indices, MicrolensGrid, microlens_grid, moved, squares
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.cut_aperture import centroid_of_common_part
+from tradestudy.optics.window_matching import (
+    Matches,
+    PairOfPictures,
+    Reason,
+    gradient_along,
+    match_windows,
+    odd_window,
+)
+
+if TYPE_CHECKING:
+    from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
+
+_AT_ONCE: Final = 400  # microlenses, so that what one step needs stays in the cache
+_LEAST_SHARE: Final = 0.25  # of a window that both micro-images show
+_AGREE: Final = 4.0  # standard deviations that matches of one point may lie apart
+_SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that show a point
+Step = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawPictureReader:
+    """A focused plenoptic camera as it was designed, and what depth is looked for.
+
+    Parameters
+    ----------
+    camera, search
+        Them.
+    """
+
+    camera: FocusedPlenoptic
+    search: DepthSearch
+
+    @cached_property
+    def _grid(self) -> MicrolensGrid:
+        (exposure,) = self.camera.exposures(self.search.far, {}, None, 0.0)
+        return microlens_grid(exposure)
+
+    @cached_property
+    def _inverse_virtual_depths(self) -> FloatArray:
+        """1/v over the distances searched; it falls with distance."""
+        v = self.camera.virtual_depth(self.search.distances)
+        found = 1.0 / v
+        if not (np.all(np.isfinite(found)) and np.all(v * v[0] > 0.0)):
+            raise OutOfRangeError(
+                "depth by micro-images of distances on both sides of the image on the microlens array",
+                value=f"{self.search.near:g} to {self.search.far:g} m",
+                limit="one side",
+                remedy="narrow scene.distances, or move the total covering plane",
+            )
+        return np.asarray(found)
+
+    @cached_property
+    def _steps(self) -> tuple[Step, ...]:
+        """Along the lattice, to the microlenses that the estimator compares one with; opposite ones included."""
+        camera, grid = self.camera, self._grid
+        array = camera.microlenses
+        same_type = camera.lenses == "sharpest-type" and array.types > 1
+        least = float(np.min(np.abs(self._inverse_virtual_depths)))
+        reach = 2.0 * grid.radius / max(least - camera.microlenses.gap / camera.mla_distance, 1e-9)
+        if camera.estimator in ("adjacent-pair", "same-type-pair"):
+            reach = neighbour_distance(camera.estimator, array) / camera.sensor.pixel_pitch * (1.0 + 1e-6)
+        span = math.ceil(2.0 * reach / np.linalg.norm(grid.basis[:, 0]))
+        found = [
+            (i, j)
+            for i in range(-span, span + 1)
+            for j in range(-span, span + 1)
+            if (i, j) != (0, 0)
+            and self._length((i, j)) <= reach
+            and (not same_type or (i - j) % array.types == 0)
+        ]
+        return tuple(sorted(found, key=self._length))
+
+    def _length(self, step: Step) -> float:
+        """Baseline of a step [px]."""
+        return float(np.linalg.norm(self._grid.basis @ np.array(step)))
+
+    @cached_property
+    def _sharpest(self) -> NDArray[np.intp]:
+        """Type over the distances searched."""
+        return np.argmin(self.camera.blur_px(self.search.distances), axis=0)
+
+    @cached_property
+    def _types(self) -> NDArray[np.intp]:
+        """Of each microlens."""
+        types = self.camera.microlenses.types
+        return (self._grid.first - self._grid.second) % types
+
+    @property
+    def _by_type(self) -> bool:
+        return self.camera.lenses == "sharpest-type" and self.camera.microlenses.types > 1
+
+    @cached_property
+    def _used(self) -> Indices:
+        """Microlenses of the types that are the sharpest somewhere in the range."""
+        if not self._by_type:
+            return np.arange(self._grid.first.size)
+        return np.flatnonzero(np.isin(self._types, np.unique(self._sharpest)))
+
+    def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
+        """Depth of every pixel that shows what the estimator has a second micro-image of."""
+        picture = pictures["raw"]
+        values = squares(self._grid, picture.values, picture.pure)
+        noise = squares(self._grid, picture.variance, picture.pure)
+        lit = np.any(np.isfinite(noise), axis=(1, 2))
+        variance = np.zeros(len(noise))
+        variance[lit] = np.nanmedian(noise[lit], axis=(1, 2))
+        found = {step: self._matches(step, values, variance) for step in self._steps}
+        for step in self._steps:
+            opposite = found[-step[0], -step[1]]
+            self._hold_against(step, found[step], opposite)
+        inverse, deviation, reason = self._combined(found)
+        return self._on_sensor(picture, inverse, deviation, reason)
+
+    def _matches(self, step: Step, values: FloatArray, variance: FloatArray) -> Matches:
+        """Of all used microlenses with those a step away, disparities along the step [px]."""
+        grid, used = self._grid, self._used
+        shape = (used.size, grid.side, grid.side)
+        matches = Matches(
+            disparity=np.full(shape, np.nan, np.float32),
+            deviation=np.full(shape, np.nan, np.float32),
+            reason=np.full(shape, Reason.NO_PARTNER, np.uint8),
+        )
+        other = grid.beside(step)
+        there = np.flatnonzero(other[used] >= 0)
+        for begin in range(0, there.size, _AT_ONCE):
+            part = there[begin : begin + _AT_ONCE]
+            one = self._matched(step, used[part], other[used[part]], values, variance)
+            matches.disparity[part], matches.deviation[part] = one.disparity, one.deviation
+            matches.reason[part] = one.reason
+        return matches
+
+    def _matched(
+        self, step: Step, lenses: Indices, others: Indices, values: FloatArray, variance: FloatArray
+    ) -> Matches:
+        grid = self._grid
+        move = grid.basis @ np.array(step)
+        length = self._length(step)
+        along = move / length
+        inner = slice(MARGIN, -MARGIN)
+        gradient = gradient_along(values[lenses], (float(along[0]), float(along[1])))[:, inner, inner]
+        reference = values[lenses, inner, inner]
+        base = grid.corner[:, lenses] - grid.corner[:, others] + move[:, np.newaxis] + MARGIN
+        ends = np.sort(length * self._inverse_virtual_depths[[0, -1]])
+        steps = range(math.floor(ends[0]) - 2, math.ceil(ends[1]) + 3)
+
+        place = grid.corner[:, lenses] - grid.image_centre[:, lenses]
+        arrives = grid.corner[:, lenses] + move[:, np.newaxis] - grid.image_centre[:, others]
+        own_shift = self._shift_along(place, lenses, along)
+
+        def difference(k: int) -> tuple[FloatArray, BoolArray]:
+            step_along = (along * k)[:, np.newaxis]
+            found = moved(values, others, base + step_along, grid.side) - reference
+            shift = self._shift_along(arrives + step_along, others, along) * self._defocus(others, k / length)
+            shift -= own_shift * self._defocus(lenses, k / length)
+            return found + gradient * shift, np.isfinite(found)
+
+        return match_windows(
+            [PairOfPictures(gradient=gradient, difference=difference)],
+            steps,
+            window=odd_window(self.search.window_px),
+            variance=variance[lenses, np.newaxis, np.newaxis],
+            least_share=_LEAST_SHARE,
+            largest_deviation=self.search.largest_deviation_px,
+        )
+
+    def _defocus(self, lenses: Indices, inverse_virtual_depth: float) -> FloatArray:
+        """How far a ray arrives from where the chief ray of its point does, over its place on the microlens."""
+        array = self.camera.microlenses
+        focal_lengths = np.asarray(array.focal_lengths)[self._types[lenses]]
+        found = 1.0 - array.gap / focal_lengths + inverse_virtual_depth
+        return np.asarray(found, np.float32)[:, np.newaxis, np.newaxis]
+
+    @cached_property
+    def _middles(self) -> tuple[FloatArray, FloatArray]:
+        """Where on the microlens the middle of the light to a pixel passes, over the pixel's place, for each type.
+
+        Away from the middle of a micro-image the pupil cuts the cone of light on one side. The rest of a defocused
+        point lies beside its chief ray, in opposite directions in two micro-images, and would shift every disparity.
+        """
+        camera = self.camera
+        array, pixel = camera.microlenses, camera.sensor.pixel_pitch
+        radius = np.linspace(1e-3, 1.5 * self._grid.radius, 256)
+        ratios = []
+        for f in array.focal_lengths:
+            # The pupil as it is seen on the microlens through the pixel.
+            scale = 1.0 + camera.mla_distance * (1.0 / array.gap - 1.0 / f)
+            scale = math.copysign(max(abs(scale), 1e-6), scale)
+            apart = radius * pixel * camera.mla_distance / array.gap / scale
+            middle = centroid_of_common_part(
+                np.abs(apart), array.aperture_diameter / 2.0, camera.main_lens.pupil_diameter / 2.0 / abs(scale)
+            )
+            ratios.append(np.sign(scale) * np.nan_to_num(middle) / pixel / radius)
+        return radius, np.array(ratios)
+
+    def _shift_along(self, place: FloatArray, lenses: Indices, along: FloatArray) -> FloatArray:
+        """Middle of the light on the microlens along a direction [px], of all pixels of squares from ``place`` on."""
+        line = np.arange(self._grid.side)
+        x, y = (place[k][:, np.newaxis] + line for k in (0, 1))
+        distance = np.sqrt(np.square(x)[:, np.newaxis, :] + np.square(y)[:, :, np.newaxis])
+        radius, ratios = self._middles
+        ratio = np.empty(distance.shape, np.float32)
+        for number, values in enumerate(ratios):
+            of_type = self._types[lenses] == number
+            ratio[of_type] = np.interp(distance[of_type], radius, values)
+        return np.asarray(ratio * (along[0] * x[:, np.newaxis, :] + along[1] * y[:, :, np.newaxis]), np.float32)
+
+    def _hold_against(self, step: Step, forth: Matches, back: Matches) -> None:
+        """Mark what the match of the partner with this micro-image contradicts."""
+        row, y, x = np.nonzero(forth.reason == Reason.MEASURED)
+        d = forth.disparity[row, y, x]
+        partner, px, py = self._partner(step, row, x, y, d)
+        ok = (partner >= 0) & (px >= 0) & (py >= 0) & (px < forth.disparity.shape[2]) & (py < forth.disparity.shape[1])
+        row, y, x, partner, px, py = (one[ok] for one in (row, y, x, partner, px, py))
+        apart = np.abs(back.disparity[partner, py, px] - forth.disparity[row, y, x])
+        spread = np.hypot(back.deviation[partner, py, px], forth.deviation[row, y, x])
+        wrong = apart > np.maximum(_AGREE * spread, _SAME_SURFACE_PX)
+        forth.reason[row[wrong], y[wrong], x[wrong]] = Reason.INCONSISTENT
+
+    def _partner(
+        self, step: Step, row: Indices, x: Indices, y: Indices, disparity: FloatArray
+    ) -> tuple[Indices, Indices, Indices]:
+        """Row among the used microlenses, and pixel of its square, that show what pixels of squares show."""
+        grid, used = self._grid, self._used
+        number = np.full(grid.first.size + 1, -1, np.intp)
+        number[used] = np.arange(used.size)
+        others = grid.beside(step)[used[row]]
+        move = grid.basis @ np.array(step)
+        along = move / self._length(step)
+        place = [
+            grid.corner[k, used[row]] + pixel + move[k] + along[k] * disparity - grid.corner[k, others]
+            for k, pixel in ((0, x), (1, y))
+        ]
+        return number[others], *(np.rint(one).astype(np.intp) for one in place)
+
+    def _combined(self, found: Mapping[Step, Matches]) -> tuple[FloatArray, FloatArray, NDArray[np.uint8]]:
+        """1/v, its standard deviation and reasons in the squares, by the rule of the estimator."""
+        first = next(iter(found.values()))
+        shape = first.disparity.shape
+        best, deviation = np.full(shape, np.nan, np.float32), np.full(shape, np.inf, np.float32)
+        reason = np.full(shape, Reason.NO_PARTNER, np.uint8)
+        rank = np.full(shape, np.inf, np.float32)
+        for step, one in found.items():
+            length = np.float32(self._length(step))
+            good = one.reason == Reason.MEASURED
+            worth = one.deviation / length if self.camera.estimator != "widest-pair" else -length + 0.0 * one.deviation
+            better = good & (worth < rank)
+            rank[better] = worth[better]
+            best[better], deviation[better] = one.disparity[better] / length, one.deviation[better] / length
+            reason[better] = Reason.MEASURED
+            told = (reason == Reason.NO_PARTNER) & ~good
+            reason[told] = one.reason[told]
+        if self.camera.estimator == "least-squares":
+            return *self._least_squares(found, best, deviation), reason
+        return best, deviation, reason
+
+    def _least_squares(
+        self, found: Mapping[Step, Matches], best: FloatArray, best_deviation: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Weighted mean of all pairs that agree with the surest one.
+
+        Pairs of one pixel share its micro-image, whose noise they have in common: half of the variance of each.
+        """
+        total, weights, squares = (np.zeros(best.shape, np.float32) for _ in range(3))
+        shared = np.zeros(best.shape, np.float32)
+        for step, one in found.items():
+            length = np.float32(self._length(step))
+            value, deviation = one.disparity / length, one.deviation / length
+            agrees = (one.reason == Reason.MEASURED) & (
+                np.abs(value - best) <= _AGREE * np.hypot(deviation, best_deviation)
+            )
+            weight = np.where(agrees, 1.0 / np.square(deviation), 0.0).astype(np.float32)
+            total += weight * np.where(agrees, value, 0.0)
+            weights += weight
+            squares += weight
+            shared += np.where(agrees, weight * deviation, 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):  # none agrees where none was measured
+            return total / weights, np.sqrt(0.5 * squares + 0.5 * np.square(shared)) / weights
+
+    def _on_sensor(
+        self, picture: FlatPicture, inverse: FloatArray, deviation: FloatArray, reason: NDArray[np.uint8]
+    ) -> DepthMap:
+        """From the squares to the pixels of the sensor, and from 1/v to depth."""
+        shape = picture.values.shape
+        w, spread = (np.full(shape, np.nan, np.float32) for _ in range(2))
+        told = np.where(picture.pure, Reason.LESS_SHARP, Reason.NO_LIGHT).astype(np.uint8)
+        row, y, x, rows, columns = self._pixels(picture)
+        w[rows, columns], spread[rows, columns] = inverse[row, y, x], deviation[row, y, x]
+        told[rows, columns] = reason[row, y, x]
+        measured = told == Reason.MEASURED
+        if self._by_type:
+            kinds = np.full(shape, -1, np.intp)
+            kinds[rows, columns] = self._types[self._used[row]]
+            nearest = self._nearest(w)
+            less = measured & (self._sharpest[nearest] != kinds)
+            told[less] = Reason.LESS_SHARP
+            measured &= ~less
+        depth, rate = self._depth(np.where(measured, w, np.nan))
+        baseline = self.camera.estimator_baseline(self.search.distances) / self.camera.sensor.pixel_pitch
+        beyond = measured & ~np.isfinite(depth)
+        told[beyond] = Reason.OUT_OF_RANGE
+        return DepthMap(
+            depth=np.where(np.isfinite(depth), depth, np.nan),
+            deviation=spread * np.abs(rate),
+            disparity_deviation=np.where(measured, spread * baseline[self._nearest(w)], np.nan),
+            reason=told,
+        )
+
+    def _pixels(self, picture: FlatPicture) -> tuple[Indices, Indices, Indices, Indices, Indices]:
+        """Pixels of squares that show their own micro-image: square, row and column there; row and column here."""
+        grid, used = self._grid, self._used
+        inner = slice(MARGIN, -MARGIN)
+        row, y, x = np.nonzero(np.isfinite(squares(grid, picture.values, picture.pure)[used, inner, inner]))
+        corner = grid.corner[:, used[row]]
+        return row, y, x, corner[1] + y, corner[0] + x
+
+    def _nearest(self, inverse: FloatArray) -> NDArray[np.intp]:
+        """Number of the distance searched whose 1/v is about the given one."""
+        table = self._inverse_virtual_depths
+        order = np.argsort(table)
+        number = np.interp(np.nan_to_num(inverse), table[order], order.astype(float))
+        return np.rint(number).astype(np.intp)
+
+    def _depth(self, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Depth [m] and its rate [m] for 1/v, by the camera's own law; linear in inverse depth between 4097 values."""
+        if not np.any(np.isfinite(inverse)):
+            return np.full(inverse.shape, np.nan), np.full(inverse.shape, np.nan)
+        values = np.linspace(float(np.nanmin(inverse)), float(np.nanmax(inverse)) + 1e-9, 4097)
+        distances = self.search.distances[self._nearest(values)]
+        baseline = self.camera.estimator_baseline(distances)
+        with np.errstate(divide="ignore"):
+            table = 1.0 / self.camera.depth_of_disparity(values * baseline, distances)
+            inverse_depth = np.interp(inverse, values, table)
+            depth = np.where(np.isnan(inverse), np.nan, 1.0 / inverse_depth)
+        rate = np.interp(inverse, values, np.gradient(table, values)) * np.square(depth)
+        return np.asarray(depth), np.asarray(rate)
+
+    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
+        """True depth of the raw picture, and where one of the estimator's microlenses sees the same point."""
+        depth, picture = np.asarray(depths["raw"], np.float64), pictures["raw"]
+        shape = depth.shape
+        table, order = self._inverse_virtual_depths, np.argsort(1.0 / self.search.distances)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            w = np.interp(1.0 / depth, (1.0 / self.search.distances)[order], table[order], left=np.nan, right=np.nan)
+        row, y, x, rows, columns = self._pixels(picture)
+        known_w = np.full((self._used.size, self._grid.side, self._grid.side), np.nan)
+        known_w[row, y, x] = w[rows, columns]
+        measurable = np.zeros(shape, bool)
+        known = np.isfinite(w[rows, columns])
+        if self._by_type:
+            known &= self._sharpest[self._nearest(w[rows, columns])] == self._types[self._used[row]]
+        row, y, x, rows, columns = (one[known] for one in (row, y, x, rows, columns))
+        for step in self._steps:
+            length = self._length(step)
+            partner, px, py = self._partner(step, row, x, y, known_w[row, y, x] * length)
+            inside = (partner >= 0) & (px >= 0) & (py >= 0) & (px < known_w.shape[2]) & (py < known_w.shape[1])
+            theirs = np.full(row.shape, np.nan)
+            theirs[inside] = known_w[partner[inside], py[inside], px[inside]]
+            seen = np.abs(theirs - known_w[row, y, x]) * length <= _SAME_SURFACE_PX
+            measurable[rows[seen], columns[seen]] = True
+        return TrueDepth(depth=depth, measurable=measurable)
+

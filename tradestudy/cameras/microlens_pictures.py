@@ -1,0 +1,152 @@
+"""The micro-images of a raw picture, each in a small square of whole pixels, and how one is moved against another."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.microlens_exposure import MicrolensExposure, lattice_counts
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.interpolation import cubic_weights
+
+Indices = NDArray[np.intp]
+MARGIN: Final = 1
+"""Pixels around a micro-image, so that all its pixels have neighbours."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MicrolensGrid:
+    """Microlenses whose micro-images lie on the sensor, by their numbers along the lattice.
+
+    Parameters
+    ----------
+    first, second
+        Numbers of each, shape (lenses,).
+    centre
+        Of each microlens, and of its micro-image, on the sensor [px], x and y as columns and rows of pixels, shape
+        (2, lenses).
+    image_centre
+        See ``centre``.
+    radius
+        Of a micro-image [px].
+    index
+        Which lens has which numbers, counted from `low`; −1: none.
+    low
+        Smallest numbers.
+    basis
+        Columns are the steps from a microlens to its neighbours [px].
+    """
+
+    first: Indices
+    second: Indices
+    centre: FloatArray
+    image_centre: FloatArray
+    radius: float
+    index: Indices
+    low: tuple[int, int]
+    basis: FloatArray
+
+    @property
+    def half(self) -> int:
+        """Pixels from the middle of a square to its edge."""
+        return math.ceil(self.radius)
+
+    @property
+    def side(self) -> int:
+        """Of a square [px]."""
+        return 2 * self.half + 1
+
+    @property
+    def corner(self) -> Indices:
+        """Column and row of the first pixel of every square, shape (2, lenses)."""
+        return np.asarray(np.rint(self.image_centre).astype(np.intp) - self.half)
+
+    def beside(self, step: tuple[int, int]) -> Indices:
+        """Which lens stands a step away from each; −1: none."""
+        i, j = self.first + step[0] - self.low[0], self.second + step[1] - self.low[1]
+        rows, columns = self.index.shape
+        there = (i >= 0) & (i < rows) & (j >= 0) & (j < columns)
+        return np.where(there, self.index[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)], -1)
+
+
+def microlens_grid(exposure: MicrolensExposure) -> MicrolensGrid:
+    """Of a camera without errors."""
+    array, sensor, geometry = exposure.microlenses, exposure.sensor, exposure.geometry
+    rows, columns = lattice_counts(array, sensor)
+    first, second = (
+        grid.ravel()
+        for grid in np.meshgrid(
+            np.arange(-columns, columns + 1), np.arange(-rows, rows + 1), indexing="ij"
+        )
+    )
+    middle = np.array([[sensor.columns], [sensor.rows]]) / 2.0 - 0.5
+    over = geometry.gap / geometry.mla_distance
+    on_array = exposure.centres(first, second) / sensor.pixel_pitch
+    seen = on_array * (1.0 + over) + middle
+    radius = array.pitch * (1.0 + over) / 2.0 / sensor.pixel_pitch
+    there = np.all((seen > -radius) & (seen < 2.0 * middle + radius), axis=0)
+    first, second = first[there], second[there]
+    low = (int(first.min()), int(second.min()))
+    index = np.full((int(np.ptp(first)) + 1, int(np.ptp(second)) + 1), -1, np.intp)
+    index[first - low[0], second - low[1]] = np.arange(first.size)
+    steps = exposure.centres(np.array([1, 0]), np.array([0, 1])) / sensor.pixel_pitch
+    return MicrolensGrid(
+        first=first,
+        second=second,
+        centre=on_array[:, there] + middle,
+        image_centre=seen[:, there],
+        radius=radius,
+        index=index,
+        low=low,
+        basis=steps,
+    )
+
+
+def squares(grid: MicrolensGrid, picture: FloatArray, pure: BoolArray) -> FloatArray:
+    """The micro-image of every lens with a margin of `MARGIN` pixels, NaN where a pixel does not show it.
+
+    Returns
+    -------
+    FloatArray
+        Shape (lenses, side + 2 margins, side + 2 margins).
+    """
+    rows, columns = picture.shape
+    corner = grid.corner - MARGIN
+    line = np.arange(grid.side + 2 * MARGIN)
+    x, y = (corner[k][:, np.newaxis] + line for k in (0, 1))
+    within = np.square(x - grid.image_centre[0][:, np.newaxis])[:, np.newaxis, :] + np.square(
+        y - grid.image_centre[1][:, np.newaxis]
+    )[:, :, np.newaxis] <= grid.radius**2
+    within &= ((y >= 0) & (y < rows))[:, :, np.newaxis] & ((x >= 0) & (x < columns))[:, np.newaxis, :]
+    place = np.clip(y, 0, rows - 1)[:, :, np.newaxis], np.clip(x, 0, columns - 1)[:, np.newaxis, :]
+    return np.where(within & pure[place], picture[place], picture.dtype.type(np.nan))
+
+
+def moved(source: FloatArray, lenses: Indices, place: FloatArray, side: int) -> FloatArray:
+    """Squares of lenses from a fractional place (2, lenses) of their margins on: cubic, linear beside missing pixels."""
+    whole = np.floor(place).astype(np.intp)
+    across, down = (cubic_weights(place[k] - whole[k]).astype(source.dtype) for k in (0, 1))
+    wide, last = side + 3, source.shape[-1] - 1
+    y, x = (whole[k][:, np.newaxis] - 1 + np.arange(wide) for k in (1, 0))
+    beyond = ((y < 0) | (y > last))[:, :, np.newaxis] | ((x < 0) | (x > last))[:, np.newaxis, :]
+    y, x = np.clip(y, 0, last), np.clip(x, 0, last)
+    near = source[lenses[:, np.newaxis, np.newaxis], y[:, :, np.newaxis], x[:, np.newaxis, :]]
+    near[beyond] = np.nan
+    cubic = _weighted(near, across, down, 0)
+    t, u = (np.asarray(place[k] - whole[k], source.dtype)[:, np.newaxis] for k in (0, 1))
+    linear = _weighted(near, np.concatenate([1 - t, t], axis=1), np.concatenate([1 - u, u], axis=1), 1)
+    return np.where(np.isnan(cubic), linear, cubic)
+
+
+def _weighted(near: FloatArray, across: FloatArray, down: FloatArray, first: int) -> FloatArray:
+    """Sums of neighbours, from a given one on."""
+    side = near.shape[-1] - 3
+    n = across.shape[1]
+    columns = sum(across[:, k, np.newaxis, np.newaxis] * near[:, :, first + k : first + k + side] for k in range(n))
+    return np.asarray(
+        sum(down[:, k, np.newaxis, np.newaxis] * columns[:, first + k : first + k + side] for k in range(n))
+    )

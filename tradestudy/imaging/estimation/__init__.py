@@ -1,0 +1,1 @@
+"""Depth maps from pictures, and how they compare with the truth."""

@@ -1,0 +1,80 @@
+"""What a calibrated camera makes of its raw pictures: brightness over that of an even white scene, and its noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.depth_map import FlatPicture
+from tradestudy.cameras.light_cones import Exposure
+from tradestudy.imaging.render.nodes import lit_area
+from tradestudy.imaging.render.sensor import Recording
+from tradestudy.optics.arrays import FloatArray
+
+_ROWS_AT_ONCE: Final = 16
+_LEAST_LIGHT: Final = 0.3  # of the brightest pixels: below it flat-fielding lifts mainly noise
+_LEAST_SHARE: Final = 0.9  # of the light of a pixel through one lens
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WhitePicture:
+    """The picture of an even white scene.
+
+    Parameters
+    ----------
+    electrons
+        Expected of every pixel, shape (rows, columns).
+    share
+        Of the light of each pixel, that through the lens that sends most.
+    """
+
+    electrons: FloatArray
+    share: FloatArray
+
+
+def white_picture(exposure: Exposure, recording: Recording) -> WhitePicture:
+    """As the camera was designed: what its calibration would measure."""
+    sensor = exposure.sensor
+    gain = recording.electrons_at_f1(sensor)
+    width = sensor.pixel_pitch * recording.pixel_fill
+    electrons, share = (np.empty((sensor.rows, sensor.columns), np.float32) for _ in range(2))
+    for top in range(0, sensor.rows, _ROWS_AT_ONCE):
+        rows, columns = np.mgrid[top : min(top + _ROWS_AT_ONCE, sensor.rows), : sensor.columns]
+        x = (columns.ravel() + 0.5 - sensor.columns / 2.0) * sensor.pixel_pitch
+        y = (rows.ravel() + 0.5 - sensor.rows / 2.0) * sensor.pixel_pitch
+        cones = exposure.cones(x, y)
+        lit = lit_area(cones, width) / (np.pi * cones.lens_radius**2) * cones.light
+        total, most = np.bincount(cones.pixel, weights=lit, minlength=x.size), np.zeros(x.size)
+        np.maximum.at(most, cones.pixel, lit)
+        electrons[rows[:, 0]] = (gain * total).reshape(rows.shape)
+        share[rows[:, 0]] = np.divide(most, total, out=np.zeros(x.size), where=total > 0.0).reshape(rows.shape)
+    return WhitePicture(electrons=electrons, share=share)
+
+
+def flat_picture(values: NDArray[Any], white: WhitePicture, recording: Recording) -> FlatPicture:
+    """Of digital numbers or electrons as they were recorded; full pixels are no picture."""
+    noise = recording.noise
+    if recording.is_digital:
+        electrons = values * recording.electrons_per_number - recording.black_level
+        full = values >= 2**noise.bits - 1
+    else:
+        electrons = np.asarray(values, np.float64)
+        full = electrons >= noise.full_well_electrons
+    bright = white.electrons > _LEAST_LIGHT * float(np.percentile(white.electrons, 99.0))
+    variance = np.zeros_like(electrons)
+    if recording.model != "off":
+        variance = np.maximum(electrons, 0.0)
+    if "read" in recording.model:
+        variance = variance + noise.read_noise_electrons**2
+    if recording.is_digital:
+        variance = variance + recording.electrons_per_number**2 / 12.0
+    usable = bright & ~full
+    flat = np.where(usable, white.electrons, np.nan)
+    return FlatPicture(
+        values=(electrons / flat).astype(np.float32),
+        variance=(variance / np.square(flat)).astype(np.float32),
+        pure=usable & (white.share >= _LEAST_SHARE),
+    )

@@ -1,0 +1,37 @@
+"""A round aperture of which a second one lets only a part through: where the middle of the light is."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.quadrature import gauss_legendre
+
+_NODES = 64
+
+
+def centroid_of_common_part(apart: ArrayLike, radius: float, other_radius: float) -> FloatArray:
+    """How far the centroid of what two discs share lies from the centre of the first, towards the second [m].
+
+    Parameters
+    ----------
+    apart
+        Distance of the centres [m], any shape.
+    radius, other_radius
+        Of the discs [m].
+
+    Returns
+    -------
+    FloatArray
+        0 where the first lies in the second; NaN where they share nothing.
+    """
+    s = np.asarray(apart, dtype=np.float64)[..., np.newaxis]
+    low, high = np.maximum(-radius, s - other_radius), np.minimum(radius, s + other_radius)
+    t, weight = gauss_legendre(_NODES)
+    # Nodes crowd at both ends, where the discs are round.
+    x = low + (high - low) * np.square(np.sin(0.5 * np.pi * t))
+    height = np.minimum(radius**2 - np.square(x), other_radius**2 - np.square(x - s))
+    area = weight * np.sin(np.pi * t) * np.sqrt(np.maximum(height, 0.0))
+    with np.errstate(invalid="ignore"):  # nothing shared
+        return np.asarray(np.where(high > low, (area * x).sum(-1, keepdims=True) / area.sum(-1, keepdims=True), np.nan))[..., 0]
