@@ -78,7 +78,7 @@ class Matches:
 
 
 def gradient_along(picture: FloatArray, direction: tuple[float, float]) -> FloatArray:
-    """Central difference along a unit vector (x, y), over the last two axes; NaN at the edges."""
+    """Scalar product of a vector (x, y) and the central differences over the last two axes; NaN at the edges."""
     found = np.full_like(picture, np.nan)
     across = (picture[..., 1:-1, 2:] - picture[..., 1:-1, :-2]) * picture.dtype.type(direction[0] / 2.0)
     down = (picture[..., 2:, 1:-1] - picture[..., :-2, 1:-1]) * picture.dtype.type(direction[1] / 2.0)

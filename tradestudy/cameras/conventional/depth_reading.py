@@ -1,0 +1,138 @@
+"""Depth from focus: in which picture of a stack a point is sharpest.
+
+The pictures are brought to the scale of the first one, since a lens that focuses nearer also pictures larger. The
+focus measure is the energy of the Laplacian in a window, less that of the noise. Its logarithm is taken for a parabola
+in inverse focus distance, because the blur grows in proportion to that distance from the object's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.single_lens_exposure import SingleLensExposure
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.window_matching import Reason, odd_window, window_sum
+
+if TYPE_CHECKING:
+    from tradestudy.cameras.conventional.design import ConventionalCamera
+
+LEAST_PICTURES: Final = 3
+_LAPLACIAN_NOISE: Final = 20.0  # variance of the Laplacian over that of a pixel: 4² + 4 × 1²
+_CORRELATED: Final = 1.69  # Σρ² over the lags of the noise of the Laplacian: windows hold so many fewer of it
+_CERTAIN: Final = 4.0  # standard deviations that the energy at the peak lies above noise
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FocusStackReader:
+    """A camera that takes a focus stack, and what depth is looked for; the map is in the pixels of its first picture.
+
+    Parameters
+    ----------
+    camera, search
+        Them.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a stack of fewer than three pictures, which has no peak.
+    """
+
+    camera: ConventionalCamera
+    search: DepthSearch
+
+    def __post_init__(self) -> None:
+        if len(self._stack) < LEAST_PICTURES:
+            raise OutOfRangeError(
+                "pictures of a focus stack from which depth is measured",
+                value=str(len(self._stack)),
+                limit=f"{LEAST_PICTURES} or more",
+                remedy="let the stack have more images over a wider range, or leave the camera out of scene.image",
+            )
+
+    @property
+    def _stack(self) -> list[SingleLensExposure]:
+        return list(self.camera.exposures(self.search.far, {}, None, 0.0))
+
+    def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
+        """Depth where the sharpest picture lies between two others."""
+        stack = self._stack
+        window = odd_window(self.search.window_px)
+        energy, noise, lit = [], [], np.ones(pictures[stack[0].name].values.shape, bool)
+        for one in stack:
+            picture = pictures[one.name]
+            values = np.where(picture.pure, picture.values, np.nan)
+            seen = _scaled(_laplacian(values), one.image_distance / stack[0].image_distance)
+            lit &= np.isfinite(seen)
+            level = _LAPLACIAN_NOISE * float(np.nanmedian(picture.variance))
+            count = float(window * window)
+            energy.append(window_sum(np.square(np.nan_to_num(seen)), window) / count)
+            noise.append(level)
+        measure, levels = np.stack(energy).astype(np.float64), np.array(noise).reshape(-1, 1, 1)
+        inverse = 1.0 / np.array([one.focus_distance for one in stack])
+        best = np.argmax(measure, axis=0)
+        middle = np.clip(best, 1, len(stack) - 2)
+        signal = np.stack([np.take_along_axis(measure - levels, (middle + k)[np.newaxis], axis=0)[0] for k in (-1, 0, 1)])
+        at = np.stack([inverse[middle + k] for k in (-1, 0, 1)])
+        level = np.take_along_axis(np.broadcast_to(levels, measure.shape), middle[np.newaxis], axis=0)[0]
+        n = window * window / _CORRELATED
+        spread = np.sqrt((2.0 * np.square(level) + 4.0 * level * np.maximum(signal, 0.0)) / n)
+        certain = np.all(signal > _CERTAIN * spread, axis=0)
+        logs = np.log(np.where(certain, signal, 1.0))
+        peak, curvature, slopes = _vertex(at, logs)
+        reason = np.full(best.shape, Reason.MEASURED, np.uint8)
+        inside = (best == middle) & (curvature < 0.0) & (peak <= at[0]) & (peak >= at[2])
+        reason[~inside] = Reason.OUT_OF_RANGE
+        reason[~certain] = Reason.TEXTURELESS
+        reason[~lit] = Reason.NO_LIGHT
+        good = reason == Reason.MEASURED
+        depth = np.where(good, 1.0 / np.where(good, peak, 1.0), np.nan)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            error = np.sqrt(np.sum(np.square(slopes * spread / signal), axis=0))
+        deviation = np.where(good, error * np.square(depth), np.nan)
+        return DepthMap(
+            depth=depth, deviation=deviation, disparity_deviation=np.full(depth.shape, np.nan), reason=reason
+        )
+
+    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
+        """True depth of the first picture; every point in the range of the stack can be measured."""
+        stack = self._stack
+        depth = np.asarray(depths[stack[0].name], np.float64)
+        ends = sorted(one.focus_distance for one in stack)
+        return TrueDepth(depth=depth, measurable=(depth >= ends[0]) & (depth <= ends[-1]))
+
+
+def _laplacian(values: FloatArray) -> FloatArray:
+    found = np.full_like(values, np.nan)
+    found[1:-1, 1:-1] = (
+        values[:-2, 1:-1] + values[2:, 1:-1] + values[1:-1, :-2] + values[1:-1, 2:] - 4.0 * values[1:-1, 1:-1]
+    )
+    return found
+
+
+def _scaled(values: FloatArray, scale: float) -> FloatArray:
+    """A picture read at ``scale`` times the place of each pixel from its middle; the nearest pixel, whose noise stays."""
+    if scale == 1.0:
+        return values
+    index = [np.rint((np.arange(n) + 0.5 - n / 2.0) * scale + n / 2.0 - 0.5).astype(np.intp) for n in values.shape]
+    inside = [(one >= 0) & (one < n) for one, n in zip(index, values.shape, strict=True)]
+    found = values[np.ix_(*(np.clip(one, 0, n - 1) for one, n in zip(index, values.shape, strict=True)))]
+    return np.where(inside[0][:, np.newaxis] & inside[1][np.newaxis, :], found, np.nan).astype(values.dtype)
+
+
+def _vertex(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of the parabola through three points: its place, its second coefficient, and the place's slopes in each y."""
+    (x0, x1, x2), (y0, y1, y2) = x, y
+    d = np.stack([(x1 - x2), (x2 - x0), (x0 - x1)])
+    e = np.stack([x1**2 - x2**2, x2**2 - x0**2, x0**2 - x1**2])
+    top, bottom = np.sum(e * y, axis=0), 2.0 * np.sum(d * y, axis=0)
+    with np.errstate(divide="ignore", invalid="ignore"):  # three equal values
+        place = top / bottom
+        slopes = (e - 2.0 * d * place) / bottom
+    curvature = bottom / (2.0 * (x0 - x1) * (x0 - x2) * (x1 - x2))
+    return place, curvature, slopes

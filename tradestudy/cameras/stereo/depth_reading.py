@@ -1,0 +1,208 @@
+"""Depth from two pictures: a library's matcher for whole pixels, windows for the fraction, the rig's law for depth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.stereo.pair import SIDES, pair_poses
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.window_matching import (
+    Matches,
+    PairOfPictures,
+    Reason,
+    gradient_along,
+    match_windows,
+    odd_window,
+)
+
+if TYPE_CHECKING:
+    from tradestudy.cameras.stereo.design import StereoRig
+
+_LEAST_SHARE: Final = 0.5  # of a window that both pictures show
+_VALUES_AT_ONCE: Final = 4_000_000  # of all steps of a band of rows
+_GREYS: Final = (5.0, 245.0)  # of the 8 bits that the library's matcher takes, for the 1st and 99th percentile
+_LARGEST_BLOCK: Final = 11  # px; the library recommends no more
+_SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that show a point
+_OPENCV_STEP: Final = 16  # parts of a pixel in the library's disparities, and what their number is a multiple of
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PairReader:
+    """A stereo rig as it was designed, and what depth is looked for; the map is in the pixels of the left picture.
+
+    Pictures of converging axes are turned parallel first, and the map is in the frame of the turned left picture.
+
+    Parameters
+    ----------
+    camera, search
+        Them.
+    """
+
+    camera: StereoRig
+    search: DepthSearch
+
+    @property
+    def _scale(self) -> float:
+        """Disparity times depth [px m] of parallel pictures."""
+        return self.camera.principal_distance * self.camera.baseline / self.camera.sensor.pixel_pitch
+
+    @property
+    def _steps(self) -> range:
+        return range(math.floor(self._scale / self.search.far) - 2, math.ceil(self._scale / self.search.near) + 3)
+
+    def _depth(self, disparity: FloatArray) -> FloatArray:
+        """Of disparities of parallel pictures [px]."""
+        pitch = self.camera.sensor.pixel_pitch
+        if self.camera.convergence_angle == 0.0:
+            return self.camera.depth_of_disparity(disparity * pitch, self.search.far)
+        with np.errstate(divide="ignore"):
+            return np.asarray(np.where(disparity > 0.0, self._scale / disparity, np.inf))
+
+    def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
+        """Depth of every pixel of the left picture, where the matches from left and from right agree."""
+        left, right = (
+            self._parallel(np.where(pictures[side].pure, pictures[side].values, np.nan), side) for side in SIDES
+        )
+        variance = float(np.nanmedian(pictures[SIDES[0]].variance))
+        start = self._whole_pixels(left, right)
+        steps = self._steps
+        rows = max(1, _VALUES_AT_ONCE // (len(steps) * left.shape[1]))
+        window = odd_window(self.search.window_px)
+        bands = []
+        for top in range(0, left.shape[0], rows):
+            low, high = max(0, top - window), min(left.shape[0], top + rows + window)
+            found = self._band(left[low:high], right[low:high], start[low:high], variance)
+            keep = slice(top - low, min(top + rows, left.shape[0]) - low)
+            bands.append((found.disparity[keep], found.deviation[keep], found.reason[keep]))
+        disparity, deviation, reason = (np.concatenate(one) for one in zip(*bands, strict=True))
+        reason[np.isnan(left)] = Reason.NO_LIGHT
+        depth = self._depth(np.where(reason == Reason.MEASURED, disparity, np.nan))
+        reason[(reason == Reason.MEASURED) & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
+        good = reason == Reason.MEASURED
+        deviation = np.where(good, deviation, np.nan)
+        depth = np.where(good, depth, np.nan)
+        return DepthMap(
+            depth=depth, deviation=deviation * np.square(depth) / self._scale, disparity_deviation=deviation, reason=reason
+        )
+
+    def _band(self, left: FloatArray, right: FloatArray, start: FloatArray, variance: float) -> Matches:
+        """The fraction of a pixel, in some rows."""
+
+        def difference(step: int) -> tuple[FloatArray, BoolArray]:
+            moved = np.full_like(right, np.nan)
+            if step >= 0:
+                moved[:, step:] = right[:, : right.shape[1] - step]
+            else:
+                moved[:, :step] = right[:, -step:]
+            moved -= left
+            return moved, np.isfinite(moved)
+
+        return match_windows(
+            [PairOfPictures(gradient=gradient_along(left, (-1.0, 0.0)), difference=difference)],
+            self._steps,
+            window=odd_window(self.search.window_px),
+            variance=np.asarray(variance),
+            least_share=_LEAST_SHARE,
+            largest_deviation=self.search.largest_deviation_px,
+            start=start,
+        )
+
+    def _whole_pixels(self, left: FloatArray, right: FloatArray) -> FloatArray:
+        """Disparity of the left picture [px] by semi-global matching, NaN where left and right disagree.
+
+        H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", IEEE Trans. PAMI 30, 328
+        (2008), as OpenCV has it: blocks instead of mutual information, five directions.
+        """
+        cv2 = _opencv()
+        steps = self._steps
+        both = np.concatenate([left.ravel(), right.ravel()])
+        dark, bright = np.nanpercentile(both, (1.0, 99.0))
+        scale = (_GREYS[1] - _GREYS[0]) / max(float(bright - dark), 1e-12)
+        count = -(-len(steps) // _OPENCV_STEP) * _OPENCV_STEP
+        # The library matches no pixel so near to the left edge that some disparity would leave the right picture.
+        margin = max(0, steps[0] + count)
+        greys = [
+            np.pad(
+                np.clip(np.nan_to_num(_GREYS[0] + (one - dark) * scale), 0, 255).astype(np.uint8),
+                ((0, 0), (margin, 0)),
+            )
+            for one in (left, right)
+        ]
+        block = min(odd_window(self.search.window_px), _LARGEST_BLOCK)
+        matcher = cv2.StereoSGBM_create(
+            minDisparity=steps[0],
+            numDisparities=count,
+            blockSize=block,
+            P1=8 * block**2,
+            P2=32 * block**2,
+            disp12MaxDiff=1,
+            uniquenessRatio=5,
+        )
+        found = np.asarray(matcher.compute(*greys), np.float32)[:, margin:] / _OPENCV_STEP
+        return np.where(found >= steps[0], found, np.nan)
+
+    def _parallel(self, picture: FloatArray, side: str, order: int = 3) -> FloatArray:
+        """A picture as a camera with its axis at right angles to the baseline would take it."""
+        if self.camera.convergence_angle == 0.0:
+            return picture
+        from scipy.ndimage import map_coordinates
+
+        sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
+        x, y, z = self._turned(side)
+        place = [y / z * c + sensor.rows / 2.0 - 0.5, x / z * c + sensor.columns / 2.0 - 0.5]
+        missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
+        found = map_coordinates(np.nan_to_num(picture), place, order=order, mode="nearest")
+        return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
+
+    def _turned(self, side: str) -> FloatArray:
+        """Rays of the pixels of a parallel camera in the frame of the one there is, shape (3, rows, columns)."""
+        sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
+        rows, columns = np.mgrid[: sensor.rows, : sensor.columns]
+        rays = np.stack(
+            [
+                (columns + 0.5 - sensor.columns / 2.0) / c,
+                (rows + 0.5 - sensor.rows / 2.0) / c,
+                np.ones_like(rows, dtype=float),
+            ]
+        )
+        rotation = np.array(pair_poses(self.camera.pair, {})[SIDES.index(side)].rotation)
+        return np.einsum("ij,irc->jrc", rotation, rays)
+
+    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
+        """True depth in the left picture, and where the right picture shows the same surface at the place it predicts."""
+        left, right = (self._true_depth(np.asarray(depths[side], np.float64), side) for side in SIDES)
+        rows, columns = np.indices(left.shape)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            disparity = self._scale / left
+            place = columns - disparity
+            inside = (place >= 0.0) & (place <= left.shape[1] - 1) & np.isfinite(left)
+            beside = np.rint(np.where(inside, place, 0.0)).astype(np.intp)
+            same = np.abs(self._scale / right[rows, beside] - disparity) <= _SAME_SURFACE_PX
+        searched = (left >= self.search.near) & (left <= self.search.far)
+        return TrueDepth(depth=left, measurable=inside & same & searched)
+
+    def _true_depth(self, depth: FloatArray, side: str) -> FloatArray:
+        """Along the axis of a parallel camera [m]."""
+        if self.camera.convergence_angle == 0.0:
+            return depth
+        # A point at depth Z along its own axis lies at Z/ray_z along the parallel one, for rays of unit z there.
+        return self._parallel(depth, side, order=1) / self._turned(side)[2]
+
+
+def _opencv() -> Any:
+    """The library that matches pictures, loaded where it is needed."""
+    try:
+        import cv2
+    except ImportError:
+        raise OutOfRangeError(
+            "depth from stereo pictures needs OpenCV, which is not installed",
+            remedy="install it with: pip install 'tradestudy[images]'",
+        ) from None
+    return cv2

@@ -1,0 +1,235 @@
+"""Depth from the views of an unfocused plenoptic camera: opposite parts of the pupil, matched as pairs of pictures.
+
+A point at a disparity s [samples per metre of pupil] appears in the view through u moved by −u s against the view
+through the middle. The views through u and −u are compared at the places that one s predicts in both, so that all
+pairs of views share the frame of the middle one, and each pair has noise of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.microlens_pictures import Indices, MicrolensGrid, microlens_grid
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.interpolation import cubic_weights
+from tradestudy.optics.microlens_coverage.lattice import lattice_of
+from tradestudy.optics.window_matching import PairOfPictures, Reason, gradient_along, match_windows, odd_window
+
+if TYPE_CHECKING:
+    from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
+
+_LEAST_SHARE: Final = 0.5  # of a window that both views show
+_SMOOTHING: Final = 0.8  # samples, of views: what is finer is mostly aliased, and moves by other disparities
+_SAME_SURFACE_PX: Final = 0.5  # of disparity between the outermost views, among neighbours
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ViewsReader:
+    """An unfocused plenoptic camera as it was designed, and what depth is looked for.
+
+    The map has one value for each microlens, in rows from the top; of a hexagonal array every other row is moved by
+    half a pitch to stand on a regular grid.
+
+    Parameters
+    ----------
+    camera, search
+        Them.
+    """
+
+    camera: UnfocusedPlenoptic
+    search: DepthSearch
+
+    @cached_property
+    def _grid(self) -> MicrolensGrid:
+        (exposure,) = self.camera.exposures(self.search.far, {}, None, 0.0)
+        return microlens_grid(exposure)
+
+    @cached_property
+    def _places(self) -> tuple[Indices, Indices, tuple[int, int]]:
+        """Row and column of each microlens on the regular grid, and its rows and columns."""
+        skew, _ = lattice_of(self.camera.microlenses.layout).second_vector
+        grid = self._grid
+        row = grid.second - grid.low[1]
+        column = grid.first + np.floor(skew * grid.second).astype(np.intp)
+        column = column - column.min()
+        return row, column, (int(row.max()) + 1, int(column.max()) + 1)
+
+    @cached_property
+    def _rise(self) -> float:
+        """Distance of rows over that of columns."""
+        return lattice_of(self.camera.microlenses.layout).second_vector[1]
+
+    @cached_property
+    def _half_pairs(self) -> FloatArray:
+        """One view of each pair of opposite views that the estimator uses [m on the pupil], shape (pairs, 2).
+
+        Without those at the rim of the pupil, which microlenses that stand between pixels do not show.
+        """
+        views = self.camera.view_positions
+        rim = self.camera.main_lens.pupil_diameter / 2.0 - self.camera.view_pupil_diameter
+        views = views[np.hypot(*views.T) <= rim]
+        if self.camera.estimator == "outermost-views":
+            rows = np.abs(views[:, 1])
+            middle = views[rows <= rows.min() * (1.0 + 1e-9)]
+            return middle[[np.argmax(middle[:, 0])]]
+        return views[(views[:, 0] > 0.0) | ((views[:, 0] == 0.0) & (views[:, 1] > 0.0))]
+
+    @property
+    def _longest(self) -> float:
+        """Baseline [m] whose disparity the steps count."""
+        return 2.0 * float(np.max(np.hypot(*self._half_pairs.T)))
+
+    @property
+    def _over_estimator(self) -> float:
+        """That baseline over the estimator's."""
+        return self._longest / self.camera.estimator_baseline
+
+    def _view(self, picture: FlatPicture, place: FloatArray) -> FloatArray:
+        """The view through a place (2,) on the pupil [m], on the regular grid; NaN where it is missing."""
+        camera, grid = self.camera, self._grid
+        pixel = place * camera.microlenses.gap / camera.mla_distance / camera.sensor.pixel_pitch
+        values = np.where(picture.pure, picture.values, np.float32(np.nan))
+        row, column, shape = self._places
+        found = np.full(shape, np.nan, np.float32)
+        found[row, column] = _sampled(values, grid.image_centre + pixel[:, np.newaxis])
+        return self._straightened(found)
+
+    def _straightened(self, found: FloatArray) -> FloatArray:
+        """Rows that the lattice moves by half a sample, put straight by cubic interpolation."""
+        skew, _ = lattice_of(self.camera.microlenses.layout).second_vector
+        if skew == 0.0:
+            return found
+        odd = np.flatnonzero((np.arange(found.shape[0]) + self._grid.low[1]) % 2 == 1)
+        wide = np.pad(found[odd], ((0, 0), (2, 1)), constant_values=np.nan)
+        weights = cubic_weights(0.5).astype(found.dtype)
+        columns = found.shape[1]
+        # An odd row's sample j stands at j + ½: the place j lies between the samples j − 1 and j.
+        found[odd] = sum(weights[k] * wide[:, k : k + columns] for k in range(4))
+        return found
+
+    def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
+        """Depth of every microlens that enough views pass."""
+        camera, picture = self.camera, pictures["raw"]
+        middle = self._view(picture, np.zeros(2))
+        smooth = _Movable.of(middle)
+        template = np.where(smooth.seen, smooth.at(np.zeros(2)), np.float32(np.nan))
+        pairs = [self._pair(picture, template, u) for u in self._half_pairs]
+        ends = np.sort(camera.disparity_px(np.array([self.search.near, self.search.far])) * self._over_estimator)
+        steps = range(math.floor(ends[0]) - 2, math.ceil(ends[1]) + 3)
+        found = match_windows(
+            pairs,
+            steps,
+            window=odd_window(self.search.window_px),
+            variance=np.asarray(float(np.nanmedian(np.where(picture.pure, picture.variance, np.nan)))),
+            least_share=_LEAST_SHARE,
+            largest_deviation=self.search.largest_deviation_px * min(1.0, self._over_estimator),
+        )
+        reason = found.reason
+        reason[np.isnan(middle)] = Reason.NO_LIGHT
+        disparity = np.where(reason == Reason.MEASURED, found.disparity, np.nan) / self._over_estimator
+        deviation = np.where(reason == Reason.MEASURED, found.deviation, np.nan) / self._over_estimator
+        depth = camera.depth_of_disparity(disparity * camera.sample_pitch, self.search.far)
+        reason[(reason == Reason.MEASURED) & ~np.isfinite(depth)] = Reason.OUT_OF_RANGE
+        depth = np.where(reason == Reason.MEASURED, depth, np.nan)
+        rate = camera.sample_pitch / (camera.estimator_baseline * camera.mla_distance)
+        return DepthMap(
+            depth=depth,
+            deviation=deviation * rate * np.square(depth),
+            disparity_deviation=deviation,
+            reason=reason,
+        )
+
+    def _pair(self, picture: FlatPicture, template: FloatArray, place: FloatArray) -> PairOfPictures:
+        """The views through a place on the pupil and the one opposite."""
+        first, second = (_Movable.of(self._view(picture, one)) for one in (-place, place))
+        per_step = place / self._longest * np.array([1.0, 1.0 / self._rise])
+        gradient = gradient_along(template, (-2.0 * float(per_step[0]), -2.0 * float(per_step[1])))
+
+        def difference(step: int) -> tuple[FloatArray, BoolArray]:
+            return second.at(-per_step * step) - first.at(per_step * step), first.seen & second.seen
+
+        return PairOfPictures(gradient=gradient, difference=difference)
+
+    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
+        """True depth in the middle view; it can be measured where no step of depth is beside."""
+        from scipy.ndimage import maximum_filter, minimum_filter
+
+        row, column, shape = self._places
+        x, y = np.rint(self._grid.image_centre).astype(np.intp)
+        raw = np.asarray(depths["raw"], np.float64)
+        inside = (x >= 0) & (y >= 0) & (x < raw.shape[1]) & (y < raw.shape[0])
+        found = np.full(shape, np.nan)
+        found[row[inside], column[inside]] = raw[y[inside], x[inside]]
+        depth = self._straightened(found)
+        within = (depth >= self.search.near) & (depth <= self.search.far)
+        disparity = self.camera.disparity_px(np.where(within, depth, self.search.far)) * self._over_estimator
+        smooth = maximum_filter(disparity, 3) - minimum_filter(disparity, 3) <= _SAME_SURFACE_PX
+        return TrueDepth(depth=depth, measurable=within & smooth)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Movable:
+    """A view as the spectrum of its even continuation, which moves it by any fraction of a sample without blurring it.
+
+    Views have few samples for their texture; interpolation by neighbours would blur them at fractions of a sample and
+    not at whole ones, and draw every disparity away from whole samples.
+
+    Parameters
+    ----------
+    spectrum
+        Of the continuation.
+    seen
+        Where its samples and their neighbours were there, shape (rows, columns).
+    """
+
+    spectrum: NDArray[np.complex64]
+    seen: BoolArray
+
+    @classmethod
+    def of(cls, view: FloatArray) -> _Movable:
+        """Missing samples are those nearest to them."""
+        from scipy import fft
+        from scipy.ndimage import binary_erosion, distance_transform_edt
+
+        there = np.isfinite(view)
+        if np.any(there):
+            nearest = distance_transform_edt(~there, return_distances=False, return_indices=True)
+            view = view[tuple(nearest)]
+        even = np.concatenate([view, view[::-1]])
+        even = np.concatenate([even, even[:, ::-1]], axis=1)
+        across, down = fft.rfftfreq(even.shape[1]), fft.fftfreq(even.shape[0])[:, np.newaxis]
+        passed = np.exp(-2.0 * np.square(np.pi * _SMOOTHING) * (np.square(across) + np.square(down)))
+        spectrum = fft.rfft2(even.astype(np.float32)) * passed.astype(np.float32)
+        return cls(spectrum=spectrum, seen=binary_erosion(there, np.ones((3, 3)), border_value=0))
+
+    def at(self, move: FloatArray) -> FloatArray:
+        """Read at each place plus a move (x, y) [samples]."""
+        from scipy import fft
+
+        rows, columns = self.seen.shape
+        across, down = (fft.rfftfreq(2 * columns), fft.fftfreq(2 * rows))
+        turn = np.exp(2j * np.pi * move[1] * down)[:, np.newaxis] * np.exp(2j * np.pi * move[0] * across)
+        found = fft.irfft2(self.spectrum * turn.astype(np.complex64), s=(2 * rows, 2 * columns))
+        return np.asarray(found[:rows, :columns], np.float32)
+
+
+def _sampled(picture: FloatArray, place: FloatArray) -> FloatArray:
+    """A picture read at places (2, points) [px]: cubic, linear beside missing pixels, NaN on them."""
+    corner = np.floor(place).astype(np.intp)
+    rows, columns = picture.shape
+    x, y = (np.add.outer(np.arange(-1, 3), corner[k]) for k in (0, 1))
+    near = picture[np.clip(y, 0, rows - 1)[:, np.newaxis], np.clip(x, 0, columns - 1)[np.newaxis]]
+    beyond = ((y < 0) | (y >= rows))[:, np.newaxis] | ((x < 0) | (x >= columns))[np.newaxis]
+    near = np.where(beyond, np.nan, near)
+    t, u = (place[k] - corner[k] for k in (0, 1))
+    cubic = np.einsum("yxn,nx,ny->n", near, cubic_weights(t), cubic_weights(u))
+    linear = np.einsum("yxn,xn,yn->n", near[1:3, 1:3], np.stack([1.0 - t, t]), np.stack([1.0 - u, u]))
+    return np.where(np.isnan(cubic), linear, cubic)
