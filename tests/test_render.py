@@ -270,13 +270,13 @@ def test_a_map_that_is_missing_is_told_at_its_place(tmp_path: Path) -> None:
 def test_more_samples_lower_the_error(tmp_path: Path) -> None:
     loaded = study(tmp_path, PLANE, "cameras: [plenoptic]")
     definition = loaded.definition
-    image, picture = pictures._declared(definition)
-    scene, (camera,) = pictures._set_up(definition, image, picture)
+    image, picture = pictures.declared_image(definition)
+    scene, (camera,) = pictures.set_up(definition, image, picture)
     tile = tiles.Tile(
         camera="plenoptic",
         exposure=camera.exposures[0],
         scene=scene,
-        recording=pictures._recording(image, picture),
+        recording=pictures.recording_of(image, picture),
         samples=1024,
         seed=0,
         rows=(80, 112),

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from tradestudy.comparison import Comparison
     from tradestudy.execution import Checkpoints, Executor
     from tradestudy.figures.drawn import Drawer
+    from tradestudy.imaging.estimation.score import DepthScore
     from tradestudy.plan.plan import Plan
     from tradestudy.study.schema.root import StudyFile
 
@@ -498,6 +499,32 @@ def render(
         written = render_pictures(study.definition, folder, steps)
         checkpoints.remove()
     return written
+
+
+def map_depths(study: Study, directory: Path, *, progress: Progress = lambda _s, _p: None) -> dict[str, DepthScore]:
+    """Measure depth in the rendered pictures of a study's scene, and write the maps beside them.
+
+    Returns
+    -------
+    dict
+        How the map of each camera compares with the true depth.
+
+    Raises
+    ------
+    StudyError
+        Where the study has no ``scene.image``.
+    OutOfRangeError
+        Where a camera cannot measure depth in its pictures, or a matcher is not installed.
+    """
+    from tradestudy.execution import Checkpoints, Serial, Steps
+    from tradestudy.run.depth_maps import map_depths
+
+    folder = directory / "pictures"
+    with closing(Checkpoints(folder)) as checkpoints:
+        steps = Steps(executor=Serial(), checkpoints=checkpoints, progress=progress)
+        scores = map_depths(study.definition, folder, steps)
+        checkpoints.remove()
+    return scores
 
 
 def _drawer_while_computing() -> AbstractContextManager[Drawer | None]:

@@ -137,6 +137,9 @@ def render(
     threads: ThreadsOption = None,
     dask: DaskOption = None,
     fresh: FreshOption = False,
+    depth: Annotated[
+        bool, typer.Option("--depth", help="Measure depth in the pictures, too, and hold it against the true depth.")
+    ] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> None:
@@ -149,8 +152,9 @@ def render(
         executor = _executor(jobs=jobs, threads=threads, dask=dask)
         with _shown_progress(quiet=quiet, is_predicted=False) as progress:
             written = api.render(loaded, directory, fresh=fresh, progress=progress, executor=executor)
+            scores = api.map_depths(loaded, directory, progress=progress) if depth else {}
         if not quiet:
-            typer.echo("\n".join(map(str, written)))
+            typer.echo("\n".join([*map(str, written), *(one.line(name) for name, one in scores.items())]))
 
 
 @app.command()

@@ -79,9 +79,7 @@ def microlens_grid(exposure: MicrolensExposure) -> MicrolensGrid:
     rows, columns = lattice_counts(array, sensor)
     first, second = (
         grid.ravel()
-        for grid in np.meshgrid(
-            np.arange(-columns, columns + 1), np.arange(-rows, rows + 1), indexing="ij"
-        )
+        for grid in np.meshgrid(np.arange(-columns, columns + 1), np.arange(-rows, rows + 1), indexing="ij")
     )
     middle = np.array([[sensor.columns], [sensor.rows]]) / 2.0 - 0.5
     over = geometry.gap / geometry.mla_distance
@@ -118,9 +116,11 @@ def squares(grid: MicrolensGrid, picture: FloatArray, pure: BoolArray) -> FloatA
     corner = grid.corner - MARGIN
     line = np.arange(grid.side + 2 * MARGIN)
     x, y = (corner[k][:, np.newaxis] + line for k in (0, 1))
-    within = np.square(x - grid.image_centre[0][:, np.newaxis])[:, np.newaxis, :] + np.square(
-        y - grid.image_centre[1][:, np.newaxis]
-    )[:, :, np.newaxis] <= grid.radius**2
+    within = (
+        np.square(x - grid.image_centre[0][:, np.newaxis])[:, np.newaxis, :]
+        + np.square(y - grid.image_centre[1][:, np.newaxis])[:, :, np.newaxis]
+        <= grid.radius**2
+    )
     within &= ((y >= 0) & (y < rows))[:, :, np.newaxis] & ((x >= 0) & (x < columns))[:, np.newaxis, :]
     place = np.clip(y, 0, rows - 1)[:, :, np.newaxis], np.clip(x, 0, columns - 1)[:, np.newaxis, :]
     return np.where(within & pure[place], picture[place], picture.dtype.type(np.nan))

@@ -34,4 +34,6 @@ def centroid_of_common_part(apart: ArrayLike, radius: float, other_radius: float
     height = np.minimum(radius**2 - np.square(x), other_radius**2 - np.square(x - s))
     area = weight * np.sin(np.pi * t) * np.sqrt(np.maximum(height, 0.0))
     with np.errstate(invalid="ignore"):  # nothing shared
-        return np.asarray(np.where(high > low, (area * x).sum(-1, keepdims=True) / area.sum(-1, keepdims=True), np.nan))[..., 0]
+        return np.asarray(
+            np.where(high > low, (area * x).sum(-1, keepdims=True) / area.sum(-1, keepdims=True), np.nan)
+        )[..., 0]

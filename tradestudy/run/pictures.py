@@ -50,12 +50,16 @@ class Taken:
         What the camera that takes them is less its design, in SI.
     exposures
         Its pictures.
+    reference_distance, stop_separation
+        What they were asked for with [m]; see `Camera.exposures`.
     """
 
     name: str
     camera: Camera
     errors: Mapping[str, FloatArray]
     exposures: Sequence[Exposure]
+    reference_distance: float
+    stop_separation: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -119,9 +123,9 @@ def render(definition: StudyDefinition, steps: Steps) -> Rendering:
     UnaffordableError
         Where the pictures do not fit into the memory that is free, before anything is rendered.
     """
-    image, picture = _declared(definition)
-    scene, cameras = _set_up(definition, image, picture)
-    recording = _recording(image, picture)
+    image, picture = declared_image(definition)
+    scene, cameras = set_up(definition, image, picture)
+    recording = recording_of(image, picture)
     whole = [
         Tile(
             camera=taken.name,
@@ -167,7 +171,7 @@ def render_pictures(definition: StudyDefinition, directory: Path, steps: Steps) 
     list of Path
         The pictures.
     """
-    _declared(definition)
+    declared_image(definition)
     definition, _ = infer_calibrations(definition, steps)
     return write_pictures(render(definition, steps), directory)
 
@@ -186,7 +190,7 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
     return written
 
 
-def _declared(definition: StudyDefinition) -> tuple[SceneImagePart, PicturePart]:
+def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, PicturePart]:
     """What the study declares, or its absence as a mistake."""
     scene = definition.file.scene
     if scene is None or scene.image is None or scene.picture is None:
@@ -197,9 +201,7 @@ def _declared(definition: StudyDefinition) -> tuple[SceneImagePart, PicturePart]
     return scene.image, scene.picture
 
 
-def _set_up(
-    definition: StudyDefinition, image: SceneImagePart, picture: PicturePart
-) -> tuple[SceneSource, list[Taken]]:
+def set_up(definition: StudyDefinition, image: SceneImagePart, picture: PicturePart) -> tuple[SceneSource, list[Taken]]:
     """The scene, and the cameras that take it, with every mistake at its place."""
     folder = definition.folder_of(_WHERE)
     texture = Texture(contrast=picture.texture.contrast, correlation_length=picture.texture.correlation_length)
@@ -231,11 +233,20 @@ def _cameras(definition: StudyDefinition, image: SceneImagePart, picture: Pictur
             errors = drawn_errors(camera, name, definition.file.propagation.seed)
             environment = camera.calibration.environment
         exposures = camera.exposures(middle, errors, environment, picture.stop_separation)
-        found.append(Taken(name=name, camera=camera, errors=errors, exposures=exposures))
+        found.append(
+            Taken(
+                name=name,
+                camera=camera,
+                errors=errors,
+                exposures=exposures,
+                reference_distance=middle,
+                stop_separation=picture.stop_separation,
+            )
+        )
     return found
 
 
-def _recording(image: SceneImagePart, picture: PicturePart) -> Recording:
+def recording_of(image: SceneImagePart, picture: PicturePart) -> Recording:
     settings = picture.settings(1.0)  # rays have no wavelength
     mosaic = image.mosaic
     return Recording(

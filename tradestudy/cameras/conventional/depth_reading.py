@@ -1,7 +1,7 @@
 """Depth from focus: in which picture of a stack a point is sharpest.
 
 The pictures are brought to the scale of the first one, since a lens that focuses nearer also pictures larger. The
-focus measure is the energy of the Laplacian in a window, less that of the noise. Its logarithm is taken for a parabola
+focus measure is the energy of the gradient in a window, less that of the noise. Its logarithm is taken for a parabola
 in inverse focus distance, because the blur grows in proportion to that distance from the object's.
 """
 
@@ -17,15 +17,15 @@ from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, Tru
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.window_matching import Reason, odd_window, window_sum
+from tradestudy.optics.window_matching import Reason, gradient_along, odd_window, window_sum
 
 if TYPE_CHECKING:
     from tradestudy.cameras.conventional.design import ConventionalCamera
 
 LEAST_PICTURES: Final = 3
-_LAPLACIAN_NOISE: Final = 20.0  # variance of the Laplacian over that of a pixel: 4² + 4 × 1²
-_CORRELATED: Final = 1.69  # Σρ² over the lags of the noise of the Laplacian: windows hold so many fewer of it
+_NOISE_SPREAD: Final = 1.5  # variance of the energy of noise in one pixel, over the square of its mean
 _CERTAIN: Final = 4.0  # standard deviations that the energy at the peak lies above noise
+_LARGEST_DEVIATION: Final = 0.5  # of the peak, in steps of the stack
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,34 +66,33 @@ class FocusStackReader:
         energy, noise, lit = [], [], np.ones(pictures[stack[0].name].values.shape, bool)
         for one in stack:
             picture = pictures[one.name]
-            values = np.where(picture.pure, picture.values, np.nan)
-            seen = _scaled(_laplacian(values), one.image_distance / stack[0].image_distance)
+            scale = one.image_distance / stack[0].image_distance
+            seen = _scaled(_gradient_energy(np.where(picture.pure, picture.values, np.nan)), scale)
             lit &= np.isfinite(seen)
-            level = _LAPLACIAN_NOISE * float(np.nanmedian(picture.variance))
-            count = float(window * window)
-            energy.append(window_sum(np.square(np.nan_to_num(seen)), window) / count)
-            noise.append(level)
-        measure, levels = np.stack(energy).astype(np.float64), np.array(noise).reshape(-1, 1, 1)
+            # Two central differences have half of the noise each; a larger picture has smaller gradients.
+            noise.append(float(np.nanmedian(picture.variance)) * scale**2)
+            energy.append(window_sum(np.nan_to_num(seen), window) * (scale / window) ** 2)
+        signals = np.stack(energy).astype(np.float64) - np.array(noise).reshape(-1, 1, 1)
         inverse = 1.0 / np.array([one.focus_distance for one in stack])
-        best = np.argmax(measure, axis=0)
+        best = np.argmax(signals, axis=0)
         middle = np.clip(best, 1, len(stack) - 2)
-        signal = np.stack([np.take_along_axis(measure - levels, (middle + k)[np.newaxis], axis=0)[0] for k in (-1, 0, 1)])
-        at = np.stack([inverse[middle + k] for k in (-1, 0, 1)])
-        level = np.take_along_axis(np.broadcast_to(levels, measure.shape), middle[np.newaxis], axis=0)[0]
-        n = window * window / _CORRELATED
-        spread = np.sqrt((2.0 * np.square(level) + 4.0 * level * np.maximum(signal, 0.0)) / n)
-        certain = np.all(signal > _CERTAIN * spread, axis=0)
-        logs = np.log(np.where(certain, signal, 1.0))
-        peak, curvature, slopes = _vertex(at, logs)
+        three = [middle + k for k in (-1, 0, 1)]
+        signal = np.stack([np.take_along_axis(signals, k[np.newaxis], axis=0)[0] for k in three])
+        level, at = (np.stack([np.asarray(values)[k] for k in three]) for values in (noise, inverse))
+        present = np.maximum(signal, 0.0)
+        spread = np.sqrt(_NOISE_SPREAD * np.square(level) + 2.0 * level * present) / window
+        certain = (signal[1] > _CERTAIN * spread[1]) & np.all(signal > 0.0, axis=0)
+        present = np.where(certain, signal, 1.0)
+        peak, curvature, slopes = _vertex(at, np.log(present))
+        error = np.sqrt(np.sum(np.square(slopes * spread / present), axis=0))
+        certain &= error <= _LARGEST_DEVIATION * (at[0] - at[2]) / 2.0
         reason = np.full(best.shape, Reason.MEASURED, np.uint8)
         inside = (best == middle) & (curvature < 0.0) & (peak <= at[0]) & (peak >= at[2])
-        reason[~inside] = Reason.OUT_OF_RANGE
         reason[~certain] = Reason.TEXTURELESS
+        reason[~inside] = Reason.OUT_OF_RANGE
         reason[~lit] = Reason.NO_LIGHT
         good = reason == Reason.MEASURED
         depth = np.where(good, 1.0 / np.where(good, peak, 1.0), np.nan)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            error = np.sqrt(np.sum(np.square(slopes * spread / signal), axis=0))
         deviation = np.where(good, error * np.square(depth), np.nan)
         return DepthMap(
             depth=depth, deviation=deviation, disparity_deviation=np.full(depth.shape, np.nan), reason=reason
@@ -107,12 +106,12 @@ class FocusStackReader:
         return TrueDepth(depth=depth, measurable=(depth >= ends[0]) & (depth <= ends[-1]))
 
 
-def _laplacian(values: FloatArray) -> FloatArray:
-    found = np.full_like(values, np.nan)
-    found[1:-1, 1:-1] = (
-        values[:-2, 1:-1] + values[2:, 1:-1] + values[1:-1, :-2] + values[1:-1, 2:] - 4.0 * values[1:-1, 1:-1]
+def _gradient_energy(values: FloatArray) -> FloatArray:
+    across, down = (
+        gradient_along(values, (1.0, 0.0)),
+        np.swapaxes(gradient_along(np.swapaxes(values, 0, 1), (1.0, 0.0)), 0, 1),
     )
-    return found
+    return np.asarray(np.square(across) + np.square(down))
 
 
 def _scaled(values: FloatArray, scale: float) -> FloatArray:

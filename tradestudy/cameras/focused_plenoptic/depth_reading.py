@@ -83,9 +83,7 @@ class RawPictureReader:
             (i, j)
             for i in range(-span, span + 1)
             for j in range(-span, span + 1)
-            if (i, j) != (0, 0)
-            and self._length((i, j)) <= reach
-            and (not same_type or (i - j) % array.types == 0)
+            if (i, j) != (0, 0) and self._length((i, j)) <= reach and (not same_type or (i - j) % array.types == 0)
         ]
         return tuple(sorted(found, key=self._length))
 
@@ -377,4 +375,3 @@ class RawPictureReader:
             seen = np.abs(theirs - known_w[row, y, x]) * length <= _SAME_SURFACE_PX
             measurable[rows[seen], columns[seen]] = True
         return TrueDepth(depth=depth, measurable=measurable)
-

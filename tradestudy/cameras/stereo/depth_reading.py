@@ -89,7 +89,10 @@ class PairReader:
         deviation = np.where(good, deviation, np.nan)
         depth = np.where(good, depth, np.nan)
         return DepthMap(
-            depth=depth, deviation=deviation * np.square(depth) / self._scale, disparity_deviation=deviation, reason=reason
+            depth=depth,
+            deviation=deviation * np.square(depth) / self._scale,
+            disparity_deviation=deviation,
+            reason=reason,
         )
 
     def _band(self, left: FloatArray, right: FloatArray, start: FloatArray, variance: float) -> Matches:

@@ -176,6 +176,8 @@ class StudyFile(Part):
             claim = self.claims.get(str(path[1])) if path[0] == "claims" else None
             if claim is not None and claim.quantity in ("depth_of_field", "depth_of_field_ratio"):
                 continue
+            if path[0] == "scene":  # pictures can be taken by any camera
+                continue
             if path[0] == "trade_off":  # which says so of the criteria that ask for depth
                 continue
             if path[0] == "requirements" and not self.requirements[str(path[1])].asks_for_depth:
