@@ -35,7 +35,7 @@ HEAVY = {
     "pydantic": ("declarations", "study", *DECLARATIONS),
     "xarray": ("results", "run", "cost", "comparison", "figures", "report", "api"),
     "matplotlib": ("figures",),
-    "PIL": ("imaging.scenes.files", "run.pictures"),
+    "PIL": ("imaging.scenes.files", "run.pictures", "run.depth_maps"),
     "typst": ("report",),
     "jinja2": ("report",),
     "ruamel": ("study", "verification.hard_cases.study_files"),
@@ -45,6 +45,7 @@ HEAVY = {
     "emcee": ("calibration",),
     "arviz_stats": ("calibration",),
     "distributed": ("execution",),
+    "cv2": ("cameras.stereo",),
 }
 # module, library → why it may break the rule above.
 EXCEPTIONS = {

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from tradestudy.cameras.depth_map import DepthReader, DepthSearch
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.focus import Focus
 from tradestudy.cameras.light_cones import Exposure
@@ -129,19 +128,6 @@ class Camera(ABC):
         """
         raise OutOfRangeError(
             "no pictures of this kind of camera can be rendered", remedy="leave it out of scene.image with cameras: […]"
-        )
-
-    def depth_reader(self, search: DepthSearch) -> DepthReader:  # noqa: ARG002 - none unless the kind has one
-        """What measures depth in its pictures, as it was designed.
-
-        Raises
-        ------
-        OutOfRangeError
-            Where no depth can be measured in pictures of this kind of camera.
-        """
-        raise OutOfRangeError(
-            "no depth can be measured in the pictures of this camera",
-            remedy="leave it out of scene.image with cameras: […], or render without --depth",
         )
 
     @property

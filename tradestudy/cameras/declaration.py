@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 from tradestudy.cameras.calibration_declaration import CalibrationPart
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityError, DisparityErrorLaw
+from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
 from tradestudy.cameras.stated_declaration import StatedPart
 from tradestudy.declarations.matcher import MatcherPart
@@ -160,6 +161,8 @@ class CameraDeclaration(Part, ABC):
 
     camera: ClassVar[type[Camera]]
     """What it declares: it tells what is true of every camera of the kind."""
+    reader: ClassVar[DepthReaderOfKind | None] = None
+    """What measures depth in the pictures of such a camera; None: nothing does."""
 
     title: str = Field(min_length=1, max_length=80, description="Name in figures and tables.")
     note: str | None = Field(default=None, max_length=2000, description="What a reader should know about it.")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,8 +27,8 @@ class FlatPicture:
         Where the light of one lens is nearly all: what several microlenses send is no picture.
     """
 
-    values: FloatArray
-    variance: FloatArray
+    values: Samples
+    variance: Samples
     pure: BoolArray
 
 
@@ -84,9 +84,9 @@ class DepthMap:
         `Reason` of each pixel.
     """
 
-    depth: FloatArray
-    deviation: FloatArray
-    disparity_deviation: FloatArray
+    depth: Samples
+    deviation: Samples
+    disparity_deviation: Samples
     reason: NDArray[np.uint8]
 
 
@@ -102,7 +102,7 @@ class TrueDepth:
         Where the estimator sees the point at all: two pictures of it, neither hidden by what stands before it.
     """
 
-    depth: FloatArray
+    depth: Samples
     measurable: BoolArray
 
 
@@ -112,5 +112,18 @@ class DepthReader(Protocol):
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
         """Depth from all pictures, by their names."""
 
-    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
-        """True depth of the map from that of every picture, by their names."""
+    def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
+        """True depth of the map from that of every picture, and from where these are pure, by their names."""
+
+
+class DepthReaderOfKind(Protocol):
+    """Sets up a reader for a camera of one kind."""
+
+    def __call__(self, *, camera: Any, search: DepthSearch) -> DepthReader:
+        """For a design of that kind.
+
+        Raises
+        ------
+        OutOfRangeError
+            Where such a camera cannot measure depth in its pictures.
+        """

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.microlens_exposure import MicrolensExposure, lattice_counts
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.interpolation import cubic_weights
 
 Indices = NDArray[np.intp]
@@ -43,12 +43,12 @@ class MicrolensGrid:
 
     first: Indices
     second: Indices
-    centre: FloatArray
-    image_centre: FloatArray
+    centre: Samples
+    image_centre: Samples
     radius: float
     index: Indices
     low: tuple[int, int]
-    basis: FloatArray
+    basis: Samples
 
     @property
     def half(self) -> int:
@@ -104,12 +104,12 @@ def microlens_grid(exposure: MicrolensExposure) -> MicrolensGrid:
     )
 
 
-def squares(grid: MicrolensGrid, picture: FloatArray, pure: BoolArray) -> FloatArray:
+def squares(grid: MicrolensGrid, picture: Samples, pure: BoolArray) -> Samples:
     """The micro-image of every lens with a margin of `MARGIN` pixels, NaN where a pixel does not show it.
 
     Returns
     -------
-    FloatArray
+    Samples
         Shape (lenses, side + 2 margins, side + 2 margins).
     """
     rows, columns = picture.shape
@@ -126,8 +126,8 @@ def squares(grid: MicrolensGrid, picture: FloatArray, pure: BoolArray) -> FloatA
     return np.where(within & pure[place], picture[place], picture.dtype.type(np.nan))
 
 
-def moved(source: FloatArray, lenses: Indices, place: FloatArray, side: int) -> FloatArray:
-    """Squares of lenses from a fractional place (2, lenses) of their margins on: cubic, linear beside missing pixels."""
+def moved(source: Samples, lenses: Indices, place: Samples, side: int) -> Samples:
+    """Squares of lenses from a fractional place (2, lenses) on: cubic, linear beside missing pixels."""
     whole = np.floor(place).astype(np.intp)
     across, down = (cubic_weights(place[k] - whole[k]).astype(source.dtype) for k in (0, 1))
     wide, last = side + 3, source.shape[-1] - 1
@@ -142,11 +142,14 @@ def moved(source: FloatArray, lenses: Indices, place: FloatArray, side: int) -> 
     return np.where(np.isnan(cubic), linear, cubic)
 
 
-def _weighted(near: FloatArray, across: FloatArray, down: FloatArray, first: int) -> FloatArray:
+def _weighted(near: Samples, across: Samples, down: Samples, first: int) -> Samples:
     """Sums of neighbours, from a given one on."""
     side = near.shape[-1] - 3
     n = across.shape[1]
-    columns = sum(across[:, k, np.newaxis, np.newaxis] * near[:, :, first + k : first + k + side] for k in range(n))
-    return np.asarray(
-        sum(down[:, k, np.newaxis, np.newaxis] * columns[:, first + k : first + k + side] for k in range(n))
-    )
+    columns = np.zeros((len(near), near.shape[1], side), near.dtype)
+    for k in range(n):
+        columns += across[:, k, np.newaxis, np.newaxis] * near[:, :, first + k : first + k + side]
+    found = np.zeros((len(near), side, side), near.dtype)
+    for k in range(n):
+        found += down[:, k, np.newaxis, np.newaxis] * columns[:, first + k : first + k + side]
+    return found

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 FloatArray = NDArray[np.float64]
+Samples = NDArray[np.floating[Any]]
+"""Of pictures: single precision does for what is noisier than that."""
 BoolArray = NDArray[np.bool_]
 IndexArray = NDArray[np.intp]

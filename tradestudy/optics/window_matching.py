@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, Samples
 
 _NEWTON_STEPS: Final = 4
 _DOUBT: Final = 3.0  # standard deviations by which the best step must beat every other
@@ -72,12 +72,12 @@ class Matches:
         `Reason` of each.
     """
 
-    disparity: FloatArray
-    deviation: FloatArray
+    disparity: Samples
+    deviation: Samples
     reason: NDArray[np.uint8]
 
 
-def gradient_along(picture: FloatArray, direction: tuple[float, float]) -> FloatArray:
+def gradient_along(picture: Samples, direction: tuple[float, float]) -> Samples:
     """Scalar product of a vector (x, y) and the central differences over the last two axes; NaN at the edges."""
     found = np.full_like(picture, np.nan)
     across = (picture[..., 1:-1, 2:] - picture[..., 1:-1, :-2]) * picture.dtype.type(direction[0] / 2.0)
@@ -89,7 +89,7 @@ def gradient_along(picture: FloatArray, direction: tuple[float, float]) -> Float
     return found
 
 
-def window_sum(values: FloatArray, window: int) -> FloatArray:
+def window_sum(values: Samples, window: int) -> Samples:
     """Sum over a square window around every pixel, over the last two axes; nothing lies beyond the edges."""
     from scipy.ndimage import uniform_filter1d
 
@@ -123,8 +123,8 @@ class PairOfPictures:
         Of a whole step: the second picture moved back by it less the first, and where both count.
     """
 
-    gradient: FloatArray
-    difference: Callable[[int], tuple[FloatArray, BoolArray]]
+    gradient: Samples
+    difference: Callable[[int], tuple[Samples, BoolArray]]
 
 
 def match_windows(
@@ -132,10 +132,10 @@ def match_windows(
     steps: Sequence[int],
     *,
     window: int,
-    variance: FloatArray,
+    variance: Samples,
     least_share: float,
     largest_deviation: float,
-    start: FloatArray | None = None,
+    start: Samples | None = None,
 ) -> Matches:
     """Disparity of the window around every pixel, by least squares over all pairs of pictures.
 
@@ -160,6 +160,7 @@ def match_windows(
     noise = 2.0 * np.asarray(variance, np.float64)
     enough = count >= max(1.0, least_share * window * window * len(pairs))
     misfit = np.where(enough, misfit / np.maximum(count, 1), np.inf)
+    error = np.where(enough, error, np.nan)
     if start is None:
         best = np.argmin(misfit, axis=0)
     else:
@@ -168,7 +169,7 @@ def match_windows(
     inside = (first >= 1) & (first <= len(steps) - 3)
     first = np.clip(first, 1, len(steps) - 3)
     corner = np.stack([_at(error, first + k) for k in (-1, 0, 1, 2)])
-    n, steepness = np.maximum(_at(count, first), 1.0), _at(size, first)
+    n, steepness = (np.maximum(_at(count, best), 1.0), _at(size, best))
     fraction, rise = _root(corner)
     with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all, refused below
         deviation = np.sqrt(noise / steepness) / np.abs(rise)
@@ -197,7 +198,7 @@ def match_windows(
 
 def _sums(
     pairs: Sequence[PairOfPictures], steps: Sequence[int], window: int
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+) -> tuple[Samples, Samples, Samples, Samples]:
     """Over windows, at every step: squared difference, B over the squared gradient, that itself, and pixels."""
     shape, kind = pairs[0].gradient.shape, pairs[0].gradient.dtype
     misfit, moment, size, count = (np.zeros((len(steps), *shape), kind) for _ in range(4))
@@ -216,16 +217,18 @@ def _sums(
         return misfit, moment / size, size, count
 
 
-def _at(cube: FloatArray, index: NDArray[np.intp]) -> FloatArray:
+def _at(cube: Samples, index: NDArray[np.intp]) -> Samples:
     return np.asarray(np.take_along_axis(cube, index[np.newaxis], axis=0)[0], np.float64)
 
 
-def _root(corner: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _root(corner: Samples) -> tuple[Samples, Samples]:
     """Where the cubic through four values at −1, 0, 1, 2 is zero between 0 and 1, and its slope there.
 
-    A value beyond the middle two that is missing is continued linearly.
+    A value that is missing is continued linearly from the two beside it.
     """
     before, low, high, after = corner
+    high = np.where(np.isfinite(high), high, 2.0 * low - before)
+    low = np.where(np.isfinite(low), low, 2.0 * high - after)
     before = np.where(np.isfinite(before), before, 2.0 * low - high)
     after = np.where(np.isfinite(after), after, 2.0 * high - low)
     c1 = high - before / 3.0 - low / 2.0 - after / 6.0

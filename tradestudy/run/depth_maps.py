@@ -70,11 +70,17 @@ def map_depths(definition: StudyDefinition, directory: Path, steps: Steps) -> di
             window_px=_window_px(picture.matching_window, taken, sum(scene.extent) / 2.0),
         )
         folder = directory / taken.name
-        reader = taken.camera.depth_reader(search)
+        reader_of_kind = definition.file.cameras[taken.name].reader
+        if reader_of_kind is None:
+            raise OutOfRangeError(
+                f"no depth can be measured in the pictures of {taken.name}",
+                remedy="leave it out of scene.image with cameras: […], or render without --depth",
+            )
+        reader = reader_of_kind(camera=taken.camera, search=search)
         pictures, depths = _read(taken, recording, folder, image.depth_format)
-        found, truth = reader.read(pictures), reader.truth(depths, pictures)
+        found, truth = reader.read(pictures), reader.truth(depths, {name: one.pure for name, one in pictures.items()})
         way = "both" if image.rig == "drawn" else "noise"
-        scores[taken.name] = score(found, truth, _predicted(taken.camera, truth.depth, way))
+        scores[taken.name] = score(found, truth, _predicted(taken.camera, np.asarray(truth.depth, np.float64), way))
         _write(found, truth, scores[taken.name], search, folder, image.depth_format)
         steps.progress(STEP, (number + 1) / len(cameras))
     return scores

@@ -247,6 +247,7 @@ def _cameras(definition: StudyDefinition, image: SceneImagePart, picture: Pictur
 
 
 def recording_of(image: SceneImagePart, picture: PicturePart) -> Recording:
+    """What the sensors do with light."""
     settings = picture.settings(1.0)  # rays have no wavelength
     mosaic = image.mosaic
     return Recording(

@@ -7,9 +7,11 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
+from tradestudy.cameras.conventional.depth_reading import FocusStackReader
 from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStackPlan
 from tradestudy.cameras.declaration import CameraDeclaration, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
+from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
@@ -93,6 +95,7 @@ class ConventionalDeclaration(CameraDeclaration):
     """A conventional camera of fixed focus, or with a mechanism that takes a focus stack; it measures no depth."""
 
     camera: ClassVar[type[ConventionalCamera]] = ConventionalCamera
+    reader: ClassVar[DepthReaderOfKind | None] = FocusStackReader
 
     kind: Literal["conventional"]
     lens: LensPart

@@ -9,18 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
+from tradestudy.cameras.conventional.design import ConventionalCamera
 from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.window_matching import Reason, gradient_along, odd_window, window_sum
-
-if TYPE_CHECKING:
-    from tradestudy.cameras.conventional.design import ConventionalCamera
 
 LEAST_PICTURES: Final = 3
 _NOISE_SPREAD: Final = 1.5  # variance of the energy of noise in one pixel, over the square of its mean
@@ -98,15 +96,16 @@ class FocusStackReader:
             depth=depth, deviation=deviation, disparity_deviation=np.full(depth.shape, np.nan), reason=reason
         )
 
-    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
+    def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
         """True depth of the first picture; every point in the range of the stack can be measured."""
         stack = self._stack
-        depth = np.asarray(depths[stack[0].name], np.float64)
+        first = stack[0].name
+        depth = np.where(pure[first], depths[first], np.nan)
         ends = sorted(one.focus_distance for one in stack)
         return TrueDepth(depth=depth, measurable=(depth >= ends[0]) & (depth <= ends[-1]))
 
 
-def _gradient_energy(values: FloatArray) -> FloatArray:
+def _gradient_energy(values: Samples) -> Samples:
     across, down = (
         gradient_along(values, (1.0, 0.0)),
         np.swapaxes(gradient_along(np.swapaxes(values, 0, 1), (1.0, 0.0)), 0, 1),
@@ -114,8 +113,8 @@ def _gradient_energy(values: FloatArray) -> FloatArray:
     return np.asarray(np.square(across) + np.square(down))
 
 
-def _scaled(values: FloatArray, scale: float) -> FloatArray:
-    """A picture read at ``scale`` times the place of each pixel from its middle; the nearest pixel, whose noise stays."""
+def _scaled(values: Samples, scale: float) -> Samples:
+    """A picture read at ``scale`` times the place of each pixel from its middle: the nearest pixel there."""
     if scale == 1.0:
         return values
     index = [np.rint((np.arange(n) + 0.5 - n / 2.0) * scale + n / 2.0 - 0.5).astype(np.intp) for n in values.shape]
@@ -124,9 +123,9 @@ def _scaled(values: FloatArray, scale: float) -> FloatArray:
     return np.where(inside[0][:, np.newaxis] & inside[1][np.newaxis, :], found, np.nan).astype(values.dtype)
 
 
-def _vertex(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _vertex(x: Samples, y: Samples) -> tuple[Samples, Samples, Samples]:
     """Of the parabola through three points: its place, its second coefficient, and the place's slopes in each y."""
-    (x0, x1, x2), (y0, y1, y2) = x, y
+    x0, x1, x2 = x
     d = np.stack([(x1 - x2), (x2 - x0), (x0 - x1)])
     e = np.stack([x1**2 - x2**2, x2**2 - x0**2, x0**2 - x1**2])
     top, bottom = np.sum(e * y, axis=0), 2.0 * np.sum(d * y, axis=0)

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 from tradestudy.cameras.camera import Camera, Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
-from tradestudy.cameras.conventional.depth_reading import FocusStackReader
 from tradestudy.cameras.conventional.focus_stack import ImageStackFocus
-from tradestudy.cameras.depth_map import DepthSearch
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.focus import BlurCriterion, SingleLensFocus
 from tradestudy.cameras.parts import Lens, require_positive
@@ -153,10 +151,6 @@ class ConventionalCamera(Camera):
             )
             for name, distance in focus.items()
         ]
-
-    def depth_reader(self, search: DepthSearch) -> FocusStackReader:
-        """By where it is sharpest; see `FocusStackReader`."""
-        return FocusStackReader(camera=self, search=search)
 
     def properties(self) -> Properties:
         """Lens, focus and field of view."""

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
+from tradestudy.cameras.depth_map import DepthReaderOfKind
+from tradestudy.cameras.focused_plenoptic.depth_reading import RawPictureReader
 from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, PlenopticEstimator, UsedLenses
 from tradestudy.cameras.parts import MicrolensArray
@@ -105,6 +107,7 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     """A focused plenoptic camera (plenoptic II), of one or of several microlens types."""
 
     camera: ClassVar[type[FocusedPlenoptic]] = FocusedPlenoptic
+    reader: ClassVar[DepthReaderOfKind | None] = RawPictureReader
 
     kind: Literal["focused-plenoptic"]
     main_lens: LensPart

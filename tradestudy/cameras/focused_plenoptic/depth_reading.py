@@ -6,16 +6,17 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import neighbour_distance
 from tradestudy.cameras.microlens_pictures import MARGIN, Indices, MicrolensGrid, microlens_grid, moved, squares
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.cut_aperture import centroid_of_common_part
 from tradestudy.optics.window_matching import (
     Matches,
@@ -26,12 +27,10 @@ from tradestudy.optics.window_matching import (
     odd_window,
 )
 
-if TYPE_CHECKING:
-    from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
-
 _AT_ONCE: Final = 400  # microlenses, so that what one step needs stays in the cache
-_LEAST_SHARE: Final = 0.25  # of a window that both micro-images show
+_LEAST_SHARE: Final = 0.1  # of a window that both micro-images show
 _AGREE: Final = 4.0  # standard deviations that matches of one point may lie apart
+_TABLE: Final = 2048  # radii of the table of lit parts of microlenses
 _SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that show a point
 Step = tuple[int, int]
 
@@ -55,7 +54,7 @@ class RawPictureReader:
         return microlens_grid(exposure)
 
     @cached_property
-    def _inverse_virtual_depths(self) -> FloatArray:
+    def _inverse_virtual_depths(self) -> Samples:
         """1/v over the distances searched; it falls with distance."""
         v = self.camera.virtual_depth(self.search.distances)
         found = 1.0 / v
@@ -94,13 +93,13 @@ class RawPictureReader:
     @cached_property
     def _sharpest(self) -> NDArray[np.intp]:
         """Type over the distances searched."""
-        return np.argmin(self.camera.blur_px(self.search.distances), axis=0)
+        return np.asarray(np.argmin(self.camera.blur_px(self.search.distances), axis=0))
 
     @cached_property
     def _types(self) -> NDArray[np.intp]:
         """Of each microlens."""
         types = self.camera.microlenses.types
-        return (self._grid.first - self._grid.second) % types
+        return np.asarray((self._grid.first - self._grid.second) % types)
 
     @property
     def _by_type(self) -> bool:
@@ -128,7 +127,7 @@ class RawPictureReader:
         inverse, deviation, reason = self._combined(found)
         return self._on_sensor(picture, inverse, deviation, reason)
 
-    def _matches(self, step: Step, values: FloatArray, variance: FloatArray) -> Matches:
+    def _matches(self, step: Step, values: Samples, variance: Samples) -> Matches:
         """Of all used microlenses with those a step away, disparities along the step [px]."""
         grid, used = self._grid, self._used
         shape = (used.size, grid.side, grid.side)
@@ -146,9 +145,7 @@ class RawPictureReader:
             matches.reason[part] = one.reason
         return matches
 
-    def _matched(
-        self, step: Step, lenses: Indices, others: Indices, values: FloatArray, variance: FloatArray
-    ) -> Matches:
+    def _matched(self, step: Step, lenses: Indices, others: Indices, values: Samples, variance: Samples) -> Matches:
         grid = self._grid
         move = grid.basis @ np.array(step)
         length = self._length(step)
@@ -164,7 +161,7 @@ class RawPictureReader:
         arrives = grid.corner[:, lenses] + move[:, np.newaxis] - grid.image_centre[:, others]
         own_shift = self._shift_along(place, lenses, along)
 
-        def difference(k: int) -> tuple[FloatArray, BoolArray]:
+        def difference(k: int) -> tuple[Samples, BoolArray]:
             step_along = (along * k)[:, np.newaxis]
             found = moved(values, others, base + step_along, grid.side) - reference
             shift = self._shift_along(arrives + step_along, others, along) * self._defocus(others, k / length)
@@ -180,7 +177,7 @@ class RawPictureReader:
             largest_deviation=self.search.largest_deviation_px,
         )
 
-    def _defocus(self, lenses: Indices, inverse_virtual_depth: float) -> FloatArray:
+    def _defocus(self, lenses: Indices, inverse_virtual_depth: float) -> Samples:
         """How far a ray arrives from where the chief ray of its point does, over its place on the microlens."""
         array = self.camera.microlenses
         focal_lengths = np.asarray(array.focal_lengths)[self._types[lenses]]
@@ -188,7 +185,7 @@ class RawPictureReader:
         return np.asarray(found, np.float32)[:, np.newaxis, np.newaxis]
 
     @cached_property
-    def _middles(self) -> tuple[FloatArray, FloatArray]:
+    def _middles(self) -> Samples:
         """Where on the microlens the middle of the light to a pixel passes, over the pixel's place, for each type.
 
         Away from the middle of a micro-image the pupil cuts the cone of light on one side. The rest of a defocused
@@ -196,7 +193,7 @@ class RawPictureReader:
         """
         camera = self.camera
         array, pixel = camera.microlenses, camera.sensor.pixel_pitch
-        radius = np.linspace(1e-3, 1.5 * self._grid.radius, 256)
+        radius = (np.arange(_TABLE) + 0.5) / _TABLE * self._table_end
         ratios = []
         for f in array.focal_lengths:
             # The pupil as it is seen on the microlens through the pixel.
@@ -207,19 +204,22 @@ class RawPictureReader:
                 np.abs(apart), array.aperture_diameter / 2.0, camera.main_lens.pupil_diameter / 2.0 / abs(scale)
             )
             ratios.append(np.sign(scale) * np.nan_to_num(middle) / pixel / radius)
-        return radius, np.array(ratios)
+        return np.array(ratios, np.float32)
 
-    def _shift_along(self, place: FloatArray, lenses: Indices, along: FloatArray) -> FloatArray:
+    def _shift_along(self, place: Samples, lenses: Indices, along: Samples) -> Samples:
         """Middle of the light on the microlens along a direction [px], of all pixels of squares from ``place`` on."""
         line = np.arange(self._grid.side)
-        x, y = (place[k][:, np.newaxis] + line for k in (0, 1))
+        x, y = ((place[k][:, np.newaxis] + line).astype(np.float32) for k in (0, 1))
         distance = np.sqrt(np.square(x)[:, np.newaxis, :] + np.square(y)[:, :, np.newaxis])
-        radius, ratios = self._middles
-        ratio = np.empty(distance.shape, np.float32)
-        for number, values in enumerate(ratios):
-            of_type = self._types[lenses] == number
-            ratio[of_type] = np.interp(distance[of_type], radius, values)
-        return np.asarray(ratio * (along[0] * x[:, np.newaxis, :] + along[1] * y[:, :, np.newaxis]), np.float32)
+        bins = np.minimum(distance * np.float32(_TABLE / self._table_end), _TABLE - 1).astype(np.intp)
+        ratio = self._middles.ravel()[bins + (_TABLE * self._types[lenses])[:, np.newaxis, np.newaxis]]
+        across, down = (np.float32(one) for one in along)
+        return np.asarray(ratio * (across * x[:, np.newaxis, :] + down * y[:, :, np.newaxis]))
+
+    @property
+    def _table_end(self) -> float:
+        """Farthest from the middle of a micro-image that pixels of its square lie [px]."""
+        return 3.0 * self._grid.radius
 
     def _hold_against(self, step: Step, forth: Matches, back: Matches) -> None:
         """Mark what the match of the partner with this micro-image contradicts."""
@@ -234,7 +234,7 @@ class RawPictureReader:
         forth.reason[row[wrong], y[wrong], x[wrong]] = Reason.INCONSISTENT
 
     def _partner(
-        self, step: Step, row: Indices, x: Indices, y: Indices, disparity: FloatArray
+        self, step: Step, row: Indices, x: Indices, y: Indices, disparity: Samples
     ) -> tuple[Indices, Indices, Indices]:
         """Row among the used microlenses, and pixel of its square, that show what pixels of squares show."""
         grid, used = self._grid, self._used
@@ -249,7 +249,7 @@ class RawPictureReader:
         ]
         return number[others], *(np.rint(one).astype(np.intp) for one in place)
 
-    def _combined(self, found: Mapping[Step, Matches]) -> tuple[FloatArray, FloatArray, NDArray[np.uint8]]:
+    def _combined(self, found: Mapping[Step, Matches]) -> tuple[Samples, Samples, NDArray[np.uint8]]:
         """1/v, its standard deviation and reasons in the squares, by the rule of the estimator."""
         first = next(iter(found.values()))
         shape = first.disparity.shape
@@ -271,8 +271,8 @@ class RawPictureReader:
         return best, deviation, reason
 
     def _least_squares(
-        self, found: Mapping[Step, Matches], best: FloatArray, best_deviation: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+        self, found: Mapping[Step, Matches], best: Samples, best_deviation: Samples
+    ) -> tuple[Samples, Samples]:
         """Weighted mean of all pairs that agree with the surest one.
 
         Pairs of one pixel share its micro-image, whose noise they have in common: half of the variance of each.
@@ -294,13 +294,13 @@ class RawPictureReader:
             return total / weights, np.sqrt(0.5 * squares + 0.5 * np.square(shared)) / weights
 
     def _on_sensor(
-        self, picture: FlatPicture, inverse: FloatArray, deviation: FloatArray, reason: NDArray[np.uint8]
+        self, picture: FlatPicture, inverse: Samples, deviation: Samples, reason: NDArray[np.uint8]
     ) -> DepthMap:
         """From the squares to the pixels of the sensor, and from 1/v to depth."""
         shape = picture.values.shape
         w, spread = (np.full(shape, np.nan, np.float32) for _ in range(2))
         told = np.where(picture.pure, Reason.LESS_SHARP, Reason.NO_LIGHT).astype(np.uint8)
-        row, y, x, rows, columns = self._pixels(picture)
+        row, y, x, rows, columns = self._pixels(picture.pure)
         w[rows, columns], spread[rows, columns] = inverse[row, y, x], deviation[row, y, x]
         told[rows, columns] = reason[row, y, x]
         measured = told == Reason.MEASURED
@@ -322,22 +322,22 @@ class RawPictureReader:
             reason=told,
         )
 
-    def _pixels(self, picture: FlatPicture) -> tuple[Indices, Indices, Indices, Indices, Indices]:
+    def _pixels(self, pure: BoolArray) -> tuple[Indices, Indices, Indices, Indices, Indices]:
         """Pixels of squares that show their own micro-image: square, row and column there; row and column here."""
         grid, used = self._grid, self._used
         inner = slice(MARGIN, -MARGIN)
-        row, y, x = np.nonzero(np.isfinite(squares(grid, picture.values, picture.pure)[used, inner, inner]))
+        row, y, x = np.nonzero(np.isfinite(squares(grid, pure.astype(np.float32), pure)[used, inner, inner]))
         corner = grid.corner[:, used[row]]
         return row, y, x, corner[1] + y, corner[0] + x
 
-    def _nearest(self, inverse: FloatArray) -> NDArray[np.intp]:
+    def _nearest(self, inverse: Samples) -> NDArray[np.intp]:
         """Number of the distance searched whose 1/v is about the given one."""
         table = self._inverse_virtual_depths
         order = np.argsort(table)
         number = np.interp(np.nan_to_num(inverse), table[order], order.astype(float))
-        return np.rint(number).astype(np.intp)
+        return np.asarray(np.rint(number).astype(np.intp))
 
-    def _depth(self, inverse: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def _depth(self, inverse: Samples) -> tuple[Samples, Samples]:
         """Depth [m] and its rate [m] for 1/v, by the camera's own law; linear in inverse depth between 4097 values."""
         if not np.any(np.isfinite(inverse)):
             return np.full(inverse.shape, np.nan), np.full(inverse.shape, np.nan)
@@ -351,14 +351,14 @@ class RawPictureReader:
         rate = np.interp(inverse, values, np.gradient(table, values)) * np.square(depth)
         return np.asarray(depth), np.asarray(rate)
 
-    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
+    def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
         """True depth of the raw picture, and where one of the estimator's microlenses sees the same point."""
-        depth, picture = np.asarray(depths["raw"], np.float64), pictures["raw"]
+        depth = np.asarray(depths["raw"], np.float64)
         shape = depth.shape
         table, order = self._inverse_virtual_depths, np.argsort(1.0 / self.search.distances)
         with np.errstate(divide="ignore", invalid="ignore"):
             w = np.interp(1.0 / depth, (1.0 / self.search.distances)[order], table[order], left=np.nan, right=np.nan)
-        row, y, x, rows, columns = self._pixels(picture)
+        row, y, x, rows, columns = self._pixels(pure["raw"])
         known_w = np.full((self._used.size, self._grid.side, self._grid.side), np.nan)
         known_w[row, y, x] = w[rows, columns]
         measurable = np.zeros(shape, bool)

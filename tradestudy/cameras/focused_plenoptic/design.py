@@ -16,8 +16,6 @@ from tradestudy.cameras.depth_camera import (
     UsableCriteria,
     declared_disparity_error,
 )
-from tradestudy.cameras.depth_map import DepthSearch
-from tradestudy.cameras.focused_plenoptic.depth_reading import RawPictureReader
 from tradestudy.cameras.focused_plenoptic.description import focuses_before_array, properties_of
 from tradestudy.cameras.focused_plenoptic.estimator import (
     LENSES_OF_PAIRS,
@@ -259,10 +257,6 @@ class FocusedPlenoptic(PlenopticCamera):
     def target_noise_px(self, corner_noise_px: float) -> FloatArray:
         """That of the disparity as declared, and of both coordinates on the array."""
         return np.array([declared_disparity_error(self), corner_noise_px, corner_noise_px])
-
-    def depth_reader(self, search: DepthSearch) -> RawPictureReader:
-        """By its micro-images; see `RawPictureReader`."""
-        return RawPictureReader(camera=self, search=search)
 
     def microlenses_seeing(self, distance: FloatArray) -> FloatArray:
         """Mean number of microlenses that see a point."""

@@ -10,6 +10,8 @@ from pydantic import Field, model_validator
 from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
+from tradestudy.cameras.depth_map import DepthReaderOfKind
+from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.quantities import Baseline, ObjectDistanceOrInfinity
@@ -31,6 +33,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     """A stereo rig of two equal cameras."""
 
     camera: ClassVar[type[StereoRig]] = StereoRig
+    reader: ClassVar[DepthReaderOfKind | None] = PairReader
 
     kind: Literal["stereo"]
     lenses: LensPart

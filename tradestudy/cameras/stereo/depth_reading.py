@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
 from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import SIDES, pair_poses
 from tradestudy.errors import OutOfRangeError
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.window_matching import (
     Matches,
     PairOfPictures,
@@ -21,9 +22,6 @@ from tradestudy.optics.window_matching import (
     match_windows,
     odd_window,
 )
-
-if TYPE_CHECKING:
-    from tradestudy.cameras.stereo.design import StereoRig
 
 _LEAST_SHARE: Final = 0.5  # of a window that both pictures show
 _VALUES_AT_ONCE: Final = 4_000_000  # of all steps of a band of rows
@@ -57,7 +55,7 @@ class PairReader:
     def _steps(self) -> range:
         return range(math.floor(self._scale / self.search.far) - 2, math.ceil(self._scale / self.search.near) + 3)
 
-    def _depth(self, disparity: FloatArray) -> FloatArray:
+    def _depth(self, disparity: Samples) -> Samples:
         """Of disparities of parallel pictures [px]."""
         pitch = self.camera.sensor.pixel_pitch
         if self.camera.convergence_angle == 0.0:
@@ -95,10 +93,10 @@ class PairReader:
             reason=reason,
         )
 
-    def _band(self, left: FloatArray, right: FloatArray, start: FloatArray, variance: float) -> Matches:
+    def _band(self, left: Samples, right: Samples, start: Samples, variance: float) -> Matches:
         """The fraction of a pixel, in some rows."""
 
-        def difference(step: int) -> tuple[FloatArray, BoolArray]:
+        def difference(step: int) -> tuple[Samples, BoolArray]:
             moved = np.full_like(right, np.nan)
             if step >= 0:
                 moved[:, step:] = right[:, : right.shape[1] - step]
@@ -117,7 +115,7 @@ class PairReader:
             start=start,
         )
 
-    def _whole_pixels(self, left: FloatArray, right: FloatArray) -> FloatArray:
+    def _whole_pixels(self, left: Samples, right: Samples) -> Samples:
         """Disparity of the left picture [px] by semi-global matching, NaN where left and right disagree.
 
         H. Hirschmüller, "Stereo processing by semiglobal matching and mutual information", IEEE Trans. PAMI 30, 328
@@ -151,7 +149,7 @@ class PairReader:
         found = np.asarray(matcher.compute(*greys), np.float32)[:, margin:] / _OPENCV_STEP
         return np.where(found >= steps[0], found, np.nan)
 
-    def _parallel(self, picture: FloatArray, side: str, order: int = 3) -> FloatArray:
+    def _parallel(self, picture: Samples, side: str, order: Literal[1, 3] = 3) -> Samples:
         """A picture as a camera with its axis at right angles to the baseline would take it."""
         if self.camera.convergence_angle == 0.0:
             return picture
@@ -159,12 +157,12 @@ class PairReader:
 
         sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
         x, y, z = self._turned(side)
-        place = [y / z * c + sensor.rows / 2.0 - 0.5, x / z * c + sensor.columns / 2.0 - 0.5]
+        place = np.stack([y / z * c + sensor.rows / 2.0 - 0.5, x / z * c + sensor.columns / 2.0 - 0.5])
         missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
-        found = map_coordinates(np.nan_to_num(picture), place, order=order, mode="nearest")
+        found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=order, mode="nearest")
         return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
 
-    def _turned(self, side: str) -> FloatArray:
+    def _turned(self, side: str) -> Samples:
         """Rays of the pixels of a parallel camera in the frame of the one there is, shape (3, rows, columns)."""
         sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
         rows, columns = np.mgrid[: sensor.rows, : sensor.columns]
@@ -176,11 +174,13 @@ class PairReader:
             ]
         )
         rotation = np.array(pair_poses(self.camera.pair, {})[SIDES.index(side)].rotation)
-        return np.einsum("ij,irc->jrc", rotation, rays)
+        return np.asarray(np.einsum("ij,irc->jrc", rotation, rays))
 
-    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
-        """True depth in the left picture, and where the right picture shows the same surface at the place it predicts."""
-        left, right = (self._true_depth(np.asarray(depths[side], np.float64), side) for side in SIDES)
+    def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
+        """True depth in the left picture, and where the right picture shows the same surface."""
+        left, right = (
+            self._true_depth(np.where(pure[side], depths[side], np.nan).astype(np.float64), side) for side in SIDES
+        )
         rows, columns = np.indices(left.shape)
         with np.errstate(divide="ignore", invalid="ignore"):
             disparity = self._scale / left
@@ -191,12 +191,12 @@ class PairReader:
         searched = (left >= self.search.near) & (left <= self.search.far)
         return TrueDepth(depth=left, measurable=inside & same & searched)
 
-    def _true_depth(self, depth: FloatArray, side: str) -> FloatArray:
+    def _true_depth(self, depth: Samples, side: str) -> Samples:
         """Along the axis of a parallel camera [m]."""
         if self.camera.convergence_angle == 0.0:
             return depth
         # A point at depth Z along its own axis lies at Z/ray_z along the parallel one, for rays of unit z there.
-        return self._parallel(depth, side, order=1) / self._turned(side)[2]
+        return np.asarray(self._parallel(depth, side, order=1) / self._turned(side)[2])
 
 
 def _opencv() -> Any:

@@ -17,7 +17,6 @@ from tradestudy.cameras.depth_camera import (
     Limit,
     UsableCriteria,
 )
-from tradestudy.cameras.depth_map import DepthSearch
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
@@ -26,7 +25,6 @@ from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
-from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
 from tradestudy.cameras.stereo.method import METHOD
 from tradestudy.cameras.stereo.overlap import shared_view
@@ -307,10 +305,6 @@ class StereoRig(DepthCamera):
                 )
             )
         return found
-
-    def depth_reader(self, search: DepthSearch) -> PairReader:
-        """By disparity; see `PairReader`."""
-        return PairReader(camera=self, search=search)
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Both coordinates of a corner in both pictures."""

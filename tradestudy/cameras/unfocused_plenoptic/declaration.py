@@ -9,8 +9,10 @@ from pydantic import Field, model_validator
 from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
+from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.cameras.unfocused_plenoptic.compared_views import ViewEstimator
+from tradestudy.cameras.unfocused_plenoptic.depth_reading import ViewsReader
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
@@ -67,6 +69,7 @@ class UnfocusedPlenopticDeclaration(DepthCameraDeclaration):
     """An unfocused plenoptic camera (plenoptic I)."""
 
     camera: ClassVar[type[UnfocusedPlenoptic]] = UnfocusedPlenoptic
+    reader: ClassVar[DepthReaderOfKind | None] = ViewsReader
 
     kind: Literal["unfocused-plenoptic"]
     main_lens: LensPart

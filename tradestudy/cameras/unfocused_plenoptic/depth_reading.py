@@ -11,20 +11,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
 from tradestudy.cameras.microlens_pictures import Indices, MicrolensGrid, microlens_grid
-from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
+from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.interpolation import cubic_weights
 from tradestudy.optics.microlens_coverage.lattice import lattice_of
 from tradestudy.optics.window_matching import PairOfPictures, Reason, gradient_along, match_windows, odd_window
-
-if TYPE_CHECKING:
-    from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 
 _LEAST_SHARE: Final = 0.5  # of a window that both views show
 _SMOOTHING: Final = 0.8  # samples, of views: what is finer is mostly aliased, and moves by other disparities
@@ -68,7 +66,7 @@ class ViewsReader:
         return lattice_of(self.camera.microlenses.layout).second_vector[1]
 
     @cached_property
-    def _half_pairs(self) -> FloatArray:
+    def _half_pairs(self) -> Samples:
         """One view of each pair of opposite views that the estimator uses [m on the pupil], shape (pairs, 2).
 
         Without those at the rim of the pupil, which microlenses that stand between pixels do not show.
@@ -79,8 +77,8 @@ class ViewsReader:
         if self.camera.estimator == "outermost-views":
             rows = np.abs(views[:, 1])
             middle = views[rows <= rows.min() * (1.0 + 1e-9)]
-            return middle[[np.argmax(middle[:, 0])]]
-        return views[(views[:, 0] > 0.0) | ((views[:, 0] == 0.0) & (views[:, 1] > 0.0))]
+            return np.asarray(middle[[np.argmax(middle[:, 0])]])
+        return np.asarray(views[(views[:, 0] > 0.0) | ((views[:, 0] == 0.0) & (views[:, 1] > 0.0))])
 
     @property
     def _longest(self) -> float:
@@ -92,7 +90,7 @@ class ViewsReader:
         """That baseline over the estimator's."""
         return self._longest / self.camera.estimator_baseline
 
-    def _view(self, picture: FlatPicture, place: FloatArray) -> FloatArray:
+    def _view(self, picture: FlatPicture, place: Samples) -> Samples:
         """The view through a place (2,) on the pupil [m], on the regular grid; NaN where it is missing."""
         camera, grid = self.camera, self._grid
         pixel = place * camera.microlenses.gap / camera.mla_distance / camera.sensor.pixel_pitch
@@ -102,7 +100,7 @@ class ViewsReader:
         found[row, column] = _sampled(values, grid.image_centre + pixel[:, np.newaxis])
         return self._straightened(found)
 
-    def _straightened(self, found: FloatArray) -> FloatArray:
+    def _straightened(self, found: Samples) -> Samples:
         """Rows that the lattice moves by half a sample, put straight by cubic interpolation."""
         skew, _ = lattice_of(self.camera.microlenses.layout).second_vector
         if skew == 0.0:
@@ -147,24 +145,24 @@ class ViewsReader:
             reason=reason,
         )
 
-    def _pair(self, picture: FlatPicture, template: FloatArray, place: FloatArray) -> PairOfPictures:
+    def _pair(self, picture: FlatPicture, template: Samples, place: Samples) -> PairOfPictures:
         """The views through a place on the pupil and the one opposite."""
         first, second = (_Movable.of(self._view(picture, one)) for one in (-place, place))
         per_step = place / self._longest * np.array([1.0, 1.0 / self._rise])
         gradient = gradient_along(template, (-2.0 * float(per_step[0]), -2.0 * float(per_step[1])))
 
-        def difference(step: int) -> tuple[FloatArray, BoolArray]:
+        def difference(step: int) -> tuple[Samples, BoolArray]:
             return second.at(-per_step * step) - first.at(per_step * step), first.seen & second.seen
 
         return PairOfPictures(gradient=gradient, difference=difference)
 
-    def truth(self, depths: Mapping[str, FloatArray], pictures: Mapping[str, FlatPicture]) -> TrueDepth:
+    def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
         """True depth in the middle view; it can be measured where no step of depth is beside."""
         from scipy.ndimage import maximum_filter, minimum_filter
 
         row, column, shape = self._places
         x, y = np.rint(self._grid.image_centre).astype(np.intp)
-        raw = np.asarray(depths["raw"], np.float64)
+        raw = np.where(pure["raw"], depths["raw"], np.nan)
         inside = (x >= 0) & (y >= 0) & (x < raw.shape[1]) & (y < raw.shape[0])
         found = np.full(shape, np.nan)
         found[row[inside], column[inside]] = raw[y[inside], x[inside]]
@@ -194,7 +192,7 @@ class _Movable:
     seen: BoolArray
 
     @classmethod
-    def of(cls, view: FloatArray) -> _Movable:
+    def of(cls, view: Samples) -> _Movable:
         """Missing samples are those nearest to them."""
         from scipy import fft
         from scipy.ndimage import binary_erosion, distance_transform_edt
@@ -202,15 +200,15 @@ class _Movable:
         there = np.isfinite(view)
         if np.any(there):
             nearest = distance_transform_edt(~there, return_distances=False, return_indices=True)
-            view = view[tuple(nearest)]
+            view = view[nearest[0], nearest[1]]
         even = np.concatenate([view, view[::-1]])
         even = np.concatenate([even, even[:, ::-1]], axis=1)
         across, down = fft.rfftfreq(even.shape[1]), fft.fftfreq(even.shape[0])[:, np.newaxis]
         passed = np.exp(-2.0 * np.square(np.pi * _SMOOTHING) * (np.square(across) + np.square(down)))
         spectrum = fft.rfft2(even.astype(np.float32)) * passed.astype(np.float32)
-        return cls(spectrum=spectrum, seen=binary_erosion(there, np.ones((3, 3)), border_value=0))
+        return cls(spectrum=spectrum, seen=binary_erosion(there, np.ones((3, 3), bool)))
 
-    def at(self, move: FloatArray) -> FloatArray:
+    def at(self, move: Samples) -> Samples:
         """Read at each place plus a move (x, y) [samples]."""
         from scipy import fft
 
@@ -221,7 +219,7 @@ class _Movable:
         return np.asarray(found[:rows, :columns], np.float32)
 
 
-def _sampled(picture: FloatArray, place: FloatArray) -> FloatArray:
+def _sampled(picture: Samples, place: Samples) -> Samples:
     """A picture read at places (2, points) [px]: cubic, linear beside missing pixels, NaN on them."""
     corner = np.floor(place).astype(np.intp)
     rows, columns = picture.shape
@@ -232,4 +230,4 @@ def _sampled(picture: FloatArray, place: FloatArray) -> FloatArray:
     t, u = (place[k] - corner[k] for k in (0, 1))
     cubic = np.einsum("yxn,nx,ny->n", near, cubic_weights(t), cubic_weights(u))
     linear = np.einsum("yxn,xn,yn->n", near[1:3, 1:3], np.stack([1.0 - t, t]), np.stack([1.0 - u, u]))
-    return np.where(np.isnan(cubic), linear, cubic)
+    return np.asarray(np.where(np.isnan(cubic), linear, cubic))

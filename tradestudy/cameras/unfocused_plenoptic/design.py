@@ -20,7 +20,6 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.depth_camera import declared_disparity_error
-from tradestudy.cameras.depth_map import DepthSearch
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import LensStage, PictureGeometry
@@ -28,7 +27,6 @@ from tradestudy.cameras.plenoptic import PlenopticCamera, fill_factor
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, Observation
 from tradestudy.cameras.reading import Errors
 from tradestudy.cameras.unfocused_plenoptic.compared_views import ComparedViews, ViewEstimator, baseline_of_views
-from tradestudy.cameras.unfocused_plenoptic.depth_reading import ViewsReader
 from tradestudy.cameras.unfocused_plenoptic.focus import RefocusedViewsFocus
 from tradestudy.cameras.unfocused_plenoptic.method import METHOD
 from tradestudy.cameras.unfocused_plenoptic.views import views_inverse_depth, views_observation
@@ -267,10 +265,6 @@ class UnfocusedPlenoptic(PlenopticCamera):
     def believe(self, errors: Errors, seen: Observation, distance: ArrayLike) -> tuple[FloatArray, BoolArray]:  # noqa: ARG002 - the same views at every distance
         """By the rays of both views; see `views_inverse_depth`."""
         return views_inverse_depth(self.geometry, self.pixels_apart, errors, seen)
-
-    def depth_reader(self, search: DepthSearch) -> ViewsReader:
-        """By its views; see `ViewsReader`."""
-        return ViewsReader(camera=self, search=search)
 
     def observe_target(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, ...]:
         """Disparity of a corner, and where it is seen."""

@@ -12,7 +12,7 @@ from tradestudy.cameras.depth_map import FlatPicture
 from tradestudy.cameras.light_cones import Exposure
 from tradestudy.imaging.render.nodes import lit_area
 from tradestudy.imaging.render.sensor import Recording
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import Samples
 
 _ROWS_AT_ONCE: Final = 16
 _LEAST_LIGHT: Final = 0.3  # of the brightest pixels: below it flat-fielding lifts mainly noise
@@ -31,8 +31,8 @@ class WhitePicture:
         Of the light of each pixel, that through the lens that sends most.
     """
 
-    electrons: FloatArray
-    share: FloatArray
+    electrons: Samples
+    share: Samples
 
 
 def white_picture(exposure: Exposure, recording: Recording) -> WhitePicture:

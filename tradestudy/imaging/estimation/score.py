@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from tradestudy.cameras.depth_map import DepthMap, TrueDepth
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import Samples
 from tradestudy.optics.window_matching import Reason
 from tradestudy.units import FRACTION, LENGTH, pretty, significant
 
@@ -73,7 +73,7 @@ class DepthScore:
         )
 
 
-def score(found: DepthMap, truth: TrueDepth, predicted: FloatArray) -> DepthScore:
+def score(found: DepthMap, truth: TrueDepth, predicted: Samples) -> DepthScore:
     """Hold a map against the truth.
 
     Parameters
@@ -109,7 +109,7 @@ def score(found: DepthMap, truth: TrueDepth, predicted: FloatArray) -> DepthScor
     )
 
 
-def _percentiles(values: FloatArray) -> tuple[float, float, float]:
+def _percentiles(values: Samples) -> tuple[float, float, float]:
     values = values[np.isfinite(values)]
     if not values.size:
         return math.nan, math.nan, math.nan

@@ -1,0 +1,218 @@
+"""Depth maps of rendered pictures, for each kind of camera, against the true depth of the scene."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from tradestudy import api, cli
+from tradestudy.imaging.estimation.score import DepthScore
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.window_matching import Reason
+
+STUDY = """
+format: 2
+study: maps
+title: Depth maps
+question: How well is depth measured?
+cameras:
+  pair:
+    kind: stereo
+    title: Pair
+    lenses: {{focal_length: 8 mm, f_number: 8}}
+    sensor: {{pixels: [300, 160], pixel_pitch: 10 um}}
+    baseline: 10 mm
+    convergence_distance: infinity
+    focus_distance: 150 mm
+    principal_distance: focused
+    depth: {{estimator: disparity, disparity_error: 0.05 px, discrimination_step: 0.1 px}}
+  converging:
+    kind: stereo
+    title: Converging pair
+    lenses: {{focal_length: 8 mm, f_number: 8}}
+    sensor: {{pixels: [300, 160], pixel_pitch: 10 um}}
+    baseline: 10 mm
+    convergence_distance: 150 mm
+    focus_distance: 150 mm
+    principal_distance: focused
+    depth: {{estimator: disparity, disparity_error: 0.05 px, discrimination_step: 0.1 px}}
+  plenoptic:
+    kind: focused-plenoptic
+    title: Plenoptic
+    main_lens: {{focal_length: 12.5 mm, f_number: 3.8}}
+    sensor: {{pixels: [400, 400], pixel_pitch: 5.5 um}}
+    microlenses: {{layout: hexagonal, pitch: 126.5 um, gap: f-number-matching, types: 3}}
+    focus: {{total_covering_plane: 135 mm, relay: keplerian}}
+    depth: {{estimator: {estimator}, {lenses}disparity_error: 0.1 px, discrimination_step: 0.1 px}}
+  views:
+    kind: unfocused-plenoptic
+    title: Views
+    main_lens: {{focal_length: 12.5 mm, f_number: 3.8}}
+    sensor: {{pixels: [1000, 1000], pixel_pitch: 5.5 um}}
+    microlenses: {{layout: hexagonal, pitch: 126.5 um, focal_length: 0.432 mm, f_number: 3.8}}
+    focus: {{distance: 150 mm}}
+    depth: {{estimator: outermost-views, disparity_error: 0.1 px, discrimination_step: 0.1 px}}
+  stack:
+    kind: conventional
+    title: Stack
+    lens: {{focal_length: 25 mm, f_number: 4}}
+    sensor: {{pixels: [160, 120], pixel_pitch: 7.4 um}}
+    focus: {{distance: 150 mm, stack: {{from: 130 mm, to: 180 mm, images: 12}}}}
+scene:
+  distances: {{from: 120 mm, to: 200 mm, points: 9}}
+  wavelength: 550 nm
+  picture:
+    texture: {{contrast: {contrast}, correlation_length: {length}}}
+    matching_window: 9 px
+    light: {{electrons: 8000 electrons, at_f_number: 4, at_pixel_pitch: 5.5 um}}
+    read_noise: 10 electrons
+    full_well: 40000 electrons
+    bit_depth: 12
+  image:
+    surfaces: [{surface}]
+    cameras: [{camera}]
+    depth_format: npy
+"""
+PLANE = "{{shape: plane, distance: {} mm}}"
+
+
+def mapped(
+    folder: Path,
+    camera: str,
+    surface: str,
+    *,
+    contrast: str = "15 %",
+    length: str = "1 mm",
+    estimator: str = "same-type-pair",
+    lenses: str = "",
+) -> tuple[DepthScore, dict[str, FloatArray]]:
+    """Score and maps of one camera."""
+    path = folder / "maps.yaml"
+    text = STUDY.format(
+        surface=surface, camera=camera, contrast=contrast, length=length, estimator=estimator, lenses=lenses
+    )
+    path.write_text(text, encoding="utf-8")
+    study = api.load(path)
+    api.render(study, folder)
+    score = api.map_depths(study, folder)[camera]
+    written = folder / "pictures" / camera
+    maps = {name: np.load(written / f"depth_map{name}.npy") for name in ("", "_deviation", "_true")}
+    for name in ("_reason", "_measurable"):
+        with Image.open(written / f"depth_map{name}.png") as file:
+            maps[name] = np.asarray(file)
+    return score, maps
+
+
+@pytest.mark.parametrize("distance", [140, 150, 170])
+@pytest.mark.parametrize(
+    ("camera", "length"), [("pair", "1 mm"), ("converging", "1 mm"), ("plenoptic", "1 mm"), ("views", "3 mm")]
+)
+def test_planes_are_measured_within_the_predicted_errors(
+    tmp_path: Path, camera: str, length: str, distance: int
+) -> None:
+    if camera in ("pair", "converging"):
+        pytest.importorskip("cv2")
+    score, maps = mapped(tmp_path, camera, PLANE.format(distance), length=length)
+    assert score.seen > 500
+    assert score.measured > 0.7 * score.seen
+    # 0.1 px (pair: 0.05 px) is predicted: half of that in the mean, nearly all within three times it.
+    assert abs(score.relative_bias) < 0.5
+    assert score.within > 0.9
+    good = np.isfinite(maps[""])
+    assert np.array_equal(good, maps["_reason"] == Reason.MEASURED)
+    assert np.array_equal(good, np.isfinite(maps["_deviation"]))
+    both = good & (maps["_measurable"] > 0)
+    assert np.median(maps["_true"][both]) == pytest.approx(distance * 1e-3, rel=1e-3)
+    if camera in ("pair", "plenoptic"):  # views alias their texture, which the noise does not tell
+        relative = ((maps[""] - maps["_true"]) / maps["_deviation"])[both]
+        low, high = np.percentile(relative, [15.87, 84.13])
+        assert 0.8 < (high - low) / 2.0 < 1.4
+
+
+@pytest.mark.parametrize("distance", [138, 150, 168])
+def test_the_sharpest_of_a_stack_lies_within_a_sixth_of_a_step(tmp_path: Path, distance: int) -> None:
+    score, _ = mapped(tmp_path, "stack", PLANE.format(distance), length="0.3 mm")
+    assert score.measured > 0.9 * score.seen
+    step = 46e-3 / 11
+    assert abs(score.bias) < step / 6
+    assert score.spread < step / 6
+    assert np.isnan(score.predicted)
+
+
+@pytest.mark.parametrize(
+    ("estimator", "lenses"),
+    [("adjacent-pair", ""), ("widest-pair", "microlenses: sharpest-type, "), ("least-squares", "microlenses: all, ")],
+)
+def test_every_estimator_measures_a_plane(tmp_path: Path, estimator: str, lenses: str) -> None:
+    score, maps = mapped(tmp_path, "plenoptic", PLANE.format(150), estimator=estimator, lenses=lenses)
+    assert score.measured > 0.5 * score.seen
+    assert abs(score.bias) < 0.5e-3
+    both = np.isfinite(maps[""]) & (maps["_measurable"] > 0)
+    assert np.mean(np.abs(maps[""] - maps["_true"])[both] < 4.0 * maps["_deviation"][both]) > 0.9
+
+
+@pytest.mark.parametrize(("camera", "length"), [("pair", "1 mm"), ("plenoptic", "1 mm"), ("stack", "0.3 mm")])
+def test_the_map_stands_as_the_scene_does(tmp_path: Path, camera: str, length: str) -> None:
+    """A plane that recedes to the right, and half as much downwards."""
+    if camera == "pair":
+        pytest.importorskip("cv2")
+    surface = "{shape: plane, distance: 150 mm, tilt_x: 50 deg, tilt_y: 30 deg}"
+    _, maps = mapped(tmp_path, camera, surface, length=length)
+    both = np.isfinite(maps[""]) & (maps["_measurable"] > 0)
+    row, column = np.nonzero(both)
+    base = np.stack([np.ones(row.size), column - column.mean(), row - row.mean()], axis=-1)
+    found, true = (np.linalg.lstsq(base, maps[name][both], rcond=None)[0] for name in ("", "_true"))
+    assert true[1] > 0 < true[2]
+    assert found[1:] == pytest.approx(true[1:], rel=0.15)
+
+
+@pytest.mark.parametrize("camera", ["pair", "plenoptic", "views", "stack"])
+def test_nothing_is_measured_without_texture(tmp_path: Path, camera: str) -> None:
+    if camera == "pair":
+        pytest.importorskip("cv2")
+    score, maps = mapped(tmp_path, camera, PLANE.format(150), contrast="0.05 %")
+    assert score.measured < 0.01 * score.seen
+    assert np.mean(np.isfinite(maps[""])) < 0.01
+
+
+def test_what_only_one_of_two_sees_is_hardly_ever_measured(tmp_path: Path) -> None:
+    pytest.importorskip("cv2")
+    score, maps = mapped(tmp_path, "pair", "{shape: step, near: 130 mm, far: 180 mm}")
+    assert score.measured > 0.85 * score.seen
+    hidden = (maps["_measurable"] == 0) & np.isfinite(maps["_true"])
+    assert np.count_nonzero(hidden) > 500
+    assert score.elsewhere < 0.1 * np.count_nonzero(hidden)
+
+
+def test_the_command_says_how_well_each_camera_measured(tmp_path: Path) -> None:
+    path = tmp_path / "maps.yaml"
+    text = STUDY.format(
+        surface=PLANE.format(150),
+        camera="plenoptic",
+        contrast="15 %",
+        length="1 mm",
+        estimator="same-type-pair",
+        lenses="",
+    )
+    path.write_text(text, encoding="utf-8")
+    answer = CliRunner().invoke(cli.app, ["render", str(path), "--depth", "--out", str(tmp_path / "out"), "--quiet"])
+    assert answer.exit_code == 0, answer.output
+    answer = CliRunner().invoke(cli.app, ["render", str(path), "--depth", "--out", str(tmp_path / "out")])
+    assert "plenoptic: " in answer.output
+    assert "unoccluded points measured" in answer.output
+    facts = json.loads((tmp_path / "out" / "pictures" / "plenoptic" / "depth_map.json").read_text(encoding="utf-8"))
+    assert facts["unit"] == "m"
+    assert facts["score"]["within"] > 0.9
+    assert set(facts["reasons"]) == {str(int(reason)) for reason in Reason}
+
+
+def test_stereo_without_the_library_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "cv2", None)
+    with pytest.raises(ValueError, match=r"pip install 'tradestudy\[images\]'"):
+        mapped(tmp_path, "pair", PLANE.format(150))
