@@ -156,7 +156,7 @@ def match_windows(
     start
         Whole steps found otherwise, which replace the search; NaN: none was found.
     """
-    misfit, error, size, count = _sums(pairs, steps, window)
+    misfit, error, size, count, middle = _sums(pairs, steps, window)
     noise = 2.0 * np.asarray(variance, np.float64)
     enough = count >= max(1.0, least_share * window * window * len(pairs))
     misfit = np.where(enough, misfit / np.maximum(count, 1), np.inf)
@@ -187,7 +187,7 @@ def match_windows(
     reason[~inside] = Reason.OUT_OF_RANGE
     if start is not None:
         reason[~np.isfinite(start)] = Reason.NO_MATCH
-    reason[~np.any(enough, axis=0)] = Reason.NO_PARTNER
+    reason[~(np.any(enough, axis=0) & np.take_along_axis(middle, best[np.newaxis], axis=0)[0])] = Reason.NO_PARTNER
     good = reason == Reason.MEASURED
     return Matches(
         disparity=np.where(good, np.asarray(steps)[first] + fraction, np.nan),
@@ -198,15 +198,20 @@ def match_windows(
 
 def _sums(
     pairs: Sequence[PairOfPictures], steps: Sequence[int], window: int
-) -> tuple[Samples, Samples, Samples, Samples]:
-    """Over windows, at every step: squared difference, B over the squared gradient, that itself, and pixels."""
+) -> tuple[Samples, Samples, Samples, Samples, BoolArray]:
+    """Over windows, at every step: squared difference, B over the squared gradient, that itself, and pixels.
+
+    Last, where both pictures see the pixel in the middle of the window: beside them, depth would be a guess.
+    """
     shape, kind = pairs[0].gradient.shape, pairs[0].gradient.dtype
     misfit, moment, size, count = (np.zeros((len(steps), *shape), kind) for _ in range(4))
+    middle = np.zeros((len(steps), *shape), bool)
     for pair in pairs:
         there = np.isfinite(pair.gradient)
         g = np.where(there, pair.gradient, kind.type(0))
         for k, step in enumerate(steps):
             difference, seen = pair.difference(step)
+            middle[k] |= seen
             both = seen & there
             difference = np.where(both, difference, kind.type(0))
             misfit[k] += window_sum(difference * difference, window)
@@ -214,7 +219,7 @@ def _sums(
             size[k] += window_sum(g * g * both, window)
             count[k] += window_sum(both.astype(kind), window)
     with np.errstate(divide="ignore", invalid="ignore"):  # no texture at all
-        return misfit, moment / size, size, count
+        return misfit, moment / size, size, count, middle
 
 
 def _at(cube: Samples, index: NDArray[np.intp]) -> Samples:

@@ -28,7 +28,7 @@ from tradestudy.optics.window_matching import (
 )
 
 _AT_ONCE: Final = 400  # microlenses, so that what one step needs stays in the cache
-_LEAST_SHARE: Final = 0.1  # of a window that both micro-images show
+_LEAST_SHARE: Final = 0.15  # of a window that both micro-images show
 _AGREE: Final = 4.0  # standard deviations that matches of one point may lie apart
 _TABLE: Final = 2048  # radii of the table of lit parts of microlenses
 _SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that show a point
