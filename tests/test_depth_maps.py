@@ -216,3 +216,22 @@ def test_stereo_without_the_library_says_how_to_install_it(tmp_path: Path, monke
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(ValueError, match=r"pip install 'tradestudy\[images\]'"):
         mapped(tmp_path, "pair", PLANE.format(150))
+
+
+def test_a_plane_is_sharpest_refocused_where_it_is_and_views_shift_by_parallax(tmp_path: Path) -> None:
+    """Between views ±u of a plane at a, the picture on the array moves by 2u b_L/z / (1/v − b_L/z)."""
+    path = tmp_path / "maps.yaml"
+    mapped(tmp_path, "plenoptic", PLANE.format(150))
+    written = tmp_path / "pictures" / "plenoptic"
+    left, right, sharp = (np.load(written / f"{name}.npy") for name in ("view_left", "view_right", "all_in_focus"))
+    assert left.shape == right.shape == sharp.shape == (200, 200)
+    # On the object: u a part of the pupil; a/(…) by similar triangles through the array, half a pixel of which is one
+    # sample. The plane of zero parallax is where the main lens images on the array.
+    camera = api.load(path).definition.case.all_cameras["plenoptic"]
+    z, f, aside = camera.mla_distance, 12.5e-3, 0.25 * 12.5e-3 / 3.8
+    image = 1.0 / (1.0 / f - 1.0 / 0.15)
+    expected = 2.0 * aside * (z - image) / image / 11e-6  # lines from ±u through the image point, on to the array
+    inner = np.s_[30:-30, 30:-30]
+    a, b = (np.fft.fft2(one[inner] - np.mean(one[inner])) for one in (left, right))
+    row, column = np.unravel_index(np.argmax(np.fft.ifft2(b * np.conj(a)).real), (140, 140))
+    assert (int(row), int(column)) == pytest.approx((0, expected), abs=1.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -106,14 +107,23 @@ class TrueDepth:
     measurable: BoolArray
 
 
-class DepthReader(Protocol):
+class DepthReader(ABC):
     """One camera, as it was designed, set up to measure depth from its pictures."""
 
+    @abstractmethod
     def read(self, pictures: Mapping[str, FlatPicture]) -> DepthMap:
         """Depth from all pictures, by their names."""
 
+    @abstractmethod
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:
         """True depth of the map from that of every picture, and from where these are pure, by their names."""
+
+    def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:  # noqa: ARG002 - none unless the kind makes some
+        """Pictures that the camera makes of its own with their depth, by name: brightness, NaN where there is none.
+
+        ``middle`` is the distance of the middle of the scene [m], which one may be refocused on.
+        """
+        return {}
 
 
 class DepthReaderOfKind(Protocol):

@@ -153,3 +153,17 @@ def _weighted(near: Samples, across: Samples, down: Samples, first: int) -> Samp
     for k in range(n):
         found += down[:, k, np.newaxis, np.newaxis] * columns[:, first + k : first + k + side]
     return found
+
+
+def sampled(picture: Samples, place: Samples) -> Samples:
+    """A picture read at places (2, points) [px]: cubic, linear beside missing pixels, NaN on them."""
+    corner = np.floor(place).astype(np.intp)
+    rows, columns = picture.shape
+    x, y = (np.add.outer(np.arange(-1, 3), corner[k]) for k in (0, 1))
+    near = picture[np.clip(y, 0, rows - 1)[:, np.newaxis], np.clip(x, 0, columns - 1)[np.newaxis]]
+    beyond = ((y < 0) | (y >= rows))[:, np.newaxis] | ((x < 0) | (x >= columns))[np.newaxis]
+    near = np.where(beyond, np.nan, near)
+    t, u = (place[k] - corner[k] for k in (0, 1))
+    cubic = np.einsum("yxn,nx,ny->n", near, cubic_weights(t), cubic_weights(u))
+    linear = np.einsum("yxn,xn,yn->n", near[1:3, 1:3], np.stack([1.0 - t, t]), np.stack([1.0 - u, u]))
+    return np.asarray(np.where(np.isnan(cubic), linear, cubic))

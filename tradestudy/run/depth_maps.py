@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cameras.camera import Camera
@@ -20,7 +19,7 @@ from tradestudy.execution import Steps
 from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
 from tradestudy.imaging.estimation.score import DepthScore, score
 from tradestudy.imaging.render.sensor import Recording
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, Samples
 from tradestudy.optics.window_matching import REASONS
 from tradestudy.results.storage import replace_file, replacing
 from tradestudy.run.inference import infer_calibrations
@@ -82,6 +81,8 @@ def map_depths(definition: StudyDefinition, directory: Path, steps: Steps) -> di
         way = "both" if image.rig == "drawn" else "noise"
         scores[taken.name] = score(found, truth, _predicted(taken.camera, np.asarray(truth.depth, np.float64), way))
         _write(found, truth, scores[taken.name], search, folder, image.depth_format)
+        for name, values in reader.made_of(pictures, found, sum(scene.extent) / 2.0).items():
+            _write_floats(folder / f"{name}.{image.depth_format}", values, "brightness over that of a white scene")
         steps.progress(STEP, (number + 1) / len(cameras))
     return scores
 
@@ -151,7 +152,7 @@ def _write(
         ("depth_map_deviation", found.deviation, "standard deviation of the estimated depth by noise, metres"),
         ("depth_map_true", truth.depth, "true depth in the pixels of the estimated one, metres"),
     ):
-        _write_lengths(folder / f"{name}.{depth_format}", np.asarray(values, np.float32), what)
+        _write_floats(folder / f"{name}.{depth_format}", values, what)
     with replacing(folder / "depth_map_reason.png") as part:
         Image.fromarray(found.reason).save(part, format="PNG")
     with replacing(folder / "depth_map_measurable.png") as part:
@@ -173,9 +174,10 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
-def _write_lengths(path: Path, values: NDArray[np.float32], what: str) -> None:
+def _write_floats(path: Path, values: Samples, what: str) -> None:
     from PIL import Image
 
+    values = np.asarray(values, np.float32)
     with replacing(path) as part:
         if path.suffix == ".npy":
             with part.open("wb") as file:

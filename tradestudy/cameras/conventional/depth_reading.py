@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.cameras.conventional.design import ConventionalCamera
-from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
@@ -27,7 +27,7 @@ _LARGEST_DEVIATION: Final = 0.5  # of the peak, in steps of the stack
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FocusStackReader:
+class FocusStackReader(DepthReader):
     """A camera that takes a focus stack, and what depth is looked for; the map is in the pixels of its first picture.
 
     Parameters

@@ -11,9 +11,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
 from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import neighbour_distance
+from tradestudy.cameras.focused_plenoptic.synthesis import RawPictureSynthesis
 from tradestudy.cameras.microlens_pictures import MARGIN, Indices, MicrolensGrid, microlens_grid, moved, squares
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
@@ -30,13 +31,14 @@ from tradestudy.optics.window_matching import (
 _AT_ONCE: Final = 400  # microlenses, so that what one step needs stays in the cache
 _LEAST_SHARE: Final = 0.15  # of a window that both micro-images show
 _AGREE: Final = 4.0  # standard deviations that matches of one point may lie apart
+_ASIDE: Final = 0.25  # of the pupil, by which views are shifted
 _TABLE: Final = 2048  # radii of the table of lit parts of microlenses
 _SAME_SURFACE_PX: Final = 0.5  # of disparity, between the two pixels that show a point
 Step = tuple[int, int]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class RawPictureReader:
+class RawPictureReader(DepthReader):
     """A focused plenoptic camera as it was designed, and what depth is looked for.
 
     Parameters
@@ -126,6 +128,17 @@ class RawPictureReader:
             self._hold_against(step, found[step], opposite)
         inverse, deviation, reason = self._combined(found)
         return self._on_sensor(picture, inverse, deviation, reason)
+
+    def made_of(self, pictures: Mapping[str, FlatPicture], found: DepthMap, middle: float) -> dict[str, Samples]:
+        """Refocused on the middle of the scene, sharp throughout, and so from the left and from the right."""
+        synthesis = RawPictureSynthesis(camera=self.camera, search=self.search, picture=pictures["raw"])
+        made = {"refocused": synthesis.refocused(middle)}
+        if np.any(np.isfinite(found.depth)):
+            depth, aside = synthesis.filled_depth(found), _ASIDE * self.camera.main_lens.pupil_diameter
+            made["all_in_focus"] = synthesis.view(depth)
+            made["view_left"] = synthesis.view(depth, (-aside, 0.0))
+            made["view_right"] = synthesis.view(depth, (aside, 0.0))
+        return made
 
     def _matches(self, step: Step, values: Samples, variance: Samples) -> Matches:
         """Of all used microlenses with those a step away, disparities along the step [px]."""

@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
 from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import SIDES, pair_poses
 from tradestudy.errors import OutOfRangeError
@@ -32,7 +32,7 @@ _OPENCV_STEP: Final = 16  # parts of a pixel in the library's disparities, and w
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PairReader:
+class PairReader(DepthReader):
     """A stereo rig as it was designed, and what depth is looked for; the map is in the pixels of the left picture.
 
     Pictures of converging axes are turned parallel first, and the map is in the frame of the turned left picture.

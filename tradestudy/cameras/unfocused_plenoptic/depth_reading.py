@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
-from tradestudy.cameras.microlens_pictures import Indices, MicrolensGrid, microlens_grid
+from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.microlens_pictures import Indices, MicrolensGrid, microlens_grid, sampled
 from tradestudy.cameras.unfocused_plenoptic.design import UnfocusedPlenoptic
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.interpolation import cubic_weights
@@ -30,7 +30,7 @@ _SAME_SURFACE_PX: Final = 0.5  # of disparity between the outermost views, among
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ViewsReader:
+class ViewsReader(DepthReader):
     """An unfocused plenoptic camera as it was designed, and what depth is looked for.
 
     The map has one value for each microlens, in rows from the top; of a hexagonal array every other row is moved by
@@ -97,7 +97,7 @@ class ViewsReader:
         values = np.where(picture.pure, picture.values, np.float32(np.nan))
         row, column, shape = self._places
         found = np.full(shape, np.nan, np.float32)
-        found[row, column] = _sampled(values, grid.image_centre + pixel[:, np.newaxis])
+        found[row, column] = sampled(values, grid.image_centre + pixel[:, np.newaxis])
         return self._straightened(found)
 
     def _straightened(self, found: Samples) -> Samples:
@@ -217,17 +217,3 @@ class _Movable:
         turn = np.exp(2j * np.pi * move[1] * down)[:, np.newaxis] * np.exp(2j * np.pi * move[0] * across)
         found = fft.irfft2(self.spectrum * turn.astype(np.complex64), s=(2 * rows, 2 * columns))
         return np.asarray(found[:rows, :columns], np.float32)
-
-
-def _sampled(picture: Samples, place: Samples) -> Samples:
-    """A picture read at places (2, points) [px]: cubic, linear beside missing pixels, NaN on them."""
-    corner = np.floor(place).astype(np.intp)
-    rows, columns = picture.shape
-    x, y = (np.add.outer(np.arange(-1, 3), corner[k]) for k in (0, 1))
-    near = picture[np.clip(y, 0, rows - 1)[:, np.newaxis], np.clip(x, 0, columns - 1)[np.newaxis]]
-    beyond = ((y < 0) | (y >= rows))[:, np.newaxis] | ((x < 0) | (x >= columns))[np.newaxis]
-    near = np.where(beyond, np.nan, near)
-    t, u = (place[k] - corner[k] for k in (0, 1))
-    cubic = np.einsum("yxn,nx,ny->n", near, cubic_weights(t), cubic_weights(u))
-    linear = np.einsum("yxn,xn,yn->n", near[1:3, 1:3], np.stack([1.0 - t, t]), np.stack([1.0 - u, u]))
-    return np.asarray(np.where(np.isnan(cubic), linear, cubic))

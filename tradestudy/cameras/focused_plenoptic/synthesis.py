@@ -1,0 +1,183 @@
+"""Pictures made of a raw one: refocused, from another place on the pupil, and sharp throughout.
+
+On the array, an object whose virtual depth is v shows itself through the middle of the pupil at Y, and the microlens at
+c pictures it ``(c − Y)(1/v − b_L/z)`` from the middle of its micro-image. Seen from a place u on the pupil it stands at
+C instead of Y, and its picture is ``(c − C)(1/v − b_L/z) + u b_L/z`` from there. Lengths are in pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture
+from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
+from tradestudy.cameras.microlens_pictures import Indices, MicrolensGrid, microlens_grid, sampled
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import BoolArray, Samples
+
+SAMPLE_PX: Final = 2
+"""Pixels of the sensor for one of the picture: micro-images picture objects at half their size or less."""
+_VIEW_REACH: Final = 1.0  # pitches around the place of a view from which its microlenses are taken
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RawPictureSynthesis:
+    """What makes pictures of one raw picture.
+
+    Parameters
+    ----------
+    camera, search
+        As designed, and the distances that it may be focused on.
+    picture
+        The raw one.
+    """
+
+    camera: FocusedPlenoptic
+    search: DepthSearch
+    picture: FlatPicture
+
+    @cached_property
+    def _grid(self) -> MicrolensGrid:
+        (exposure,) = self.camera.exposures(self.search.far, {}, None, 0.0)
+        return microlens_grid(exposure)
+
+    @property
+    def _over(self) -> float:
+        """b_L/z."""
+        return self.camera.microlenses.gap / self.camera.mla_distance
+
+    @cached_property
+    def _middle(self) -> Samples:
+        """Of the sensor [px], shape (2, 1)."""
+        sensor = self.camera.sensor
+        return np.array([[sensor.columns], [sensor.rows]]) / 2.0 - 0.5
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns of a picture."""
+        sensor = self.camera.sensor
+        return sensor.rows // SAMPLE_PX, sensor.columns // SAMPLE_PX
+
+    @cached_property
+    def _places(self) -> Samples:
+        """Of all samples on the array [px of the sensor], shape (2, samples)."""
+        rows, columns = np.indices(self.shape)
+        at = np.stack([columns.ravel(), rows.ravel()]) * float(SAMPLE_PX) + (SAMPLE_PX - 1) / 2.0
+        return np.asarray(at)
+
+    def refocused(self, distance: float) -> Samples:
+        """The picture of the whole pupil focused on a distance [m]; NaN where no microlens shows anything.
+
+        Raises
+        ------
+        OutOfRangeError
+            Outside the distances searched.
+        """
+        if not self.search.near <= distance <= self.search.far:
+            raise OutOfRangeError(
+                "distance to refocus on",
+                value=f"{distance:g} m",
+                limit=f"{self.search.near:g} to {self.search.far:g} m",
+            )
+        inverse = 1.0 / float(self.camera.virtual_depth(np.array([distance]))[0])
+        reach = self._grid.radius / max(abs(inverse - self._over), 1e-6)
+        return self._gathered(np.full(self.shape, inverse), (0.0, 0.0), reach, is_view=False)
+
+    def view(self, depth: Samples, place: tuple[float, float] = (0.0, 0.0)) -> Samples:
+        """The scene from a place on the pupil [m], sharp wherever its depth [m] is right; in the frame of that place.
+
+        Parameters
+        ----------
+        depth
+            On the samples of the picture, such as from `filled_depth`.
+        place
+            x and y; inside the pupil.
+
+        Raises
+        ------
+        OutOfRangeError
+            For a place outside the pupil.
+        """
+        radius = self.camera.main_lens.pupil_diameter / 2.0
+        if not np.hypot(*place) < radius:
+            raise OutOfRangeError(
+                "distance of a view from the middle of the pupil",
+                value=f"{np.hypot(*place) * 1e3:g} mm",
+                limit=f"below {radius * 1e3:g} mm",
+            )
+        reach = _VIEW_REACH * float(np.linalg.norm(self._grid.basis[:, 0]))
+        return self._gathered(1.0 / self.camera.virtual_depth(depth), place, reach, is_view=True)
+
+    def filled_depth(self, found: DepthMap) -> Samples:
+        """Depth of every sample [m] for `view`: the median of its measurements, or that of the nearest sample with one.
+
+        Raises
+        ------
+        OutOfRangeError
+            For a map without any depth.
+        """
+        from scipy.ndimage import distance_transform_edt, median_filter
+
+        rows, columns = np.nonzero(np.isfinite(found.depth))
+        if not rows.size:
+            raise OutOfRangeError("depths of the map", value="0", limit="1 or more")
+        depth = np.asarray(found.depth[rows, columns], np.float64)
+        inverse = 1.0 / self.camera.virtual_depth(depth)
+        at = np.stack([columns, rows]).astype(float)
+        centre = self._grid.image_centre[:, self._nearest(at, image=True)]
+        on_array = (centre - self._middle) / (1.0 + self._over) + self._middle
+        place = on_array - (at - centre) / (inverse - self._over)
+        x, y = np.rint((place - (SAMPLE_PX - 1) / 2.0) / SAMPLE_PX).astype(np.intp)
+        inside = (x >= 0) & (y >= 0) & (x < self.shape[1]) & (y < self.shape[0])
+        total, count = np.zeros(self.shape), np.zeros(self.shape)
+        np.add.at(total, (y[inside], x[inside]), depth[inside])
+        np.add.at(count, (y[inside], x[inside]), 1.0)
+        missing = count == 0.0
+        nearest = distance_transform_edt(missing, return_distances=False, return_indices=True)
+        mean = np.divide(total, count, out=np.zeros(self.shape), where=~missing)
+        return np.asarray(median_filter(mean[nearest[0], nearest[1]], 5))
+
+    def _nearest(self, at: Samples, *, image: bool) -> Indices:
+        """The microlens next to places on the array, or on the sensor by its micro-image [px]; −1: none."""
+        grid = self._grid
+        scale = 1.0 + self._over if image else 1.0
+        first, second = np.rint(np.linalg.solve(grid.basis, (at - self._middle) / scale)).astype(np.intp)
+        return self._numbered(first, second)
+
+    def _numbered(self, first: Indices, second: Indices) -> Indices:
+        grid = self._grid
+        i, j = first - grid.low[0], second - grid.low[1]
+        there = (i >= 0) & (j >= 0) & (i < grid.index.shape[0]) & (j < grid.index.shape[1])
+        return np.where(there, grid.index[np.where(there, i, 0), np.where(there, j, 0)], -1)
+
+    def _gathered(
+        self, inverse_virtual_depth: Samples, place: tuple[float, float], reach: float, *, is_view: bool
+    ) -> Samples:
+        """Mean of what the microlenses within reach [px] of each sample show; for a view, nearer ones count more."""
+        grid, at = self._grid, self._places
+        values = np.where(self.picture.pure, self.picture.values, np.float32(np.nan))
+        turn = (inverse_virtual_depth - self._over).ravel()
+        shift = np.array(place)[:, np.newaxis] * self._over / self.camera.sensor.pixel_pitch
+        first, second = np.rint(np.linalg.solve(grid.basis, at - self._middle)).astype(np.intp)
+        pitch = float(np.linalg.norm(grid.basis[:, 0]))
+        span = int(np.ceil(1.2 * (reach / pitch + 1.0)))
+        total, weight = np.zeros(turn.size), np.zeros(turn.size)
+        for i in range(-span, span + 1):
+            for j in range(-span, span + 1):
+                if np.linalg.norm(grid.basis @ np.array([i, j])) > reach + pitch:
+                    continue
+                lens = self._numbered(first + i, second + j)
+                beside = grid.centre[:, lens] - at
+                offset = beside * turn + shift
+                far = np.hypot(*beside)
+                used: BoolArray = (lens >= 0) & (far <= reach) & (np.hypot(*offset) <= grid.radius)
+                seen = np.full(turn.size, np.nan)
+                seen[used] = sampled(values, grid.image_centre[:, lens[used]] + offset[:, used])
+                share = np.where(np.isfinite(seen), np.maximum(1.0 - far / reach, 1e-3) if is_view else 1.0, 0.0)
+                total += share * np.nan_to_num(seen)
+                weight += share
+        return np.where(weight > 0.0, total / np.where(weight > 0.0, weight, 1.0), np.nan).reshape(self.shape)
