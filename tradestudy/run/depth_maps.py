@@ -103,7 +103,7 @@ def _window_px(window: Window, taken: Taken, distance: float) -> float:
     size = window.size
     if window.of == "object":
         size *= float(geometry.magnification[0]) / geometry.sample_pitch
-    return min(size, geometry.widest_window_px)
+    return min(size, float(np.max(geometry.compared.through(1.0).largest_px)))
 
 
 def _read(
