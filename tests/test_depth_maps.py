@@ -206,6 +206,7 @@ def test_the_command_says_how_well_each_camera_measured(tmp_path: Path) -> None:
     answer = CliRunner().invoke(cli.app, ["render", str(path), "--depth", "--out", str(tmp_path / "out")])
     assert "plenoptic: " in answer.output
     assert "unoccluded points measured" in answer.output
+    assert "matcher: {factor: 1" in answer.output
     facts = json.loads((tmp_path / "out" / "pictures" / "plenoptic" / "depth_map.json").read_text(encoding="utf-8"))
     assert facts["unit"] == "m"
     assert facts["score"]["within"] > 0.9

@@ -154,7 +154,14 @@ def render(
             written = api.render(loaded, directory, fresh=fresh, progress=progress, executor=executor)
             scores = api.map_depths(loaded, directory, progress=progress) if depth else {}
         if not quiet:
-            typer.echo("\n".join([*map(str, written), *(one.line(name) for name, one in scores.items())]))
+            typer.echo(
+                "\n".join(
+                    [
+                        *map(str, written),
+                        *(line for name, one in scores.items() for line in (one.line(name), f"  {one.matcher}")),
+                    ]
+                )
+            )
 
 
 @app.command()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,6 +17,7 @@ from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, Tru
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
+from tradestudy.imaging.estimation.matcher_fit import fit_matcher
 from tradestudy.imaging.estimation.score import DepthScore, score
 from tradestudy.imaging.render.sensor import Recording
 from tradestudy.optics.arrays import FloatArray, Samples
@@ -79,7 +80,8 @@ def map_depths(definition: StudyDefinition, directory: Path, steps: Steps) -> di
         pictures, depths = _read(taken, recording, folder, image.depth_format)
         found, truth = reader.read(pictures), reader.truth(depths, {name: one.pure for name, one in pictures.items()})
         way = "both" if image.rig == "drawn" else "noise"
-        scores[taken.name] = score(found, truth, _predicted(taken.camera, np.asarray(truth.depth, np.float64), way))
+        scored = score(found, truth, _predicted(taken.camera, np.asarray(truth.depth, np.float64), way))
+        scores[taken.name] = replace(scored, matcher=_matcher(found, truth, search.window_px))
         _write(found, truth, scores[taken.name], search, folder, image.depth_format)
         for name, values in reader.made_of(pictures, found, sum(scene.extent) / 2.0).items():
             _write_floats(folder / f"{name}.{image.depth_format}", values, "brightness over that of a white scene")
@@ -129,6 +131,14 @@ def _read_depth(path: Path) -> FloatArray:
         return np.asarray(np.load(path))
     with Image.open(path) as file:
         return np.asarray(file)
+
+
+def _matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> str:
+    """The declaration of the matcher that the errors show, or why there is none."""
+    try:
+        return fit_matcher(found, truth, window_px).declaration
+    except OutOfRangeError as reason:
+        return f"no matcher can be told: {reason}"
 
 
 def _predicted(camera: Camera, depth: FloatArray, way: str) -> FloatArray:

@@ -53,7 +53,7 @@ class PairReader(DepthReader):
 
     @property
     def _steps(self) -> range:
-        return range(math.floor(self._scale / self.search.far) - 2, math.ceil(self._scale / self.search.near) + 3)
+        return range(math.floor(self._scale / self.search.far) - 1, math.floor(self._scale / self.search.near) + 3)
 
     def _depth(self, disparity: Samples) -> Samples:
         """Of disparities of parallel pictures [px]."""

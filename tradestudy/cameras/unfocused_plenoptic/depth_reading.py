@@ -121,7 +121,7 @@ class ViewsReader(DepthReader):
         template = np.where(smooth.seen, smooth.at(np.zeros(2)), np.float32(np.nan))
         pairs = [self._pair(picture, template, u) for u in self._half_pairs]
         ends = np.sort(camera.disparity_px(np.array([self.search.near, self.search.far])) * self._over_estimator)
-        steps = range(math.floor(ends[0]) - 2, math.ceil(ends[1]) + 3)
+        steps = range(math.floor(ends[0]) - 1, math.floor(ends[1]) + 3)
         found = match_windows(
             pairs,
             steps,

@@ -39,6 +39,8 @@ class DepthScore:
         Share of the errors within three predictions.
     reasons
         Seen points without a depth, by reason.
+    matcher
+        What a study may declare as the matcher that these errors show, or why that cannot be told; see `fit_matcher`.
     """
 
     seen: int
@@ -52,6 +54,7 @@ class DepthScore:
     relative_spread: float
     within: float
     reasons: dict[str, int]
+    matcher: str = ""
 
     def line(self, name: str) -> str:
         """One sentence or two for the terminal."""

@@ -1,0 +1,109 @@
+"""What a matcher adds to the bound of matching, measured on depth maps whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.depth_map import DepthMap, TrueDepth
+from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.matcher import Matcher
+from tradestudy.optics.arrays import Samples
+from tradestudy.optics.window_matching import Reason
+
+_FALSE: Final = 6.0  # spreads from the median beyond which a match is of something else
+_BINS: Final = 8
+LEAST_WINDOWS: Final = 50
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatcherFit:
+    """A matcher as its errors show it, with standard errors.
+
+    Parameters
+    ----------
+    matcher
+        What a study may declare as ``matcher``.
+    factor_error, floor_error, false_matches_error
+        Of its factor, its floor [samples] and its share of false matches.
+    windows
+        How many windows that share no pixel the errors are worth.
+    """
+
+    matcher: Matcher
+    factor_error: float
+    floor_error: float
+    false_matches_error: float
+    windows: float
+
+    @property
+    def declaration(self) -> str:
+        """The key of a study; what is not told from the ideal by two standard errors is left at it."""
+        one = self.matcher
+        return (
+            f"matcher: {{factor: {one.factor:.3g}, floor: {one.floor:.2g} px, "
+            f"false_matches: {one.false_matches * 100.0:.2g} %}}  # ± {self.factor_error:.2g}, "
+            f"± {self.floor_error:.1g} px, ± {self.false_matches_error * 100.0:.1g} %, from {self.windows:.0f} windows"
+        )
+
+
+def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherFit:
+    """Compare the errors of a map with the bound that the texture of each window gives.
+
+    Errors of depth are taken for those of disparity, in proportion; the standard deviations that a map states are the
+    bound of each window, `match_windows`. The variance of the errors in classes of equal bound b is fitted with
+    ``k² b² + f²``, k ≥ 1 and f ≥ 0.
+
+    Parameters
+    ----------
+    found, truth
+        In the same pixels.
+    window_px
+        Side of the windows, which overlap.
+
+    Raises
+    ------
+    OutOfRangeError
+        For too few windows, or a map without disparities.
+    """
+    both = (found.reason == Reason.MEASURED) & truth.measurable & (found.deviation > 0.0)
+    bound = found.disparity_deviation[both]
+    windows = bound.size / window_px**2
+    if not windows >= LEAST_WINDOWS or not np.all(np.isfinite(bound)):
+        raise OutOfRangeError(
+            "windows without common pixels from which a matcher can be told",
+            value=f"{windows if bound.size and np.all(np.isfinite(bound)) else 0:.0f}",
+            limit=f"{LEAST_WINDOWS} or more",
+            remedy="render a larger sensor or more texture",
+        )
+    return fit_errors((found.depth - truth.depth)[both] / found.deviation[both] * bound, bound, windows)
+
+
+def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
+    """Of errors of disparity [samples] with their bounds, worth so many independent ones; see `fit_matcher`."""
+    from scipy.optimize import nnls
+
+    false, b2, variance = 0, np.empty(_BINS), np.empty(_BINS)
+    for k, one in enumerate(np.array_split(np.argsort(bound), _BINS)):
+        low, middle, high = np.percentile(error[one], (15.865, 50.0, 84.135))
+        true = one[np.abs(error[one] - middle) <= _FALSE * (high - low) / 2.0]
+        false += one.size - true.size
+        b2[k], variance[k] = np.mean(np.square(bound[true])), np.var(error[true])
+    share = false / bound.size
+    spread = variance * np.sqrt(2.0 * _BINS / windows)
+    # k² = 1 + what is more: neither may be less than nothing.
+    design = np.stack([b2, np.ones(_BINS)], axis=-1) / spread[:, np.newaxis]
+    scale = np.linalg.norm(design, axis=0)
+    (more, floor2), _ = nnls(design / scale, (variance - b2) / spread)
+    more, floor2 = more / scale[0], floor2 / scale[1]
+    errors = np.sqrt(np.diag(np.linalg.pinv(design.T @ design)))
+    factor, floor = float(np.sqrt(1.0 + more)), float(np.sqrt(floor2))
+    return MatcherFit(
+        matcher=Matcher(factor=factor, floor=floor, false_matches=share),
+        factor_error=float(errors[0] / (2.0 * factor)),
+        floor_error=float(errors[1] / (2.0 * floor)) if floor2 > errors[1] else float(np.sqrt(errors[1])),
+        false_matches_error=float(np.sqrt(max(share * (1.0 - share), 1.0 / windows) / windows)),
+        windows=windows,
+    )
