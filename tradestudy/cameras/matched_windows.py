@@ -91,6 +91,11 @@ class ComparedPictures(Protocol):
         """
         ...
 
+    @property
+    def widest_px(self) -> float:
+        """Side of the largest square in one picture, whatever it shares with another [samples]."""
+        ...
+
     def through(self, width: float) -> MatchedPairs:
         """The pairs where so much is left of the pupil's width."""
         ...
@@ -113,6 +118,11 @@ class WholePictures:
     stops_dim: ClassVar[bool] = True
 
     side_px: FloatArray
+
+    @property
+    def widest_px(self) -> float:
+        """The side."""
+        return float(np.max(self.side_px))
 
     def through(self, width: float) -> MatchedPairs:  # noqa: ARG002 - whatever the pupil, the pictures are as large
         """One pair."""

@@ -105,7 +105,7 @@ def _window_px(window: Window, taken: Taken, distance: float) -> float:
     size = window.size
     if window.of == "object":
         size *= float(geometry.magnification[0]) / geometry.sample_pitch
-    return min(size, float(np.max(geometry.compared.through(1.0).largest_px)))
+    return min(size, geometry.compared.widest_px)
 
 
 def _read(

@@ -19,6 +19,7 @@ same wherever that lies beside the axis. What the tilt takes is light, one of th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -55,6 +56,11 @@ class MicroImages:
     diameter_px: float
     neighbours_apart_px: FloatArray
     radius_over_pitch: FloatArray
+
+    @property
+    def widest_px(self) -> float:
+        """In the disc of one micro-image."""
+        return self.diameter_px / math.sqrt(2.0)
 
     def through(self, width: float) -> MatchedPairs:
         """The pairs of the estimator through a pupil of which so much is left of the width."""

@@ -54,6 +54,11 @@ class ComparedViews:
     pupil_diameter: float
     side_px: FloatArray
 
+    @property
+    def widest_px(self) -> float:
+        """That of the views, of which the outermost share the most near focus."""
+        return float(np.max(self.side_px))
+
     def through(self, width: float) -> MatchedPairs:
         """One pair, which tells what the views that are left do over the baseline of all."""
         left = np.hypot(*self.positions.T) <= width * self.pupil_diameter / 2.0 * (1.0 + 1e-12)
