@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from tradestudy.analysis.halving import bracketed
 from tradestudy.analysis.held import Held
 from tradestudy.analysis.inverse_questions import Solution, Solved, beside_declared
 from tradestudy.analysis.requirements import Judge
@@ -48,13 +49,16 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
     """
     varying, judge = Varying.of(definition, question), Judge()
     requirement, dimension = definition.file.requirements[question.requirement or ""], varying.dimension
+    known: dict[float, Held] = {}
 
-    def trial(value: float) -> _Trial:
-        case = definition.with_values(varying.changes(value)).case
-        return _Trial(value=varying.possible(value), held=judge.answer(requirement, case)[0])
+    def is_met(value: float) -> bool | None:
+        known[value] = judge.answer(requirement, definition.with_values(varying.changes(value)).case)[0]
+        return known[value].met
 
     places = {varying.possible(float(value)) for value in np.geomspace(varying.low, varying.high, _PLACES)}
-    trials = [trial(value) for value in sorted(places | varying.declared(definition))]
+    for value in places | varying.declared(definition):
+        is_met(value)
+    trials = [_Trial(value=value, held=held) for value, held in sorted(known.items())]
     if undecided := [one.held.reason for one in trials if one.held.met is None]:
         reason = undecided[0]
         return Solved(solutions=(), dimension=dimension, answer=f"cannot be told: {reason}")
@@ -63,26 +67,19 @@ def solve_requirement(definition: StudyDefinition, question: SolvePart) -> Solve
         if before.held.met == after.held.met:
             continue
         inside, outside = (before, after) if before.held.met else (after, before)
-        while abs(outside.value - inside.value) > _CLOSE * max(inside.value, outside.value):
-            middle = trial((inside.value + outside.value) / 2.0)
-            if middle.value in (inside.value, outside.value):
-                break
-            inside, outside = (middle, outside) if middle.held.met else (inside, middle)
-        solutions.append(
-            Solution(value=inside.value, error=_error(inside, outside, before, after, is_counted=varying.is_counted))
-        )
+        ends = bracketed(inside.value, outside.value, is_met, possible=varying.possible, close=_CLOSE)
+        # What is counted has nothing between two neighbours.
+        error = 0.0 if varying.is_counted else _error(known[ends[0]], abs(ends[1] - ends[0]), before, after)
+        solutions.append(Solution(value=ends[0], error=error))
     answer = _answer(trials, solutions, dimension)
     return Solved(solutions=tuple(solutions), dimension=dimension, answer=beside_declared(definition, question, answer))
 
 
-def _error(inside: _Trial, outside: _Trial, before: _Trial, after: _Trial, *, is_counted: bool) -> float:
+def _error(held: Held, bracket: float, before: _Trial, after: _Trial) -> float:
     """Half of the bracket, and what the error of the worst value moves the end by along its margin."""
-    # What is counted has nothing between two neighbours.
-    bracket = 0.0 if is_counted else abs(outside.value - inside.value) / 2.0
-    held = inside.held
     slope = abs(after.held.margin - before.held.margin) / abs(after.value - before.value)
     own = held.error / abs(held.value) if held.error > 0.0 and math.isfinite(held.value) else 0.0
-    return math.hypot(bracket, own / slope if slope > 0.0 and math.isfinite(slope) and not is_counted else 0.0)
+    return math.hypot(bracket / 2.0, own / slope if slope > 0.0 and math.isfinite(slope) else 0.0)
 
 
 def _answer(trials: Sequence[_Trial], solutions: Sequence[Solution], dimension: Dimension) -> str:

@@ -35,12 +35,6 @@ class SweepAxis:
     dimension: Dimension | None = None
 
 
-def axis_attributes(axis: SweepAxis) -> dict[str, float | str]:
-    """What a coordinate of the results says of a swept parameter."""
-    measures = "" if axis.dimension is None else axis.dimension.name
-    return {"units": axis.units, "long_name": axis.path, "declared": axis.declared, "measures": measures}
-
-
 def sweep_axes(definition: StudyDefinition) -> tuple[SweepAxis, ...]:
     """The axes that a study declares; none where it sweeps nothing."""
     for path, part in definition.file.sweep.items():

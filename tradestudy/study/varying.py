@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from tradestudy.errors import StudyError
 from tradestudy.study.definition import StudyDefinition
@@ -44,14 +44,20 @@ class Varying:
         OutOfRangeError
             Where its ends do not share a unit, or are not 0 < low < high.
         """
-        dimension, low, high = question_ends(question)
-        plain = cls(paths=question.paths, dimension=dimension, low=low, high=high, is_counted=False)
+        return cls.between(definition, question.paths, *question_ends(question))
+
+    @classmethod
+    def between(
+        cls, definition: StudyDefinition, paths: tuple[str, ...], dimension: Dimension, low: float, high: float
+    ) -> Varying:
+        """Paths that take one value between two ends, in SI; counted where the study refuses a fraction."""
+        plain = cls(paths=paths, dimension=dimension, low=low, high=high, is_counted=False)
         if dimension.unit or not (low.is_integer() and high.is_integer()):
             return plain
         try:
             definition.with_values(plain.changes(low + 0.5))
         except StudyError:
-            return cls(paths=question.paths, dimension=dimension, low=low, high=high, is_counted=True)
+            return replace(plain, is_counted=True)
         return plain
 
     def declared(self, definition: StudyDefinition) -> set[float]:

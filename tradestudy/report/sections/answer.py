@@ -23,7 +23,7 @@ from tradestudy.report.document import (
     say,
 )
 from tradestudy.report.words import length, limit_words, part_words, share, with_error
-from tradestudy.results.views.conclusions import best_stretches, measure_first, rests_on
+from tradestudy.results.views.conclusions import asked_words, best_stretches, measure_first, rests_on
 from tradestudy.results.views.decision import (
     Flips,
     answer_title,
@@ -97,7 +97,7 @@ def _requirements(tree: xr.DataTree, *, as_declared: bool = False) -> Iterator[B
 def _solved(tree: xr.DataTree) -> Iterator[Spans]:
     """Inverse questions and their answers."""
     for says, answer in solved_questions(tree):
-        yield say("{says} **{answer}**.", says=says if says.endswith("?") else f"{says}:", answer=answer)
+        yield say("{asked} **{answer}**.", asked=asked_words(says), answer=answer)
 
 
 def _requirement(one: RequirementConclusion) -> Spans:

@@ -158,9 +158,9 @@ def measure_first(tree: xr.DataTree) -> str:
     return f"{words} of the distance" + (f"; then {listed(others)}" if others else "")
 
 
-def question_sentence(says: str, answer: str) -> str:
-    """An inverse question and its answer."""
-    return f"{says} {answer}" if says.endswith("?") else f"{says}: {answer}"
+def asked_words(says: str) -> str:
+    """An inverse question as it stands before its answer."""
+    return says if says.endswith("?") else f"{says}:"
 
 
 def _never_usable(tree: xr.DataTree) -> Iterator[str]:
@@ -184,7 +184,7 @@ def terminal_lines(tree: xr.DataTree, most: int = 5) -> Iterator[str]:
     if feasible is not None and not (feasible.required == 1 and requirements[0].stretches is not None):
         lines.append(feasible_words(tree))
     lines += [requirement_sentence(one) for one in requirements]
-    lines += [question_sentence(says, answer) for says, answer in solved_questions(tree)]
+    lines += [f"{asked_words(says)} {answer}" for says, answer in solved_questions(tree)]
     if weighed := trade_off_conclusion(tree):
         lines.append(f"By all criteria: {weighed}")
     first = measure_first(tree)

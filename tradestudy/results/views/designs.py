@@ -143,9 +143,8 @@ def feasible_designs(tree: xr.DataTree) -> Feasible | None:
     best = np.unravel_index(int(np.argmax(first)), least.shape)
     values = {axis: data[axis].values[k] for axis, k in zip(axes, best, strict=True)}
     # What is not met first: a guard band can leave that of the larger margin unmet.
-    tightest = int(np.flatnonzero(must)[int(np.argmin(np.where(met[best], np.inf, margins[best])))])
-    if met[best].all():
-        tightest = int(np.flatnonzero(must)[int(np.argmin(margins[best]))])
+    among = margins[best] if met[best].all() else np.where(met[best], np.inf, margins[best])
+    tightest = int(np.flatnonzero(must)[int(np.argmin(among))])
     return Feasible(
         count=int(every.sum()),
         designs=int(every.size),
@@ -273,17 +272,20 @@ def feasible_words(tree: xr.DataTree) -> str:
 def _largest(found: Feasible, share: str) -> str:
     if not share:
         return f"Best: {found.best.words}"
-    size = margin_words(found.best.margin).removeprefix("margin of ").removeprefix("margin ")
-    return f"Largest margin, {size}: {found.best.words}"
+    return f"Largest margin, {_margin_size(found.best.margin)}: {found.best.words}"
 
 
 def margin_words(margin: float) -> str:
     """By how much the worst value could be worse and still keep its bound; of a broken one, by how much it misses."""
     if margin < 0.0:
         return f"missed by {pretty(-margin, FRACTION, digits=2)}"
+    return f"margin {'of ' if margin >= _MANY_TIMES else ''}{_margin_size(margin)}"
+
+
+def _margin_size(margin: float) -> str:
     if margin >= _MANY_TIMES:
-        return f"margin of a factor {significant(1.0 + margin, 2)}"
-    return f"margin {pretty(margin, FRACTION, digits=2)}"
+        return f"a factor {significant(1.0 + margin, 2)}"
+    return pretty(margin, FRACTION, digits=2)
 
 
 def favoured_words(tree: xr.DataTree) -> Iterator[str]:

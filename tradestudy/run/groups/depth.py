@@ -25,8 +25,9 @@ from tradestudy.execution import Steps
 from tradestudy.imaging.picture import matching_needs
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
+from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.sweep import axis_attributes, point_labels, sweep_axes
+from tradestudy.study.sweep import point_labels, sweep_axes
 
 DepthTables = Mapping[tuple[DepthCamera, UsableCriteria], DepthTable]
 
@@ -53,13 +54,8 @@ def depth_group(definition: StudyDefinition, designs: Sequence[StudyDefinition],
     arrays, part_names = _depth_arrays([tables[one] for one in asked])
     shape = (*(len(axis.labels) for axis in axes), len(definition.case.cameras))
     stacked = {name: array.reshape(shape + array.shape[1:]) for name, array in arrays.items()}
-    leading = tuple(axis.path for axis in axes)
-    coordinates: dict[str, Any] = {axis.path: list(axis.labels) for axis in axes}
-    coordinates |= _coordinates(definition, distance, part_names)
-    result = dataset("depth", stacked, coordinates, leading=leading, attributes={"matching_needs": matching_needs()})
-    for axis in axes:
-        result[axis.path].attrs = axis_attributes(axis)
-    return result
+    coordinates = _coordinates(definition, distance, part_names)
+    return over_designs("depth", stacked, coordinates, axes, {"matching_needs": matching_needs()})
 
 
 def depth_at_places_group(definition: StudyDefinition, places: tuple[float, ...]) -> xr.Dataset:

@@ -10,11 +10,11 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.design_verdicts import Curve, best_at, crossings
-from tradestudy.results import dataset
 from tradestudy.results.depth import distances_without_decision
 from tradestudy.run.groups.depth import DepthTables
+from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.sweep import axis_attributes, sweep_axes
+from tradestudy.study.sweep import sweep_axes
 
 
 def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefinition], tables: DepthTables) -> xr.Dataset:
@@ -37,8 +37,4 @@ def design_verdicts(definition: StudyDefinition, designs: Sequence[StudyDefiniti
         for name, empty in (("distance", math.nan), ("error", math.nan), ("nearer", "")):
             rows = [[getattr(one, name) for one in row] + [empty] * (most - len(row)) for row in crossed]
             values[f"design_crossover_{name}"] = np.array(rows).reshape(*shape, most)
-    coordinates: dict[str, Any] = {axis.path: list(axis.labels) for axis in axes} | {"design_place": places}
-    result = dataset("decision", values, coordinates, leading=tuple(axis.path for axis in axes))
-    for axis in axes:
-        result[axis.path].attrs = axis_attributes(axis)
-    return result
+    return over_designs("decision", values, {"design_place": places}, axes)

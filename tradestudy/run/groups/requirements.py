@@ -12,17 +12,18 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.analysis.causes import largest_cause
+from tradestudy.analysis.halving import bracketed
 from tradestudy.analysis.held import Held
 from tradestudy.analysis.requirements import ALL, ANY, Judge
 from tradestudy.errors import StudyError
 from tradestudy.execution import Steps
 from tradestudy.imaging.derived_error import at_bound
-from tradestudy.results import dataset
+from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.bases import input_words
 from tradestudy.study.definition import Case, StudyDefinition
-from tradestudy.study.document import ScalarEntry
 from tradestudy.study.schema.requirements import RequirementPart
-from tradestudy.study.sweep import SweepAxis, axis_attributes, quantity_entry, sweep_axes
+from tradestudy.study.sweep import SweepAxis, sweep_axes
+from tradestudy.study.varying import Varying
 
 _BY_MATCHING: Final = ("depth_uncertainty", "usable", "failed_fraction")  # what a matcher changes
 _ROOT_TO: Final = 0.1  # of the tolerance: how well an end is known, relative to the value
@@ -72,15 +73,14 @@ def requirements_group(
             table.append([judge.answer(one, design.case)[0] for one in requirements.values()])
         shape = (*(len(axis.labels) for axis in axes), len(requirements))
 
-        def over_designs(of: list[list[Any]]) -> np.ndarray[Any, Any]:
+        def shaped(of: list[list[Any]]) -> np.ndarray[Any, Any]:
             return np.array(of).reshape(shape)
 
         values |= {
-            "design_met": over_designs([[_verdict(one) for one in row] for row in table]),
-            "design_camera": over_designs([[one.camera for one in row] for row in table]),
-            "design_margin_percent": over_designs([[100.0 * one.margin for one in row] for row in table]),
+            "design_met": shaped([[_verdict(one) for one in row] for row in table]),
+            "design_camera": shaped([[one.camera for one in row] for row in table]),
+            "design_margin_percent": shaped([[100.0 * one.margin for one in row] for row in table]),
         }
-        coordinates |= {axis.path: list(axis.labels) for axis in axes}
         if len(axes) == 1 and _is_numeric(axes[0]):
             columns = list(zip(*table, strict=True))
             found_stretches = [
@@ -89,10 +89,7 @@ def requirements_group(
             ]
             values |= _stretch_arrays(found_stretches)
         steps.progress("requirements", 1.0)
-    result = dataset("requirements", values, coordinates, leading=tuple(axis.path for axis in axes))
-    for axis in axes:
-        result[axis.path].attrs = axis_attributes(axis)
-    return result
+    return over_designs("requirements", values, coordinates, axes)
 
 
 def _rests_on(definition: StudyDefinition, deciding: Sequence[Held]) -> dict[str, Any]:
@@ -205,26 +202,21 @@ def _root(
     """Where the camera that keeps a requirement at the first value ceases to before the second, and the error of that.
 
     By halving: the margin may jump where a camera ceases to be usable. What is counted, such as images, is tried in
-    whole numbers. Where no study can have a value between, that is all there is to know.
+    whole numbers.
     """
     assert axis.dimension is not None
-    (inside, outside), asked = ends, definition.file.accuracy.asked()
-    close = _ROOT_TO * asked.tolerances["depth_uncertainty"]
-    while abs(outside - inside) > close * max(abs(inside), abs(outside)):
-        middle = (inside + outside) / 2.0
+    varying = Varying.between(definition, (axis.path,), axis.dimension, min(ends), max(ends))
+
+    def holds(value: float) -> bool | None:
         try:
-            case = definition.with_values({axis.path: quantity_entry(middle, axis.dimension)}).case
-        except StudyError:
-            if abs(outside - inside) <= 1.0 or axis.dimension.unit:
-                return inside, 0.0 if float(inside).is_integer() else abs(outside - inside) / 2.0
-            middle = float(math.floor(middle))
-            try:
-                case = definition.with_values({axis.path: ScalarEntry.of(int(middle))}).case
-            except StudyError:
-                break
-        kept = _kept_by(requirement, judge.answer(requirement, case)[0]) == camera
-        inside, outside = (middle, outside) if kept else (inside, middle)
-    return inside, abs(outside - inside) / 2.0
+            case = definition.with_values(varying.changes(value)).case
+        except StudyError:  # no study has a value between
+            return None
+        return _kept_by(requirement, judge.answer(requirement, case)[0]) == camera
+
+    close = _ROOT_TO * definition.file.accuracy.asked().tolerances["depth_uncertainty"]
+    inside, outside = bracketed(*ends, holds, possible=varying.possible, close=close)
+    return inside, 0.0 if varying.is_counted else abs(outside - inside) / 2.0
 
 
 def _stretch_arrays(found: Sequence[Sequence[_Stretch]]) -> Mapping[str, Any]:

@@ -14,11 +14,11 @@ from tradestudy.analysis.requirements import ANY, Judge
 from tradestudy.analysis.trade_off import CriterionValues, Measurer, value_scales
 from tradestudy.execution.steps import Progress
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.results import dataset
+from tradestudy.run.groups.over_designs import over_designs
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.criteria import weighed_dimension
 from tradestudy.study.schema.trade_off import TradeOffPart, WeighedPart
-from tradestudy.study.sweep import axis_attributes, sweep_axes
+from tradestudy.study.sweep import sweep_axes
 from tradestudy.uncertainty.acceptability import Acceptability, acceptability
 from tradestudy.uncertainty.value_scale import ValueScale
 from tradestudy.units import LENGTH, pretty
@@ -56,13 +56,8 @@ def trade_off_group(
         "candidate": list(names),
         "weighed": list(part.criteria),
         "rank": np.arange(1, len(names) + 1),
-        **{axis.path: list(axis.labels) for axis in axes},
     }
-    leading = tuple(axis.path for axis in axes)
-    result = dataset("criteria", values, coordinates, leading=leading, attributes={"weight_draws": found.draws})
-    for axis in axes:
-        result[axis.path].attrs = axis_attributes(axis)
-    return result
+    return over_designs("criteria", values, coordinates, axes, {"weight_draws": found.draws})
 
 
 def _weighed(
