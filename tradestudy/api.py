@@ -439,13 +439,14 @@ def run(
     run that ended early; the report always is made. What accuracy costs is measured only ``with_cost``.
     """
     from tradestudy import report as renderer
-    from tradestudy.cost.study_cost import require_prices
     from tradestudy.execution import Checkpoints
     from tradestudy.results import storage
 
     result = None if fresh else _finished(study, directory)
     measuring = with_cost and (result is None or "cost" not in result.data.children)
     if measuring:
+        from tradestudy.cost.study_cost import require_prices
+
         require_prices(study.definition)  # before anything is computed
     with closing(Checkpoints(directory, fresh=fresh)) as checkpoints:
         if result is None or measuring:

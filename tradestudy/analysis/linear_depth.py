@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from tradestudy.analysis.depth_distribution import DepthDistribution
-from tradestudy.analysis.depth_draws import fixed_errors, nominal_inverse, read_draws, uncertain_groups
+from tradestudy.analysis.depth_draws import fixed_errors, read_draws, uncertain_groups
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.errors import OutOfRangeError
@@ -37,15 +37,12 @@ class LinearReading:
         Their names.
     covariance
         Of the parameters, square, in their units; the noise counts in its own standard deviations.
-    inverse_depth
-        Read with every error at its mean [1/m], shape (distances,).
     sensitivity
-        Its change with each parameter [1/m per unit], shape (parameters, distances).
+        Change of inverse depth with each parameter [1/m per unit], shape (parameters, distances).
     """
 
     parameters: tuple[str, ...]
     covariance: FloatArray
-    inverse_depth: FloatArray
     sensitivity: FloatArray
 
     @property
@@ -102,12 +99,7 @@ def linear_reading(camera: DepthCamera, distance: FloatArray, field: float, way:
     if moving.size:
         read = read_draws(camera, values, distance, field, noise)
         sensitivity[moving] = (read[: moving.size] - read[moving.size :]) / (2.0 * step[moving])
-    return LinearReading(
-        parameters=names,
-        covariance=covariance,
-        inverse_depth=nominal_inverse(camera, distance, field),
-        sensitivity=sensitivity,
-    )
+    return LinearReading(parameters=names, covariance=covariance, sensitivity=sensitivity)
 
 
 def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float, way: str) -> DepthDistribution:
@@ -116,10 +108,12 @@ def linear_distribution(camera: DepthCamera, distance: FloatArray, field: float,
     Inverse depth is a line in all errors; its deviation over that by noise alone is the scale at which the ends of
     intervals are read, so that noise acts exactly.
     """
-    noise = linear_reading(camera, distance, field, "noise").standard_deviation
-    return scaled_noise(
-        camera, distance, field, linear_reading(camera, distance, field, way).standard_deviation / noise
-    )
+    line = linear_reading(camera, distance, field, way)
+    if PIXEL_NOISE in line.parameters:
+        noise = np.abs(line.sensitivity[line.parameters.index(PIXEL_NOISE)])
+    else:
+        noise = linear_reading(camera, distance, field, "noise").standard_deviation
+    return scaled_noise(camera, distance, field, line.standard_deviation / noise)
 
 
 def noise_distribution(camera: DepthCamera, distance: FloatArray, field: float) -> DepthDistribution:
