@@ -19,7 +19,8 @@ from tradestudy.uncertainty.sources import Source, Sources
 
 _STEP: Final = 1e-2  # standard deviations, of the gradient
 _FARTHEST: Final = 9.0  # standard deviations: beyond, the probability is below 1e-18
-_SEARCHED: Final = 181
+_SECTIONS: Final = 16
+_ROUNDS: Final = 2  # to 0.07 standard deviations, and between these on a line
 # Quantiles move with more than the mean and the variance that the curvature adds; draws find up to 2.6 times that.
 _MARGIN: Final = 3.0
 
@@ -122,16 +123,20 @@ def _along(camera: DepthCamera, read: Reader, steepest: FloatArray) -> DepthDist
     depths = np.where(np.isnan(inverse).any(axis=0), np.nan, depth_from_inverse(inverse))
 
     def failures() -> FloatArray:
-        searched = np.linspace(-_FARTHEST, _FARTHEST, _SEARCHED)
-        found = read(searched[np.newaxis, :, np.newaxis] * steepest[:, np.newaxis])
-        # Inverse depth rises along the steepest direction, so that what is lost lies below one score.
-        last = np.sum(~(found > 0.0), axis=0) - 1
-        row, place = np.clip(last, 0, _SEARCHED - 2), np.arange(found.shape[1])
-        low, high = found[row, place], found[row + 1, place]
+        place = np.arange(steepest.shape[1])
+        low, high = np.full((2, place.size), [[-_FARTHEST], [_FARTHEST]])
+        for _ in range(_ROUNDS):
+            searched = low + np.linspace(0.0, 1.0, _SECTIONS + 1)[:, np.newaxis] * (high - low)
+            found = read(searched * steepest[:, np.newaxis])
+            # Inverse depth rises along the steepest direction, so that what is lost lies below one score.
+            last = np.sum(~(found > 0.0), axis=0) - 1
+            row = np.clip(last, 0, _SECTIONS - 1)
+            low, high = searched[row, place], searched[row + 1, place]
+        below, above = found[row, place], found[row + 1, place]
         with np.errstate(invalid="ignore", divide="ignore"):
-            share = np.nan_to_num(np.clip(-low / (high - low), 0.0, 1.0))
-        score = searched[row] + share * (searched[1] - searched[0])
-        lost = np.where(last < 0, 0.0, np.where(last > _SEARCHED - 2, 1.0, ndtr(score)))
+            share = np.nan_to_num(np.clip(-below / (above - below), 0.0, 1.0))
+        score = low + share * (high - low)
+        lost = np.where(last < 0, 0.0, np.where(last >= _SECTIONS, 1.0, ndtr(score)))
         return np.asarray(np.where(np.isnan(inverse).any(axis=0), np.nan, lost)[np.newaxis])
 
     return DepthDistribution(probabilities=probabilities, quantiles=depths[np.newaxis], failures=failures)
