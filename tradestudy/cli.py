@@ -279,7 +279,7 @@ def schema(debug: DebugOption = False) -> None:
     with _answering(debug=debug):
         from tradestudy import api
 
-        typer.echo(json.dumps(api.schema(), indent=2, ensure_ascii=False))
+        typer.echo(json.dumps(api.schema(), indent=1, ensure_ascii=False))
 
 
 def _warned(study: Study) -> Study:

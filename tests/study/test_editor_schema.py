@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -47,3 +49,45 @@ def test_accepts_studies_as_they_are_written(path: Path) -> None:
 )
 def test_marks_mistakes_where_they_are(name: str, place: str) -> None:
     assert any(complaint.startswith(f"{place}: ") for complaint in complaints(HERE / "wrong" / f"{name}.yaml"))
+
+
+def test_describes_every_key_of_a_study() -> None:
+    """An editor shows what stands beside a key or where it refers to; also of ``{value: …, basis: …}``."""
+    schema = editor_schema(StudyFile)
+    missing = [key for key, below in _keys(schema) if not _described(below, schema["$defs"])]
+    assert set(missing) <= {"value"}  # which is what the key itself describes
+
+
+def test_is_small_enough_for_editors_to_load_at_once() -> None:
+    assert len(json.dumps(editor_schema(StudyFile), indent=1)) < 300_000
+
+
+def test_says_within_which_limits_a_quantity_lies() -> None:
+    schema = editor_schema(StudyFile)
+    radius = schema["$defs"]["SpherePart"]["properties"]["radius"]
+    while "$ref" in radius:
+        radius = schema["$defs"][radius["$ref"].rpartition("/")[2]]
+    assert radius["description"] == "Radius of the sphere."
+    plain = radius["anyOf"][0]
+    assert schema["$defs"][plain["$ref"].rpartition("/")[2]]["title"] == "a length above 0 m"
+
+
+def _keys(below: Any) -> Iterator[tuple[str, Any]]:
+    """Every key of every part, with what it may hold; names below `properties` are keys of the file."""
+    if isinstance(below, list):
+        for one in below:
+            yield from _keys(one)
+    elif isinstance(below, dict):
+        for name, one in below.items():
+            if name in ("properties", "$defs"):
+                yield from one.items() if name == "properties" else ()
+                for part in one.values():
+                    yield from _keys(part)
+            else:
+                yield from _keys(one)
+
+
+def _described(below: dict[str, Any], parts: dict[str, Any]) -> bool:
+    if "$ref" in below and "description" not in below:
+        return _described(parts[below["$ref"].rpartition("/")[2]], parts)
+    return bool(below.get("description"))

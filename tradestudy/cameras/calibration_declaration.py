@@ -56,8 +56,8 @@ class ErrorsPart(Part):
 class CalibratedAtPart(Part):
     """The surroundings of the calibration."""
 
-    temperature: Temperature = 293.15
-    pressure: Pressure = 101325.0
+    temperature: Temperature = Field(default=293.15, description="Air temperature during the calibration.")
+    pressure: Pressure = Field(default=101325.0, description="Air pressure during the calibration.")
 
 
 class StabilityPart(Part):
@@ -118,9 +118,15 @@ class StabilityPart(Part):
 class TargetPart(Part):
     """A simulated calibration: a board shown to the camera; the declared errors are its priors."""
 
-    views: Annotated[int, Field(ge=3, le=1000, strict=True)]
-    columns: Annotated[int, Field(ge=2, le=100, strict=True)]
-    rows: Annotated[int, Field(ge=2, le=100, strict=True)]
+    views: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(
+        description="How many pictures of the board are taken."
+    )
+    columns: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
+        description="Inner corners of the board along its rows."
+    )
+    rows: Annotated[int, Field(ge=2, le=100, strict=True)] = Field(
+        description="Inner corners of the board along its columns."
+    )
     spacing: PositiveLength = Field(description="Distance of neighbouring corners.")
     distances: Span = Field(description="Nearest and farthest distance of the board.")
     half_field_angle: HalfFieldAngle = Field(description="Largest angle of the board's middle from the optical axis.")

@@ -11,8 +11,14 @@ from tradestudy.declarations.quantities import Angle, Length, PositiveLength
 class StatedPart(Part):
     """What a data sheet or paper states and the other values already decide: cross-checked, never used."""
 
-    field_of_view: Angle | None = None
-    microlens_gap: Length | None = None
-    mla_distance: Length | None = None
-    hyperfocal_distance: Length | None = None
+    field_of_view: Angle | None = Field(default=None, description="Full angle of view that the data sheet states.")
+    microlens_gap: Length | None = Field(
+        default=None, description="Distance from microlenses to sensor that the data sheet states."
+    )
+    mla_distance: Length | None = Field(
+        default=None, description="Distance from main lens to microlens array that the data sheet states."
+    )
+    hyperfocal_distance: Length | None = Field(
+        default=None, description="Hyperfocal distance that the data sheet states."
+    )
     depth_of_field: PositiveLength | None = Field(default=None, description="Of one image of a conventional camera.")

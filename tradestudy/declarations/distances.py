@@ -17,10 +17,14 @@ MOST_DISTANCES = 100_000
 class DistanceRangePart(Part):
     """Distances on a scale."""
 
-    start: ObjectDistance = Field(alias="from")
-    stop: ObjectDistance = Field(alias="to")
-    points: Annotated[int, Field(ge=2, le=MOST_DISTANCES, strict=True)]
-    spacing: Literal["log", "linear"] = "log"
+    start: ObjectDistance = Field(alias="from", description="Nearest distance.")
+    stop: ObjectDistance = Field(alias="to", description="Farthest distance.")
+    points: Annotated[int, Field(ge=2, le=MOST_DISTANCES, strict=True)] = Field(
+        description="How many distances, both ends included."
+    )
+    spacing: Literal["log", "linear"] = Field(
+        default="log", description="Equal ratios (log) or equal differences (linear)."
+    )
 
     @model_validator(mode="after")
     def _increasing(self) -> Self:

@@ -32,7 +32,7 @@ from tradestudy.optics.thin_lens import image_distance
 class MicrolensesPart(Part):
     """The microlens array."""
 
-    layout: Literal["hexagonal", "square"]
+    layout: Literal["hexagonal", "square"] = Field(description="How the microlenses are arranged.")
     pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres.")
     gap: LensToSensor | Literal["f-number-matching"] = Field(
         description="Array to sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
@@ -82,7 +82,7 @@ class FocusPart(Part):
 class PlenopticDepthPart(DisparityPart):
     """Depth by micro-images."""
 
-    estimator: PlenopticEstimator
+    estimator: PlenopticEstimator = Field(description="Which micro-images depth is measured from.")
     microlenses: UsedLenses | None = Field(
         default=None,
         description="Microlenses that widest-pair and least-squares use; default: sharpest-type.",

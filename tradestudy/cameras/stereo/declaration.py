@@ -20,7 +20,9 @@ from tradestudy.declarations.quantities import Baseline, ObjectDistanceOrInfinit
 class StereoDepthPart(DisparityPart):
     """Depth by two cameras."""
 
-    estimator: Literal["disparity", "midpoint"]
+    estimator: Literal["disparity", "midpoint"] = Field(
+        description="Depth from the disparity along the baseline, or from the midpoint between both rays."
+    )
 
 
 if TYPE_CHECKING:
@@ -38,7 +40,7 @@ class StereoDeclaration(DepthCameraDeclaration):
     kind: Literal["stereo"]
     lenses: LensPart
     sensor: SensorPart
-    baseline: Baseline
+    baseline: Baseline = Field(description="Distance between the two centres of projection.")
     convergence_distance: ObjectDistanceOrInfinity = Field(
         description="Where the optical axes meet; infinity is parallel."
     )

@@ -30,7 +30,7 @@ from tradestudy.optics.thin_lens import image_distance
 class UnfocusedMicrolensesPart(Part):
     """The microlens array of an unfocused plenoptic camera, one focal length before the sensor."""
 
-    layout: Literal["hexagonal", "square"]
+    layout: Literal["hexagonal", "square"] = Field(description="How the microlenses are arranged.")
     pitch: MicrolensPitch = Field(description="Distance of neighbouring microlens centres: the lateral sample.")
     focal_length: FocalLength | Literal["f-number-matching"] = Field(
         description="Also the distance to the sensor; f-number-matching makes it pitch × mla_distance / pupil diameter."
@@ -56,7 +56,7 @@ class UnfocusedFocusPart(Part):
 class UnfocusedDepthPart(DisparityPart):
     """Depth by the views through parts of the pupil; a px of disparity is one microlens, the sample of a view."""
 
-    estimator: ViewEstimator
+    estimator: ViewEstimator = Field(description="Which views depth is measured from.")
 
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from tradestudy.accuracy import Quantity
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import PositiveDuration, quantity
 from tradestudy.effects.models import EFFECTS, SlotName, models_of
+from tradestudy.effects.words import EFFECT
 
 # Beyond the whole of a value, or below what any propagator states, a tolerance says nothing.
 Tolerance = Annotated[float, *quantity(units.FRACTION, at_least=1e-6, at_most=1.0)]
@@ -64,5 +65,8 @@ else:  # one optional key for each effect
         "EffectsPart",
         __base__=_EffectsPart,
         __doc__=_EffectsPart.__doc__,
-        **{slot: (Literal[models_of(slot)] | None, None) for slot in EFFECTS},
+        **{
+            slot: (Literal[models_of(slot)] | None, Field(default=None, description=f"Model of {EFFECT[slot]}."))
+            for slot in EFFECTS
+        },
     )

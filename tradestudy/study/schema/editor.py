@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from tradestudy.study.document import BASES
+from tradestudy.study.schema.shared import shared
 
 _DIALECT = "https://json-schema.org/draft/2020-12/schema"
 _SHARING = {"from": "File of the camera, relative to the study.", "like": "Name of the camera that this one is like."}
@@ -31,13 +32,40 @@ def editor_schema(model: type[BaseModel]) -> dict[str, Any]:
     """
     schema = model.model_json_schema()
     parts: dict[str, Any] = schema.get("$defs", {})
-    opened = _opened(schema, parts)
-    opened["$defs"] = {name: _opened(part, parts) for name, part in parts.items()}
+    opened = _opened(_described(schema, parts), parts)
+    opened["$defs"] = {name: _opened(_described(part, parts), parts) for name, part in parts.items()}
     cameras = opened["properties"]["cameras"]
     cameras["patternProperties"] = {
         pattern: _shareable(camera) for pattern, camera in cameras["patternProperties"].items()
     }
-    return {"$schema": _DIALECT, **opened}
+    return {"$schema": _DIALECT, **shared(opened)}
+
+
+def _described(part: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
+    """Describe every key of a part: one that leads to another part, or says which part this is, as that part."""
+
+    def meaning(schema: Mapping[str, Any]) -> str:
+        if "description" in schema:
+            return str(schema["description"])
+        if "$ref" in schema:
+            return meaning(parts[schema["$ref"].rpartition("/")[2]])
+        possible = [below for below in schema.get("anyOf", ()) if below.get("type") != "null"]
+        return meaning(possible[0] if len(possible) == 1 else part)
+
+    described = dict(part)
+    if "properties" in part:
+        described["properties"] = {
+            key: {**_telling(below), "description": meaning(below)} for key, below in part["properties"].items()
+        }
+    return described
+
+
+def _telling(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave out what tells an editor nothing: titles that pydantic makes from keys, and that a key may be left out."""
+    is_quantity = "pattern" in schema and "examples" in schema  # whose title says its limits
+    return {
+        name: of for name, of in schema.items() if (name != "title" or is_quantity) and (name, of) != ("default", None)
+    }
 
 
 def _opened(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
@@ -59,14 +87,20 @@ def _with_basis(schema: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, A
     """Let a single value or a list be written with the basis it rests on."""
     if not _is_value(schema, parts):
         return schema
+    # What a key means stands beside it; what a value may be is the same for many keys.
+    shown: dict[str, Any] = {key: schema[key] for key in ("description", "default") if key in schema}
+    bare = {key: of for key, of in schema.items() if key not in shown}
     written = {
         "type": "object",
-        "properties": {"value": schema, "basis": {"enum": list(BASES)}, "note": {"type": "string"}},
+        "properties": {
+            "value": bare,
+            "basis": {"enum": list(BASES), "description": "What the value rests on."},
+            "note": {"type": "string", "description": "Where the value comes from, in words."},
+        },
         "required": ["value"],
         "additionalProperties": False,
     }
-    shown: dict[str, Any] = {key: schema[key] for key in ("title", "description", "default") if key in schema}
-    return {**shown, "anyOf": [schema, written]}
+    return {**shown, "anyOf": [bare, written]}
 
 
 def _is_value(schema: Mapping[str, Any], parts: Mapping[str, Any]) -> bool:

@@ -76,9 +76,11 @@ OneLength = Annotated[FocalLength, BeforeValidator(_no_list)]
 class MainLensPart(Part):
     """The main lens of the light path."""
 
-    focal_length: FocalLength
-    f_number: FNumber
-    lens_phase: LensPhaseName
+    focal_length: FocalLength = Field(description="Focal length of the main lens.")
+    f_number: FNumber = Field(description="Focal length over the diameter of the aperture.")
+    lens_phase: LensPhaseName = Field(
+        description="Phase that the lens adds: perfect focus of one point (stigmatic), or parabolic."
+    )
 
 
 class SpotMicrolensesPart(Part):
@@ -93,7 +95,7 @@ class SpotMicrolensesPart(Part):
         description="One, or one for each type: along a row the types take turns, and from row to row they shift by "
         "one; the first is on the axis."
     )
-    aperture: Literal["circular", "square"] = "circular"
+    aperture: Literal["circular", "square"] = Field(default="circular", description="Shape of each microlens aperture.")
     f_number: FNumber | None = Field(
         default=None, description="Focal length over width of the aperture, where there is one focal length."
     )
@@ -102,7 +104,7 @@ class SpotMicrolensesPart(Part):
     )
     gap: LensToSensor = Field(description="Array to detector.")
     interstices: Literal["opaque", "clear"] = Field(description="Whether light passes between the apertures.")
-    lens_phase: LensPhaseName
+    lens_phase: LensPhaseName = Field(description="Phase that each microlens adds.")
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -158,16 +160,16 @@ class SpotDetectorPart(Part):
     """The pixels, centred on the axis."""
 
     pixels: Annotated[int, Field(ge=3, le=1000, strict=True)] = Field(description="Pixels along a side.")
-    pixel_pitch: PixelPitch
+    pixel_pitch: PixelPitch = Field(description="Distance between neighbouring pixel centres.")
 
 
 class SpotSourcePart(Part):
     """A uniformly bright disc, or a point."""
 
     diameter: NonNegativeLength = Field(description="0 mm is a point.")
-    distance: ObjectDistance
-    x: Length = 0.0
-    y: Length = 0.0
+    distance: ObjectDistance = Field(description="Distance from the main lens to the source.")
+    x: Length = Field(default=0.0, description="Horizontal offset of the source from the axis.")
+    y: Length = Field(default=0.0, description="Vertical offset of the source from the axis.")
     coherent: bool = Field(
         default=False, description="Whether the disc is one wave of one phase; else its points radiate on their own."
     )
@@ -187,7 +189,9 @@ class SpotSourcePart(Part):
 class SpectrumPart(Part):
     """Light of several wavelengths, whose intensities add."""
 
-    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=2, max_length=20)]
+    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=2, max_length=20)] = Field(
+        description="Wavelengths at which the light is sampled."
+    )
     weights: Annotated[tuple[Weight, ...], Field(min_length=2, max_length=20)] = Field(
         description="Power in the pupil at each; only their ratios matter."
     )
@@ -210,10 +214,10 @@ class SpectrumPart(Part):
 class PublishedTimePart(Part):
     """What another computation of the same picture is said to have taken."""
 
-    method: MethodName
+    method: MethodName = Field(description="Method that was timed.")
     says: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="In the words of its source.")
     takes: PositiveDuration | None = Field(default=None, description="As a number, where one is stated.")
-    source: Annotated[str, Field(min_length=1, max_length=200)]
+    source: Annotated[str, Field(min_length=1, max_length=200)] = Field(description="Where the time was published.")
 
 
 class LightSpotPart(Part):
@@ -232,11 +236,13 @@ class LightSpotPart(Part):
     tolerance: ImageTolerance = Field(
         default=0.01, description="Relative numerical error that is aimed at in the pictures by methods."
     )
-    seed: Seed = 0
+    seed: Seed = Field(default=0, description="Seed of the points drawn on the source.")
     benchmarks: bool = Field(
         default=False, description="Whether to time one aperture and one source point too, whatever the methods."
     )
-    published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = ()
+    published_times: Annotated[tuple[PublishedTimePart, ...], Field(max_length=20)] = Field(
+        default=(), description="Published computing times, shown beside the measured ones."
+    )
 
     @model_validator(mode="after")
     def _possible(self) -> Self:

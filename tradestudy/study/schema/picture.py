@@ -92,8 +92,8 @@ class LightPart(Part):
 class SpectralLinePart(Part):
     """A wavelength and its weight."""
 
-    wavelength: PositiveWavelength
-    weight: PositiveNumber
+    wavelength: PositiveWavelength = Field(description="Wavelength of this line.")
+    weight: PositiveNumber = Field(description="Share of the light in this line, relative to the others.")
 
 
 class PicturePart(Part):

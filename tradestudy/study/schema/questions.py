@@ -64,8 +64,10 @@ class UsableRangePart(Part):
 class DecisionPart(Part):
     """The headline pair and the distances at which it is decided."""
 
-    between: Pair
-    at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)]
+    between: Pair = Field(description="The two cameras of the headline question.")
+    at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] = Field(
+        description="Distances at which the best camera is named."
+    )
     compare: Annotated[tuple[Pair, ...], Field(max_length=20), AfterValidator(distinct)] = Field(
         default=(), description="Pairs of which it is worked out how likely each ranks first; default: between."
     )
@@ -83,19 +85,21 @@ class DecisionPart(Part):
 class ReadingPart(Part):
     """One other reading of the assumptions: values that replace those of the study."""
 
-    says: Text
-    set: Annotated[dict[str, Scalar], Field(min_length=1)]
+    says: Text = Field(description="What this reading assumes, in words.")
+    set: Annotated[dict[str, Scalar], Field(min_length=1)] = Field(
+        description="Values that replace those of the study, by their paths."
+    )
 
 
 class SolvePart(Part):
     """An inverse question: which values make two cameras alike, one as certain as asked, or meet a requirement?"""
 
-    says: Text
+    says: Text = Field(description="The question in words.")
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
         description="Path of the value; of several paths, all take the same value."
     )
-    low: QuantityText
-    high: QuantityText
+    low: QuantityText = Field(description="Smallest value to try.")
+    high: QuantityText = Field(description="Largest value to try.")
     equal: Pair | None = Field(default=None, description="Cameras that are to be equally certain.")
     camera: CameraName | None = Field(default=None, description="Instead: the camera that is to be certain enough.")
     relative: PositiveFraction | None = Field(default=None, description="Its depth uncertainty over the distance.")
@@ -142,8 +146,8 @@ class ExpectPart(Part):
 
     about: QuantityText | None = Field(default=None, description="The expected value.")
     within: PositiveFraction | None = Field(default=None, description="Relative tolerance of it.")
-    above: QuantityText | None = None
-    below: QuantityText | None = None
+    above: QuantityText | None = Field(default=None, description="The result is expected to exceed this.")
+    below: QuantityText | None = Field(default=None, description="The result is expected to stay below this.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -156,7 +160,7 @@ class ExpectPart(Part):
 
 class _ClaimPart(Part):
     says: Text = Field(description="The claim in the words of its source.")
-    source: Text
+    source: Text = Field(description="Where the claim was published.")
     tolerance_reason: Text = Field(description="Why this expectation and tolerance follow from the source's wording.")
     expect: ExpectPart
     reading: CameraName | None = Field(
@@ -171,21 +175,21 @@ class LimitDistanceClaim(_ClaimPart):
     """Where one limit of the usable range begins or ceases to hold, whatever the others do."""
 
     quantity: Literal["limit_distance"]
-    camera: CameraName
+    camera: CameraName = Field(description="Camera that the claim is about.")
     limit: Literal[
         "overlap", "availability", "total_covering_plane", "focus", "last_disparity_step", "failed_fraction",
         "relative_uncertainty", "saturation", "matching",
-    ]  # fmt: skip
-    end: Literal["near", "far"]
+    ] = Field(description="Limit whose distance is claimed.")  # fmt: skip
+    end: Literal["near", "far"] = Field(description="Whether it is the near or the far end of the range.")
 
 
 class UncertaintyRatioClaim(_ClaimPart):
     """Largest ratio of one camera's depth uncertainty to another's over a range of distances."""
 
     quantity: Literal["uncertainty_ratio"]
-    camera: CameraName
-    against: CameraName
-    over: Span
+    camera: CameraName = Field(description="Camera whose uncertainty is the numerator.")
+    against: CameraName = Field(description="Camera whose uncertainty is the denominator.")
+    over: Span = Field(description="Distances over which it is claimed: from, to.")
     errors: Way = Field(default="both", description="Which errors count.")
 
 
@@ -193,9 +197,9 @@ class ShareBetterClaim(_ClaimPart):
     """Share of a range, on a logarithmic scale, where a camera is usable and the other is not, or is less certain."""
 
     quantity: Literal["share_better"]
-    camera: CameraName
-    against: CameraName
-    over: Span
+    camera: CameraName = Field(description="Camera claimed to be more certain.")
+    against: CameraName = Field(description="Camera that it is compared with.")
+    over: Span = Field(description="Distances over which it is claimed: from, to.")
     errors: Way = Field(default="both", description="Which errors count.")
 
 
@@ -203,8 +207,8 @@ class RelativeUncertaintyDistanceClaim(_ClaimPart):
     """The distance beyond which depth uncertainty stays above a share of the distance."""
 
     quantity: Literal["relative_uncertainty_distance"]
-    camera: CameraName
-    threshold: PositiveFraction
+    camera: CameraName = Field(description="Camera that the claim is about.")
+    threshold: PositiveFraction = Field(description="Depth uncertainty over distance that is reached there.")
     errors: Way = Field(default="both", description="Which errors count.")
 
 
@@ -212,15 +216,15 @@ class DepthOfFieldClaim(_ClaimPart, BlurPart):
     """How deep a camera's depth of field is, all its sharp stretches together."""
 
     quantity: Literal["depth_of_field"]
-    camera: CameraName
+    camera: CameraName = Field(description="Camera that the claim is about.")
 
 
 class DepthOfFieldRatioClaim(_ClaimPart):
     """How many times deeper one camera's depth of field is than another's, at equal blur or at equal resolution."""
 
     quantity: Literal["depth_of_field_ratio"]
-    camera: CameraName
-    against: CameraName
+    camera: CameraName = Field(description="Camera whose depth of field is the numerator.")
+    against: CameraName = Field(description="Camera whose depth of field is the denominator.")
     blur: PositivePixels | None = Field(
         default=None, description="On the sensor of each, as in depth_of_field.criteria."
     )
@@ -243,11 +247,11 @@ class PsfErrorClaim(_ClaimPart):
     """How far Fresnel's point-spread function on axis is from Kirchhoff's at one f-number."""
 
     quantity: Literal["psf_error"]
-    element: ElementName
-    f_number: FNumber
-    wavelength: PositiveWavelength
-    lens_phase: LensPhaseName
-    metric: PsfMetric
+    element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
+    f_number: FNumber = Field(description="F-number at which the error is claimed.")
+    wavelength: PositiveWavelength = Field(description="Wavelength at which the error is claimed.")
+    lens_phase: LensPhaseName = Field(description="Phase of that lens.")
+    metric: PsfMetric = Field(description="How two point spreads are compared.")
     window: PositiveNumber = Field(description="In Airy radii.")
 
 
@@ -255,11 +259,11 @@ class FresnelFNumberClaim(_ClaimPart):
     """The least f-number from which Fresnel's point-spread function on axis errs by no more than a limit."""
 
     quantity: Literal["fresnel_f_number"]
-    element: ElementName
-    error: PositiveFraction
-    wavelength: PositiveWavelength
-    lens_phase: LensPhaseName
-    metric: PsfMetric
+    element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
+    error: PositiveFraction = Field(description="Error of the Fresnel point spread at that f-number.")
+    wavelength: PositiveWavelength = Field(description="Wavelength of the claim.")
+    lens_phase: LensPhaseName = Field(description="Phase of that lens.")
+    metric: PsfMetric = Field(description="How two point spreads are compared.")
     window: PositiveNumber = Field(description="In Airy radii.")
 
 
@@ -267,9 +271,11 @@ class CriterionFNumberClaim(_ClaimPart):
     """The least f-number for Fresnel by one of the closed-form criteria."""
 
     quantity: Literal["criterion_f_number"]
-    element: ElementName
-    criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"]
-    wavelength: PositiveWavelength
+    element: ElementName = Field(description="Lens of fresnel_validity that the claim is about.")
+    criterion: Literal["paper-eq27-first-zero", "paper-eq27-second-zero", "path-error", "goodman"] = Field(
+        description="Rule that gives the f-number."
+    )
+    wavelength: PositiveWavelength = Field(description="Wavelength of the claim.")
     path_error: PositiveWaves | None = Field(default=None, description="Of the criterion path-error.")
 
     @model_validator(mode="after")
@@ -283,17 +289,17 @@ class ImageDifferenceClaim(_ClaimPart):
     """Sum of absolute differences between two images of the light spot, over the sum of the second."""
 
     quantity: Literal["image_difference"]
-    method: MethodName
-    reference: MethodName
+    method: MethodName = Field(description="Method whose picture is judged.")
+    reference: MethodName = Field(description="Method whose picture it is compared with.")
 
 
 class LitPixelsClaim(_ClaimPart):
     """How many times more pixels one method lights than another, above a share of the brightest pixel's light."""
 
     quantity: Literal["lit_pixels_ratio"]
-    method: MethodName
-    reference: MethodName
-    above: PositiveFraction
+    method: MethodName = Field(description="Method whose lit pixels are the numerator.")
+    reference: MethodName = Field(description="Method whose lit pixels are the denominator.")
+    above: PositiveFraction = Field(description="Share of the brightest pixel above which a pixel counts as lit.")
 
 
 ClaimPart = Annotated[
@@ -318,7 +324,11 @@ SweepValues = Annotated[tuple[Scalar, ...], Field(min_length=1, max_length=1000)
 class SweepRangePart(Part):
     """Values on a scale, ends with units."""
 
-    start: QuantityText = Field(alias="from")
-    stop: QuantityText = Field(alias="to")
-    points: Annotated[int, Field(ge=2, le=1000, strict=True)]
-    spacing: Literal["log", "linear"] = "linear"
+    start: QuantityText = Field(alias="from", description="First value.")
+    stop: QuantityText = Field(alias="to", description="Last value.")
+    points: Annotated[int, Field(ge=2, le=1000, strict=True)] = Field(
+        description="How many values, both ends included."
+    )
+    spacing: Literal["log", "linear"] = Field(
+        default="linear", description="Equal ratios (log) or equal differences (linear)."
+    )

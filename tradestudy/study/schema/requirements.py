@@ -19,7 +19,7 @@ class BoundOverPart(Part):
 
     below: PositiveLength | None = Field(default=None, description="Absolute bound.")
     below_relative: PositiveFraction | None = Field(default=None, description="Bound as a share of the distance.")
-    over: Span
+    over: Span = Field(description="Distances at which it must hold: from, to.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -41,28 +41,28 @@ class BoundOverPart(Part):
 class UsablePart(Part):
     """A range of distances over which the camera has to be usable."""
 
-    over: Span
+    over: Span = Field(description="Distances at which the camera must be usable: from, to.")
 
 
 class ShareAbovePart(Part):
     """A least share, over a range of distances."""
 
-    above: Share
-    over: Span
+    above: Share = Field(description="Smallest share that meets the requirement.")
+    over: Span = Field(description="Distances at which it must hold: from, to.")
 
 
 class ShareBelowPart(Part):
     """A largest share, over a range of distances."""
 
-    below: PositiveFraction
-    over: Span
+    below: PositiveFraction = Field(description="Largest share that meets the requirement.")
+    over: Span = Field(description="Distances at which it must hold: from, to.")
 
 
 class LengthBelowPart(Part):
     """A largest length, over a range of distances."""
 
-    below: PositiveLength
-    over: Span
+    below: PositiveLength = Field(description="Largest length that meets the requirement.")
+    over: Span = Field(description="Distances at which it must hold: from, to.")
 
 
 class SharpPart(Part):
@@ -84,7 +84,7 @@ class SharpPart(Part):
 class CriterionPart(Part):
     """A criterion of a camera, declared under its attributes or derived for the relief, and its bound."""
 
-    name: Text
+    name: Text = Field(description="Name of the criterion, as in a camera's attributes.")
     below: QuantityText | None = Field(default=None, description="It must be less, such as 500 g.")
     above: QuantityText | None = Field(default=None, description="It must be at least this.")
 
@@ -108,7 +108,9 @@ class CriterionPart(Part):
 class GuardBandPart(Part):
     """How far a value has to stay inside its bound: so many of its standard errors, or by the risk that it leaves."""
 
-    standard_errors: PositiveNumber | None = None
+    standard_errors: PositiveNumber | None = Field(
+        default=None, description="Width of the guard band in standard errors of the value."
+    )
     risk: Risk | None = Field(default=None, description="Probability that the bound is broken although it seems kept.")
 
     @model_validator(mode="after")
@@ -139,7 +141,7 @@ Required = MeasuredPart | UsablePart | SharpPart | CriterionPart
 class RequirementPart(Part):
     """What a camera must do; ``any`` asks whether at least one camera does it, ``all`` whether every one does."""
 
-    says: Text
+    says: Text = Field(description="The requirement in words.")
     camera: CameraName = Field(description="A camera, any or all.")
     priority: Literal["must", "should"] = Field(
         default="must", description="What --strict insists on, or what is only wished for."

@@ -47,9 +47,11 @@ class StudyFile(Part):
 
     format: Literal[2] = Field(description="Version of this file format.")
     study: Name = Field(description="Name of the study and of its report folder.")
-    title: Text
-    question: Text
-    cameras: Annotated[dict[Name, CameraPart], Field(max_length=100)] = {}
+    title: Text = Field(description="Title of the report.")
+    question: Text = Field(description="The question that the study answers, in words.")
+    cameras: Annotated[dict[Name, CameraPart], Field(max_length=100)] = Field(
+        default={}, description="Cameras by name."
+    )
     scene: ScenePart | None = None
     accuracy: AccuracyPart = AccuracyPart()
     effects: EffectsPart = EffectsPart()
@@ -63,13 +65,21 @@ class StudyFile(Part):
     light_spot: LightSpotPart | None = None
     point_spread: PointSpreadPart | None = None
     hard_cases: HardCasesPart | None = None
-    readings: dict[Name, ReadingPart] = {}
-    solve: dict[Name, SolvePart] = {}
-    claims: dict[Name, ClaimPart] = {}
-    requirements: dict[Name, RequirementPart] = {}
+    readings: dict[Name, ReadingPart] = Field(
+        default={}, description="Other readings of what the study assumes, by name."
+    )
+    solve: dict[Name, SolvePart] = Field(
+        default={}, description="Inverse questions by name: which value of an input gives the result asked for?"
+    )
+    claims: dict[Name, ClaimPart] = Field(default={}, description="Published statements to check, by name.")
+    requirements: dict[Name, RequirementPart] = Field(
+        default={}, description="What the cameras must or should do, by name."
+    )
     value_of_information: ValueOfInformationPart | None = None
     trade_off: TradeOffPart | None = None
-    sweep: dict[str, SweepValues | SweepRangePart] = {}
+    sweep: dict[str, SweepValues | SweepRangePart] = Field(
+        default={}, description="Values to vary, by path: a list or a range; every combination is a design."
+    )
 
     @field_validator("format", mode="before")
     @classmethod

@@ -18,8 +18,10 @@ from tradestudy.study.schema.scene_image import SceneImagePart
 class ScenePart(Part):
     """What is looked at."""
 
-    distances: DistanceRangePart | Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
-    wavelength: PositiveWavelength
+    distances: (
+        DistanceRangePart | Annotated[tuple[ObjectDistance, ...], Field(min_length=2, max_length=MOST_DISTANCES)]
+    ) = Field(description="Distances at which cameras are evaluated: a range or a list.")
+    wavelength: PositiveWavelength = Field(description="Wavelength of the light.")
     picture: PicturePart | None = Field(
         default=None, description="Texture, light and sensor: what derived disparity errors follow from."
     )

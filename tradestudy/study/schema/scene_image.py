@@ -69,7 +69,7 @@ class SpherePart(Part):
     shape: Literal["sphere"]
     distance: ObjectDistance = Field(description="Of its centre, along the axis.")
     centre: Place = Field(default=(0.0, 0.0), description="To the right of the axis, and below it.")
-    radius: DetailSize
+    radius: DetailSize = Field(description="Radius of the sphere.")
 
     @model_validator(mode="after")
     def _before_the_camera(self) -> Self:
@@ -141,7 +141,9 @@ class SceneImagePart(Part):
     lens phase belong to derived errors alone: rays are traced over the whole field and have no wavelength.
     """
 
-    surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)]
+    surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
+        description="Surfaces in the scene; the nearest hides those behind it."
+    )
     background: Share = Field(default=0.0, description="Brightness where there is no surface, over the texture's mean.")
     cameras: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None, description="Those that take pictures; default: all."

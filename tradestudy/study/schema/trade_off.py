@@ -46,7 +46,9 @@ class WeighedPart(Part):
 class TradeOffPart(Part):
     """Which camera ranks where by several criteria at once, over all weights that are possible."""
 
-    criteria: Annotated[dict[AttributeName, WeighedPart], Field(min_length=1, max_length=20)]
+    criteria: Annotated[dict[AttributeName, WeighedPart], Field(min_length=1, max_length=20)] = Field(
+        description="Criteria by name, each with its worst and best value and its weight."
+    )
     order: Annotated[tuple[AttributeName, ...], Field(min_length=2), AfterValidator(distinct)] | None = Field(
         default=None, description="Criteria by falling importance, if no more is known of their weights."
     )

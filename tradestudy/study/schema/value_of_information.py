@@ -20,8 +20,8 @@ class AssumptionPart(Part):
     vary: Text | Annotated[tuple[Text, ...], Field(min_length=2, max_length=20), AfterValidator(distinct)] = Field(
         default=(), description="Path of the value; of several paths, all take the same value."
     )
-    low: QuantityText = ""
-    high: QuantityText = ""
+    low: QuantityText = Field(default="", description="Smallest value that the assumption may have.")
+    high: QuantityText = Field(default="", description="Largest value that the assumption may have.")
     readings: Annotated[tuple[CameraName, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
         Field(default=None, description="Instead: readings that are as likely as the study as declared.")
     )
@@ -44,7 +44,9 @@ class ValueOfInformationPart(Part):
     A choice is worth less the larger the depth uncertainty over the distance, averaged over the distances.
     """
 
-    assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)]
+    assumptions: Annotated[dict[str, AssumptionPart], Field(min_length=1, max_length=40)] = Field(
+        description="Assumptions by path or name, each with its range or readings."
+    )
     at: Annotated[tuple[ObjectDistance, ...], Field(min_length=1, max_length=20), AfterValidator(distinct)] | None = (
         Field(default=None, description="Distances that count alike; default: those of the decision.")
     )

@@ -36,9 +36,11 @@ PositiveWaves = Annotated[Waves, Field(gt=0)]
 class FNumberRangePart(Part):
     """F-numbers on a logarithmic scale."""
 
-    start: FNumber = Field(alias="from")
-    stop: FNumber = Field(alias="to")
-    points: Annotated[int, Field(ge=2, le=200, strict=True)]
+    start: FNumber = Field(alias="from", description="Smallest f-number.")
+    stop: FNumber = Field(alias="to", description="Largest f-number.")
+    points: Annotated[int, Field(ge=2, le=200, strict=True)] = Field(
+        description="How many f-numbers, both ends included."
+    )
 
     @model_validator(mode="after")
     def _increasing(self) -> Self:
@@ -54,16 +56,16 @@ class FNumberRangePart(Part):
 class PublishedErrorPart(Part):
     """An error that somebody read off for this lens."""
 
-    f_number: FNumber
-    error: PositiveFraction
+    f_number: FNumber = Field(description="F-number of the published point.")
+    error: PositiveFraction = Field(description="Published error at that f-number.")
 
 
 class ElementPart(Part):
     """One lens and the object it images, in focus."""
 
-    title: Annotated[str, Field(min_length=1, max_length=80)]
-    focal_length: FocalLength
-    object_distance: ObjectDistance
+    title: Annotated[str, Field(min_length=1, max_length=80)] = Field(description="What reports call this lens.")
+    focal_length: FocalLength = Field(description="Focal length of the lens.")
+    object_distance: ObjectDistance = Field(description="Distance from the lens to the point source.")
     f_number: FNumber = Field(description="At which the camera uses it.")
     published_error: PublishedErrorPart | None = Field(default=None, description="A published point to compare with.")
     published_minimum_f_number: PositiveNumber | None = Field(
@@ -86,16 +88,22 @@ class OffAxisPart(Part):
     """One direction away from the axis, in light of one wavelength: without symmetry it takes long."""
 
     field_angle: PositiveAngle = Field(description="Direction of the object point against the axis.")
-    wavelength: PositiveWavelength
+    wavelength: PositiveWavelength = Field(description="Wavelength at which the off-axis error is evaluated.")
 
 
 class FresnelValidityPart(Part):
     """Measured difference of Fresnel's point-spread function from Kirchhoff's, and the criteria that predict it."""
 
-    elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)]
+    elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
+        description="Lenses by name."
+    )
     f_numbers: FNumberRangePart
-    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)]
-    lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)]
+    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
+        description="Wavelengths to evaluate."
+    )
+    lens_phases: Annotated[tuple[LensPhaseName, ...], Field(min_length=1, max_length=3)] = Field(
+        description="Phases of the lens to evaluate."
+    )
     off_axis: OffAxisPart | None = Field(default=None, description="The comparison away from the axis.")
     windows: Annotated[tuple[PositiveNumber, ...], Field(min_length=1, max_length=6)] = Field(
         description="Radii of the windows over which point-spread functions are compared, in Airy radii."
@@ -120,16 +128,24 @@ class FresnelValidityPart(Part):
 class PointSpreadPart(Part):
     """How far points spread behind each lens: one thing varied at a time from the lens as it stands."""
 
-    elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)]
-    lens_phase: LensPhaseName
+    elements: Annotated[dict[ElementName, ElementPart], Field(min_length=1, max_length=10)] = Field(
+        description="Lenses by name."
+    )
+    lens_phase: LensPhaseName = Field(description="Phase that each lens adds.")
     pixel_pitch: PixelPitch = Field(description="Of the pixels whose neighbours are counted.")
     window: PositiveNumber = Field(description="Half the side of the sampled window, in Airy radii of each lens.")
     rms_radius: PositiveNumber = Field(description="Radius within which the rms width is taken, in Airy radii.")
-    f_numbers: Annotated[tuple[FNumber, ...], Field(min_length=1, max_length=20)]
-    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)]
-    field_angles: Annotated[tuple[NonNegativeAngle, ...], Field(min_length=1, max_length=20)]
+    f_numbers: Annotated[tuple[FNumber, ...], Field(min_length=1, max_length=20)] = Field(
+        description="F-numbers to evaluate."
+    )
+    wavelengths: Annotated[tuple[PositiveWavelength, ...], Field(min_length=1, max_length=20)] = Field(
+        description="Wavelengths to evaluate."
+    )
+    field_angles: Annotated[tuple[NonNegativeAngle, ...], Field(min_length=1, max_length=20)] = Field(
+        description="Angles from the axis to evaluate."
+    )
     reference_wavelength: PositiveWavelength = Field(description="While something else is varied.")
     defocus: Annotated[tuple[Waves, ...], Field(min_length=1, max_length=20)] = Field(
         description="Distance of the object from focus, in waves of path at the rim of the pupil; > 0 is nearer."
     )
-    tolerance: IntensityTolerance
+    tolerance: IntensityTolerance = Field(description="Largest error of the intensity, relative to its peak.")

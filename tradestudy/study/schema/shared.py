@@ -1,0 +1,63 @@
+"""JSON Schemas that say once what they say in many places."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any, Final
+
+_WORTH_SHARING: Final = 80  # characters; a reference takes about thirty
+
+
+def shared(schema: Mapping[str, Any]) -> dict[str, Any]:
+    """The same JSON Schema, with every alternative that stands in several places in ``$defs`` and a reference to it.
+
+    Parameters
+    ----------
+    schema
+        A schema whose ``anyOf`` hold the alternatives; ``$defs`` may hold parts already.
+
+    Returns
+    -------
+    dict
+        An equivalent schema.
+    """
+    counts: Counter[str] = Counter()
+    _count(schema, counts)
+    names: dict[str, str] = {}
+    found: dict[str, Any] = {}
+
+    def rewritten(below: Any, *, is_whole: bool) -> Any:
+        if isinstance(below, list):
+            return [rewritten(one, is_whole=False) for one in below]
+        if not isinstance(below, Mapping):
+            return below
+        text = json.dumps(below, sort_keys=True)
+        if not is_whole and _is_shared(below, counts[text], text):
+            if text not in names:
+                names[text] = f"value{len(names) + 1}"
+                found[names[text]] = {key: rewritten(one, is_whole=True) for key, one in below.items()}
+            return {"$ref": f"#/$defs/{names[text]}"}
+        # The names under these keys are those of the file, not of the schema language.
+        return {
+            key: {name: rewritten(part, is_whole=key == "$defs") for name, part in one.items()}
+            if key in ("properties", "patternProperties", "$defs")
+            else rewritten(one, is_whole=False)
+            for key, one in below.items()
+        }
+
+    result: dict[str, Any] = rewritten(schema, is_whole=True)
+    return {**result, "$defs": {**result.get("$defs", {}), **found}}
+
+
+def _count(below: Any, counts: Counter[str]) -> None:
+    if isinstance(below, Mapping):
+        counts[json.dumps(below, sort_keys=True)] += 1
+    for one in below.values() if isinstance(below, Mapping) else below if isinstance(below, list) else ():
+        _count(one, counts)
+
+
+def _is_shared(below: Mapping[str, Any], count: int, text: str) -> bool:
+    is_schema = "type" in below or "anyOf" in below or "oneOf" in below or "enum" in below
+    return is_schema and count > 1 and len(text) > _WORTH_SHARING
