@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import io
 import json
 import re
@@ -17,6 +18,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+import tradestudy
 from tradestudy import api, cli
 from tradestudy.errors import NotConvergedError, ResultsError, UnaffordableError
 
@@ -280,3 +282,24 @@ def test_help_lists_the_commands() -> None:
     assert all(
         re.search(rf"^  {name} +[A-Z]", text, re.MULTILINE) for name in ("run", "check", "new", "report", "schema")
     )
+
+
+def test_both_ways_to_start_the_program_tell_the_version() -> None:
+    told = process("--version").stdout.split()
+    assert told == ["tradestudy", importlib.metadata.version("tradestudy")]
+    assert invoke("--version").stdout.split() == told
+
+
+@pytest.mark.parametrize("kind", ["--stereo", "--plenoptic"])
+def test_new_writes_a_study_of_one_kind_whose_requirement_is_met(kind: str) -> None:
+    assert invoke("new", "mine", kind).exit_code == 0
+    text = Path("mine.yaml").read_text(encoding="utf-8")
+    assert ("kind: stereo" in text) == (kind == "--stereo")
+    found = invoke("run", "mine.yaml", "--no-pdf", "--strict")
+    assert found.exit_code == 0, found.output
+
+
+def test_the_package_shows_what_there_is_to_use() -> None:
+    """What `tradestudy.<tab>` offers exists, and nothing else is offered."""
+    assert dir(tradestudy) == sorted(tradestudy.__all__)
+    assert all(hasattr(tradestudy, name) for name in dir(tradestudy))

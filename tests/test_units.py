@@ -42,6 +42,8 @@ def test_degrees_celsius_are_what_pint_makes_of_them() -> None:
         ("3 cm", units.LENGTH, "metre"),
         ("2.5e-3 km", units.LENGTH, "metre"),
         ("1 inch", units.LENGTH, "metre"),
+        ("3 in", units.LENGTH, "metre"),
+        ("2 yd", units.LENGTH, "metre"),
         ("5000 angstrom", units.LENGTH, "metre"),
         ("3 ft", units.LENGTH, "metre"),
         ("2 feet", units.LENGTH, "metre"),

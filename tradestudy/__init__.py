@@ -1,23 +1,32 @@
 """Trade studies of plenoptic cameras against stereo rigs: depth, depth of field, diffraction, calibration.
 
-``tradestudy.load(path)`` reads a study, ``.run()`` computes it; the physics is importable on its own from
-`tradestudy.optics`.
+``load(path)`` reads a study, and its ``run()`` computes it; ``open_result(folder)`` reads a finished run again,
+``compare(folders)`` shows runs side by side, and ``starter(name)`` is a commented study to begin with. The physics
+stands on its own in `tradestudy.optics`, and `tradestudy.uncertainty` propagates uncertainty through any function.
 """
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tradestudy.api import Result, Study, compare, load, open_result
+    from tradestudy import optics, uncertainty
+    from tradestudy.api import Result, Study, compare, load, open_result, schema, starter
 
-__all__ = ["Result", "Study", "compare", "load", "open_result"]
+__all__ = ["Result", "Study", "compare", "load", "open_result", "optics", "schema", "starter", "uncertainty"]
+
+_PACKAGES = ("optics", "uncertainty")
 
 
 def __getattr__(name: str) -> Any:
     # The façade loads the study reader; whoever wants the physics alone does not pay for it.
+    if name in _PACKAGES:
+        return importlib.import_module(f"tradestudy.{name}")
     if name in __all__:
-        from tradestudy import api
-
-        return getattr(api, name)
+        return getattr(importlib.import_module("tradestudy.api"), name)
     raise AttributeError(f"module 'tradestudy' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return __all__

@@ -626,13 +626,13 @@ def schema() -> dict[str, Any]:
     return editor_schema(StudyFile)
 
 
-def starter(name: str) -> str:
-    """A commented study file to start from.
+def starter(name: str, kind: str = "") -> str:
+    """A commented study file to start from: a plenoptic camera against a stereo rig, or two cameras of one kind.
 
     Raises
     ------
     OutOfRangeError
-        If the name cannot be a study's name.
+        If the name cannot be a study's name, or there is no starter of that kind.
     """
     from tradestudy.errors import OutOfRangeError
     from tradestudy.study.schema.root import LONGEST_NAME, NAME_PATTERN
@@ -644,5 +644,13 @@ def starter(name: str) -> str:
             limit=f"a letter, digit or underscore, then also . + -, at most {LONGEST_NAME} characters",
             remedy="choose another",
         )
-    template = files("tradestudy.study").joinpath("starter.yaml").read_text(encoding="utf-8")
-    return template.replace("NAME", name)
+    folder = files("tradestudy.study")
+    known = {"": "starter.yaml"} | {
+        file.name.removeprefix("starter_").removesuffix(".yaml"): file.name
+        for file in folder.iterdir()
+        if file.name.startswith("starter_")
+    }
+    if kind not in known:
+        limit = ", ".join(sorted(filter(None, known)))
+        raise OutOfRangeError("there is no starter of this kind", value=repr(kind), limit=limit)
+    return folder.joinpath(known[kind]).read_text(encoding="utf-8").replace("NAME", name)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import logging
 import math
@@ -31,7 +32,6 @@ INTERRUPTED = 130
 UNEXPECTED = 1
 
 app = typer.Typer(
-    help="Compare cameras that measure depth: what each knows, how surely, and what it costs to find out.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -70,6 +70,13 @@ QuietOption = Annotated[bool, typer.Option("--quiet", help="Say nothing but erro
 DebugOption = Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")]
 
 
+def _told_version(asked: bool) -> None:
+    """Print the version and end, where that is asked for."""
+    if asked:
+        typer.echo(f"tradestudy {importlib.metadata.version('tradestudy')}")
+        raise typer.Exit
+
+
 def main() -> None:
     """Run the command line; the exit status says how it ended."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # whoever ends a run wants what Ctrl-C gives
@@ -77,6 +84,15 @@ def main() -> None:
         app()
     except KeyboardInterrupt:  # before a command has begun
         sys.exit(INTERRUPTED)
+
+
+@app.callback()
+def program(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_told_version, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Compare cameras that measure depth: what each knows, how surely, and what it costs to find out."""
 
 
 @app.command()
@@ -218,14 +234,17 @@ def check(study: StudyArgument, set_: SetOption = None, debug: DebugOption = Fal
 @app.command()
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the study.", show_default=False)],
+    stereo: Annotated[bool, typer.Option("--stereo", help="Compare two stereo rigs.")] = False,
+    plenoptic: Annotated[bool, typer.Option("--plenoptic", help="Compare two plenoptic cameras.")] = False,
     debug: DebugOption = False,
 ) -> None:
-    """Write a commented study to start from, NAME.yaml."""
+    """Write a commented study to start from, NAME.yaml: by default a plenoptic camera against a stereo rig."""
     with _answering(debug=debug):
         from tradestudy import api
 
         name = name.removesuffix(".yaml")
-        text = api.starter(name)
+        asked = [option for option, given in (("--stereo", stereo), ("--plenoptic", plenoptic)) if given]
+        text = api.starter(name, asked[0].removeprefix("--") if len(asked) == 1 else "")
         path = Path(f"{name}.yaml")
         try:
             with path.open("x", encoding="utf-8") as file:

@@ -34,7 +34,8 @@ mega- = 1e6 = M-
 giga- = 1e9 = G-
 metre = [length] = m = meter
 angstrom = 1e-10 * metre
-inch = 0.0254 * metre
+inch = 0.0254 * metre = in = inches
+yard = 0.9144 * metre = yd
 foot = 0.3048 * metre = ft = feet
 astronomical_unit = 149597870700 * metre = au = AU
 second = [time] = s
@@ -78,7 +79,7 @@ _SPELLINGS = str.maketrans(
 )
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _COMMON_UNITS = (
-    "nm", "um", "mm", "cm", "m", "km", "ft", "au", "metres", "millimetres",
+    "nm", "um", "mm", "cm", "m", "km", "in", "ft", "au", "metres", "millimetres",
     "deg", "rad", "mrad", "arcmin", "arcsec", "px", "pixels", "electrons",
     "waves", "percent", "ppm", "K", "degC", "Pa", "kPa", "hPa", "bar", "s", "ms", "min", "h",
     "g", "kg", "W", "mW", "MB", "GB",

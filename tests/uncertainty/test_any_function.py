@@ -1,0 +1,80 @@
+"""Propagation through a user's own function, against closed forms and published intervals."""
+
+from __future__ import annotations
+
+import doctest
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.uncertainty import Normal, Uniform, any_function, propagate_through
+
+UNIT = Normal(mean=0.0, standard_deviation=1.0)
+
+
+def test_four_rectangular_inputs_have_the_published_interval() -> None:
+    """JCGM 101:2008, 9.2.3: the sum of four rectangular inputs of unit standard uncertainty, 95 %: ±3.88."""
+    end = np.sqrt(3.0)
+    inputs = {name: Uniform(low=-end, high=end) for name in "abcd"}
+    found = propagate_through(lambda a, b, c, d: a + b + c + d, inputs, coverage=[0.95], tolerance=0.002)
+    assert found.converged
+    np.testing.assert_allclose([found.low[0], found.high[0]], [-3.88, 3.88], atol=0.01)
+    assert found.standard_deviation == pytest.approx(2.0, rel=2e-3)
+
+
+@pytest.mark.parametrize("coverage", [0.5, 0.6827, 0.99, 0.9999])
+def test_any_coverage_of_a_skew_output(coverage: float) -> None:
+    """The exponential of a normal is lognormal; what is stated as the error covers what is missed."""
+    found = propagate_through(lambda x: np.exp(x), {"x": UNIT}, coverage=[coverage])
+    ends = stats.lognorm.ppf([0.5 - coverage / 2.0, 0.5 + coverage / 2.0], 1.0)
+    missed = np.abs([found.low[0] - ends[0], found.high[0] - ends[1]])
+    assert found.converged
+    assert np.all(missed <= 4.0 * found.error[0])
+    assert found.error[0] <= 0.01 * found.half_width[0]
+
+
+def test_correlated_inputs_cancel_or_add_and_outputs_keep_their_shape() -> None:
+    def both(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.stack([x + y, x - y], axis=-1)
+
+    found = propagate_through(both, {"x": UNIT, "y": UNIT}, correlation={("y", "x"): 0.6}, coverage=[0.6827, 0.95])
+    assert found.low.shape == (2, 2)
+    np.testing.assert_allclose(found.half_width[0], np.sqrt([3.2, 0.8]), rtol=0.01)
+    np.testing.assert_allclose(found.median, 0.0, atol=0.02)
+
+
+def test_a_budget_that_is_too_small_is_told() -> None:
+    found = propagate_through(lambda x: x, {"x": UNIT}, coverage=[0.999999], tolerance=1e-4, most_draws=2**15)
+    assert not found.converged
+    assert found.draws <= 2**15
+
+
+def test_the_same_seed_gives_the_same_numbers() -> None:
+    one, other = (propagate_through(lambda x: x**2, {"x": UNIT}, seed=3) for _ in range(2))
+    np.testing.assert_array_equal(one.high, other.high)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"coverage": [1.0]}, "coverage"),
+        ({"coverage": []}, "coverage"),
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"most_draws": 10}, "number of draws"),
+        ({"seed": -1}, "seed"),
+        ({"correlation": {("x", "z"): 0.5}}, "no input of this name.*z"),
+        ({"function": lambda x: np.sqrt(x)}, "not finite"),
+        ({"function": lambda x: x[:3]}, "another shape"),
+        ({"function": lambda x: x.mean()}, "another shape"),
+    ],
+)
+def test_impossible_requests_are_refused(settings: dict[str, object], message: str) -> None:
+    function = settings.pop("function", lambda x: x)
+    with np.errstate(invalid="ignore"), pytest.raises(OutOfRangeError, match=message):
+        propagate_through(function, {"x": UNIT}, **settings)  # type: ignore[arg-type]  # wrong on purpose
+
+
+def test_the_example_of_the_documentation_runs() -> None:
+    assert doctest.testmod(any_function).failed == 0
