@@ -21,6 +21,7 @@ from tradestudy import load
 
 STUDIES = Path(__file__).parent.parent / "studies"
 HEADLINE = STUDIES / "plenoptic_vs_stereo.yaml"
+SMALLER = STUDIES / "robot.yaml"  # for what happens to any run
 
 
 def tradestudy(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -44,6 +45,14 @@ def run_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert told[0].startswith("Best: ")
     assert len(told) <= 5
     return folder / "reports" / "plenoptic-vs-stereo"
+
+
+@pytest.fixture(scope="module")
+def smaller_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("smaller") / "run"
+    done = tradestudy("run", SMALLER, "--out", folder, "--quiet", cwd=folder.parent)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    return folder
 
 
 class Page(HTMLParser):
@@ -148,30 +157,30 @@ def test_report_again_gives_identical_bytes(run_folder: Path) -> None:
     assert {path: path.read_bytes() for path in sorted(run_folder.rglob("*")) if path.is_file()} == kept
 
 
-def test_two_runs_differ_in_their_provenance_only(run_folder: Path, tmp_path: Path) -> None:
-    done = tradestudy("run", HEADLINE, "--out", tmp_path / "again", "--quiet", cwd=tmp_path)
+def test_two_runs_differ_in_their_provenance_only(smaller_folder: Path, tmp_path: Path) -> None:
+    done = tradestudy("run", SMALLER, "--out", tmp_path / "again", "--quiet", cwd=tmp_path)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
-    for path in sorted(run_folder.rglob("*")):
+    for path in sorted(smaller_folder.rglob("*")):
         if path.is_file() and path.name not in ("run.json", "report.html", "report.pdf"):
-            assert path.read_bytes() == (tmp_path / "again" / path.relative_to(run_folder)).read_bytes(), path.name
+            assert path.read_bytes() == (tmp_path / "again" / path.relative_to(smaller_folder)).read_bytes(), path.name
 
     def without_provenance(folder: Path) -> str:
         html = (folder / "report.html").read_text(encoding="utf-8")
         return html[: html.index('id="provenance"')]
 
-    assert without_provenance(run_folder) == without_provenance(tmp_path / "again")
+    assert without_provenance(smaller_folder) == without_provenance(tmp_path / "again")
 
 
-def test_finished_results_are_not_computed_again_unless_asked(run_folder: Path, tmp_path: Path) -> None:
+def test_finished_results_are_not_computed_again_unless_asked(smaller_folder: Path, tmp_path: Path) -> None:
     folder = tmp_path / "copy"
-    shutil.copytree(run_folder, folder)
+    shutil.copytree(smaller_folder, folder)
     started = json.loads((folder / "run.json").read_text())["started"]
     (folder / "report.pdf").unlink()
-    assert tradestudy("run", HEADLINE, "--out", folder, cwd=tmp_path).returncode == 0
+    assert tradestudy("run", SMALLER, "--out", folder, cwd=tmp_path).returncode == 0
     assert json.loads((folder / "run.json").read_text())["started"] == started
-    assert (folder / "report.pdf").read_bytes() == (run_folder / "report.pdf").read_bytes()
+    assert (folder / "report.pdf").read_bytes() == (smaller_folder / "report.pdf").read_bytes()
     time.sleep(1.1)  # the record counts whole seconds
-    assert tradestudy("run", HEADLINE, "--out", folder, "--fresh", "--no-pdf", cwd=tmp_path).returncode == 0
+    assert tradestudy("run", SMALLER, "--out", folder, "--fresh", "--no-pdf", cwd=tmp_path).returncode == 0
     assert json.loads((folder / "run.json").read_text())["started"] != started
 
 
@@ -191,7 +200,7 @@ def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
     folder = tmp_path / "killed"
     for delay in (0.6, 1.5, 2.5):
         process = subprocess.Popen(
-            [sys.executable, "-m", "tradestudy", "run", str(HEADLINE), "--out", str(folder), "--quiet"], cwd=tmp_path
+            [sys.executable, "-m", "tradestudy", "run", str(SMALLER), "--out", str(folder), "--quiet"], cwd=tmp_path
         )
         time.sleep(delay)
         process.send_signal(signal.SIGKILL)
@@ -200,7 +209,7 @@ def test_a_killed_run_leaves_no_half_written_file(tmp_path: Path) -> None:
             assert (folder / "report.html").read_text(encoding="utf-8").rstrip().endswith("</html>")
         if (folder / "report.pdf").exists():
             pypdfium2.PdfDocument(folder / "report.pdf")
-    again = tradestudy("run", HEADLINE, "--out", folder, "--no-pdf", cwd=tmp_path)
+    again = tradestudy("run", SMALLER, "--out", folder, "--no-pdf", cwd=tmp_path)
     assert again.returncode == 0, again.stderr
     assert not [path for path in folder.rglob("*") if path.name.endswith(".part")]
 
