@@ -11,79 +11,32 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, cli
 from tradestudy.imaging.estimation.score import DepthScore
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
 
-STUDY = """
-format: 2
-study: maps
-title: Depth maps
-question: How well is depth measured?
-cameras:
-  pair:
-    kind: stereo
-    title: Pair
-    lenses: {{focal_length: 8 mm, f_number: 8}}
-    sensor: {{pixels: [300, 160], pixel_pitch: 10 um}}
-    baseline: 10 mm
-    convergence_distance: infinity
-    focus_distance: 150 mm
-    principal_distance: focused
-    depth: {{estimator: disparity, disparity_error: 0.05 px, discrimination_step: 0.1 px}}
-  converging:
-    kind: stereo
-    title: Converging pair
-    lenses: {{focal_length: 8 mm, f_number: 8}}
-    sensor: {{pixels: [300, 160], pixel_pitch: 10 um}}
-    baseline: 10 mm
-    convergence_distance: 150 mm
-    focus_distance: 150 mm
-    principal_distance: focused
-    depth: {{estimator: disparity, disparity_error: 0.05 px, discrimination_step: 0.1 px}}
-  plenoptic:
-    kind: focused-plenoptic
-    title: Plenoptic
-    main_lens: {{focal_length: 12.5 mm, f_number: 3.8}}
-    sensor: {{pixels: [400, 400], pixel_pitch: 5.5 um}}
-    microlenses: {{layout: hexagonal, pitch: 126.5 um, gap: f-number-matching, types: 3}}
-    focus: {{total_covering_plane: 135 mm, relay: keplerian}}
-    depth: {{estimator: {estimator}, {lenses}disparity_error: 0.1 px, discrimination_step: 0.1 px}}
+OTHERS = """
   views:
     kind: unfocused-plenoptic
     title: Views
-    main_lens: {{focal_length: 12.5 mm, f_number: 3.8}}
-    sensor: {{pixels: [1000, 1000], pixel_pitch: 5.5 um}}
-    microlenses: {{layout: hexagonal, pitch: 126.5 um, focal_length: 0.432 mm, f_number: 3.8}}
-    focus: {{distance: 150 mm}}
-    depth: {{estimator: outermost-views, disparity_error: 0.1 px, discrimination_step: 0.1 px}}
+    main_lens: {focal_length: 12.5 mm, f_number: 3.8}
+    sensor: {pixels: [1000, 1000], pixel_pitch: 5.5 um}
+    microlenses: {layout: hexagonal, pitch: 126.5 um, focal_length: 0.432 mm, f_number: 3.8}
+    focus: {distance: 150 mm}
+    depth: {estimator: outermost-views, disparity_error: 0.1 px, discrimination_step: 0.1 px}
   stack:
     kind: conventional
     title: Stack
-    lens: {{focal_length: 25 mm, f_number: 4}}
-    sensor: {{pixels: [160, 120], pixel_pitch: 7.4 um}}
-    focus: {{distance: 150 mm, stack: {{from: 130 mm, to: 180 mm, images: 12}}}}
-scene:
-  distances: {{from: 120 mm, to: 200 mm, points: 9}}
-  wavelength: 550 nm
-  picture:
-    texture: {{contrast: {contrast}, correlation_length: {length}}}
-    matching_window: 9 px
-    light: {{electrons: 8000 electrons, at_f_number: 4, at_pixel_pitch: 5.5 um}}
-    read_noise: 10 electrons
-    full_well: 40000 electrons
-    bit_depth: 12
-  image:
-    surfaces: [{surface}]
-    cameras: [{camera}]
-    depth_format: npy
+    lens: {focal_length: 25 mm, f_number: 4}
+    sensor: {pixels: [160, 120], pixel_pitch: 7.4 um}
+    focus: {distance: 150 mm, stack: {from: 130 mm, to: 180 mm, images: 12}}
 """
 PLANE = "{{shape: plane, distance: {} mm}}"
 
 
-def mapped(
-    folder: Path,
+def study_text(
     camera: str,
     surface: str,
     *,
@@ -91,16 +44,36 @@ def mapped(
     length: str = "1 mm",
     estimator: str = "same-type-pair",
     lenses: str = "",
-) -> tuple[DepthScore, dict[str, FloatArray]]:
+    more: str = "",
+) -> str:
+    """A study of one camera that takes a surface."""
+    cameras = (
+        "".join(
+            PAIR.format(
+                name=name, title=name, pixels="[300, 160]", baseline="10 mm", convergence=convergence, error="0.05 px"
+            )
+            for name, convergence in (("pair", "infinity"), ("converging", "150 mm"))
+        )
+        + PLENOPTIC.format(pixels="[400, 400]", estimator=estimator, lenses=lenses)
+        + OTHERS
+    )
+    return scene_study(
+        cameras,
+        surface,
+        distances="from: 120 mm, to: 200 mm, points: 9",
+        window="9 px",
+        light="at_f_number: 4, at_pixel_pitch: 5.5 um",
+        contrast=contrast,
+        length=length,
+        more=f"cameras: [{camera}]\n    depth_format: npy\n    {more}",
+    )
+
+
+def mapped(folder: Path, camera: str, surface: str, **said: str) -> tuple[DepthScore, dict[str, FloatArray]]:
     """Score and maps of one camera."""
     path = folder / "maps.yaml"
-    text = STUDY.format(
-        surface=surface, camera=camera, contrast=contrast, length=length, estimator=estimator, lenses=lenses
-    )
-    path.write_text(text, encoding="utf-8")
-    study = api.load(path)
-    api.render(study, folder)
-    score = api.map_depths(study, folder)[camera]
+    path.write_text(study_text(camera, surface, **said), encoding="utf-8")
+    score = api.render(api.load(path), folder, depth=True).depths[camera]
     written = folder / "pictures" / camera
     maps = {name: np.load(written / f"depth_map{name}.npy") for name in ("", "_deviation", "_true")}
     for name in ("_reason", "_measurable"):
@@ -192,15 +165,7 @@ def test_what_only_one_of_two_sees_is_hardly_ever_measured(tmp_path: Path) -> No
 
 def test_the_command_says_how_well_each_camera_measured(tmp_path: Path) -> None:
     path = tmp_path / "maps.yaml"
-    text = STUDY.format(
-        surface=PLANE.format(150),
-        camera="plenoptic",
-        contrast="15 %",
-        length="1 mm",
-        estimator="same-type-pair",
-        lenses="",
-    )
-    path.write_text(text, encoding="utf-8")
+    path.write_text(study_text("plenoptic", PLANE.format(150)), encoding="utf-8")
     answer = CliRunner().invoke(cli.app, ["render", str(path), "--depth", "--out", str(tmp_path / "out"), "--quiet"])
     assert answer.exit_code == 0, answer.output
     answer = CliRunner().invoke(cli.app, ["render", str(path), "--depth", "--out", str(tmp_path / "out")])

@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
+from tests.scene_studies import PAIR, PLENOPTIC, scene_study
 from tradestudy import api, cli
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.execution import Checkpoints, Executor, Steps, Threads
@@ -20,52 +21,28 @@ from tradestudy.imaging.render.rig import drawn_errors
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.run import pictures
 
-STUDY = """
-format: 2
-study: small
-title: Small pictures
-question: What do they look like?
-cameras:
-  pair:
-    kind: stereo
-    title: Pair
-    lenses: {{focal_length: 8 mm, f_number: 8}}
-    sensor: {{pixels: [160, 100], pixel_pitch: 10 um}}
-    baseline: 20 mm
-    convergence_distance: infinity
-    focus_distance: 150 mm
-    principal_distance: focused
-    depth: {{estimator: disparity, disparity_error: 0.1 px, discrimination_step: 0.1 px}}
-    calibration: {{errors: {{yaw: {{standard_deviation: 0.5 deg}}}}}}
-  plenoptic:
-    kind: focused-plenoptic
-    title: Plenoptic
-    main_lens: {{focal_length: 12.5 mm, f_number: 3.8}}
-    sensor: {{pixels: [192, 192], pixel_pitch: 5.5 um}}
-    microlenses: {{layout: hexagonal, pitch: 126.5 um, gap: f-number-matching, types: 3}}
-    focus: {{total_covering_plane: 135 mm, relay: keplerian}}
-    depth: {{estimator: same-type-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}}
-scene:
-  distances: {{from: 100 mm, to: 200 mm, points: 5}}
-  wavelength: 550 nm
-  picture:
-    texture: {{contrast: 15 %, correlation_length: 1 mm}}
-    matching_window: 7 px
-    light: {{electrons: 8000 electrons, at_f_number: 8, at_pixel_pitch: 10 um}}
-    read_noise: 10 electrons
-    full_well: 40000 electrons
-    bit_depth: 12
-  image:
-    surfaces: {surfaces}
-    {more}
-"""
-PLANE = "[{shape: plane, distance: 150 mm}]"
-STEP = "[{shape: step, near: 130 mm, far: 170 mm}]"
+CAMERAS = (
+    PAIR.format(
+        name="pair", title="Pair", pixels="[160, 100]", baseline="20 mm", convergence="infinity", error="0.1 px"
+    )
+    + "    calibration: {errors: {yaw: {standard_deviation: 0.5 deg}}}\n"
+    + PLENOPTIC.format(pixels="[192, 192]", estimator="same-type-pair", lenses="")
+)
+PLANE = "{shape: plane, distance: 150 mm}"
+STEP = "{shape: step, near: 130 mm, far: 170 mm}"
 
 
 def study(folder: Path, surfaces: str = PLANE, *more: str) -> api.Study:
     path = folder / "small.yaml"
-    path.write_text(STUDY.format(surfaces=surfaces, more="\n    ".join(more)), encoding="utf-8")
+    text = scene_study(
+        CAMERAS,
+        surfaces,
+        distances="from: 100 mm, to: 200 mm, points: 5",
+        window="7 px",
+        light="at_f_number: 8, at_pixel_pitch: 10 um",
+        more="\n    ".join(more),
+    )
+    path.write_text(text, encoding="utf-8")
     return api.load(path)
 
 
@@ -139,7 +116,7 @@ def test_pictures_stand_upright_and_are_not_mirrored(tmp_path: Path, first_row: 
     Image.fromarray(depth).save(tmp_path / "depth.png")
     Image.fromarray(bright).save(tmp_path / "bright.png")
     depth_map = "shape: depth-map, depth: depth.png, unit: 1 mm, width: 60 mm, picture: bright.png"
-    surface = f"[{{{depth_map}, first_row: {first_row}}}]"
+    surface = f"{{{depth_map}, first_row: {first_row}}}"
     found = rendered(tmp_path, study(tmp_path, surface))
     right = slice(1, 2)
     row = slice(0, 1) if first_row == "top" else slice(1, 2)
@@ -157,7 +134,7 @@ def test_pictures_stand_upright_and_are_not_mirrored(tmp_path: Path, first_row: 
 
 def test_results_do_not_depend_on_who_computes_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tiles, "TILE", (50, 64))
-    loaded = study(tmp_path, "[{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}]", "rig: drawn")
+    loaded = study(tmp_path, "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}", "rig: drawn")
     alone = rendered(tmp_path / "alone", loaded)
     shared = rendered(tmp_path / "shared", loaded, Threads(3))
     for name, picture in alone.items():
@@ -178,7 +155,7 @@ def test_an_interrupted_rendering_is_taken_up(tmp_path: Path, monkeypatch: pytes
 
         steps = Steps(checkpoints=checkpoints, progress=progress)
         try:
-            pictures.render_pictures(loaded.definition, tmp_path / "out", steps)
+            pictures.render_scene(loaded.definition, steps)
         except KeyboardInterrupt:
             assert stop
         checkpoints.close()
@@ -225,7 +202,7 @@ def test_a_drawn_rig_has_correlated_errors_once_and_scatter_for_every_microlens(
 
 def test_without_noise_electrons_are_written_as_floats(tmp_path: Path) -> None:
     loaded = study(tmp_path, PLANE, "noise: off", "depth_format: npy", "cameras: [plenoptic]")
-    written = api.render(loaded, tmp_path)
+    written = api.render(loaded, tmp_path).pictures
     assert [path.name for path in written] == ["raw.tiff"]
     assert np.asarray(Image.open(written[0])).dtype == np.float32
     assert np.load(tmp_path / "pictures" / "plenoptic" / "raw_depth.npy").shape == (192, 192)
@@ -248,9 +225,9 @@ def test_a_study_without_a_scene_to_render_says_so(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("surfaces", "more", "message"),
     [
-        ("[{shape: step, near: 170 mm, far: 130 mm}]", "", "scene.image.surfaces.0.far: must lie beyond near"),
+        ("{shape: step, near: 170 mm, far: 130 mm}", "", "scene.image.surfaces.0.far: must lie beyond near"),
         (PLANE, "cameras: [pear]", "scene.image.cameras.0: no camera is called 'pear'; nearest: 'pair'"),
-        ("[{shape: cube, distance: 1 m}]", "", "scene.image.surfaces.0"),
+        ("{shape: cube, distance: 1 m}", "", "scene.image.surfaces.0"),
         (PLANE, "samples: 2", "scene.image.samples"),
     ],
 )
@@ -261,7 +238,7 @@ def test_mistakes_are_told_at_their_place(tmp_path: Path, surfaces: str, more: s
 
 
 def test_a_map_that_is_missing_is_told_at_its_place(tmp_path: Path) -> None:
-    surface = "[{shape: depth-map, depth: nowhere.png, unit: 1 mm, first_row: top, width: 60 mm}]"
+    surface = "{shape: depth-map, depth: nowhere.png, unit: 1 mm, first_row: top, width: 60 mm}"
     loaded = study(tmp_path, surface)
     with pytest.raises(StudyError, match=r"scene.image.surfaces.0.depth: .*nowhere.png"):
         api.render(loaded, tmp_path)
@@ -271,7 +248,7 @@ def test_more_samples_lower_the_error(tmp_path: Path) -> None:
     loaded = study(tmp_path, PLANE, "cameras: [plenoptic]")
     definition = loaded.definition
     image, picture = pictures.declared_image(definition)
-    scene, (camera,) = pictures.set_up(definition, image, picture)
+    scene, (camera,) = pictures.set_up(definition)
     tile = tiles.Tile(
         camera="plenoptic",
         exposure=camera.exposures[0],

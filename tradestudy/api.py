@@ -194,6 +194,7 @@ class Study:
         executor: Executor | None = None,
         checkpoints: Checkpoints | None = None,
         planned: Callable[[Plan], None] = lambda _plan: None,
+        pictures: Path | None = None,
     ) -> Result:
         """Compute everything that the study asks for.
 
@@ -208,6 +209,8 @@ class Study:
             Where finished points are kept for a run that is taken up; None keeps nothing.
         planned
             Called with the plan before anything is computed.
+        pictures
+            Folder for the pictures of the study's scene; None writes none.
         """
         from tradestudy.execution import Serial, Steps
         from tradestudy.run.runner import compute
@@ -218,7 +221,7 @@ class Study:
         steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
         plan = self.plan()
         planned(plan)
-        tree = compute(plan, steps, seconds)
+        tree = compute(plan, steps, seconds, pictures)
         seconds["compute"] = time.perf_counter() - begin
         tree.attrs |= {"study_hash": self.hash, "code_hash": provenance.code_hash()}
         record = {
@@ -411,17 +414,6 @@ def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
             write_posterior(file, posterior)
 
 
-def _write_pictures(study: Study, directory: Path, checkpoints: Checkpoints) -> None:
-    """Write whole the pictures of a scene whose tiles a run has just kept."""
-    scene = study.definition.file.scene
-    if scene is None or scene.image is None:
-        return
-    from tradestudy.execution import Serial, Steps
-    from tradestudy.run.pictures import render_pictures
-
-    render_pictures(study.definition, directory / "pictures", Steps(executor=Serial(), checkpoints=checkpoints))
-
-
 def run(
     study: Study,
     directory: Path,
@@ -452,8 +444,13 @@ def run(
         if result is None or measuring:
             with _drawer_while_computing() as drawer:
                 if result is None:
-                    result = study.run(progress, executor=executor, checkpoints=checkpoints, planned=planned)
-                    _write_pictures(study, directory, checkpoints)
+                    result = study.run(
+                        progress,
+                        executor=executor,
+                        checkpoints=checkpoints,
+                        planned=planned,
+                        pictures=directory / "pictures",
+                    )
                 if measuring:
                     result = result.with_cost(study.cost(progress, executor=executor, checkpoints=checkpoints))
                 progress("report", 0.0)
@@ -467,22 +464,45 @@ def run(
     return result
 
 
+@dataclass(frozen=True, kw_only=True)
+class RenderedScene:
+    """What `render` has written.
+
+    Parameters
+    ----------
+    pictures
+        Their files; beside each is its depth, and beside those of a camera ``camera.json`` and its depth map.
+    depths
+        How the depth map of each camera compares with the true depth; none where nobody asked for depth.
+    """
+
+    pictures: Sequence[Path]
+    depths: Mapping[str, DepthScore]
+
+
 def render(
     study: Study,
     directory: Path,
     *,
+    depth: bool = False,
     fresh: bool = False,
     progress: Progress = lambda _s, _p: None,
     executor: Executor | None = None,
-) -> list[Path]:
+) -> RenderedScene:
     """Write only the pictures of the study's scene, their true depth and the cameras that took them.
 
     An interrupted rendering is taken up where it was, unless ``fresh``.
 
-    Returns
-    -------
-    list of Path
-        The pictures; beside each is its depth, and beside those of a camera ``camera.json``.
+    Parameters
+    ----------
+    study, directory
+        Whose, and where to.
+    depth
+        Whether depth is measured in the pictures, too, and the maps written beside them.
+    fresh
+        Whether to render again what an interrupted rendering has left.
+    progress, executor
+        As for `Study.run`.
 
     Raises
     ------
@@ -490,42 +510,22 @@ def render(
         Where the study has no ``scene.image``.
     UnaffordableError
         Where the pictures do not fit into the memory that is free.
-    """
-    from tradestudy.execution import Checkpoints, Serial, Steps
-    from tradestudy.run.pictures import render_pictures
-
-    folder = directory / "pictures"
-    with closing(Checkpoints(folder, fresh=fresh)) as checkpoints:
-        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
-        written = render_pictures(study.definition, folder, steps)
-        checkpoints.remove()
-    return written
-
-
-def map_depths(study: Study, directory: Path, *, progress: Progress = lambda _s, _p: None) -> dict[str, DepthScore]:
-    """Measure depth in the rendered pictures of a study's scene, and write the maps beside them.
-
-    Returns
-    -------
-    dict
-        How the map of each camera compares with the true depth.
-
-    Raises
-    ------
-    StudyError
-        Where the study has no ``scene.image``.
     OutOfRangeError
         Where a camera cannot measure depth in its pictures, or a matcher is not installed.
     """
     from tradestudy.execution import Checkpoints, Serial, Steps
-    from tradestudy.run.depth_maps import map_depths
+    from tradestudy.run.inference import infer_calibrations
+    from tradestudy.run.pictures import declared_image
+    from tradestudy.run.scene_pictures import take_scene
 
+    declared_image(study.definition)  # before calibrations are inferred
     folder = directory / "pictures"
-    with closing(Checkpoints(folder)) as checkpoints:
-        steps = Steps(executor=Serial(), checkpoints=checkpoints, progress=progress)
-        scores = map_depths(study.definition, folder, steps)
+    with closing(Checkpoints(folder, fresh=fresh)) as checkpoints:
+        steps = Steps(executor=executor or Serial(), checkpoints=checkpoints, progress=progress)
+        definition, _ = infer_calibrations(study.definition, steps)
+        taken = take_scene(definition, folder, steps, depth=depth)
         checkpoints.remove()
-    return scores
+    return RenderedScene(pictures=taken.written, depths={one.camera: one.score for one in taken.depths})
 
 
 def _drawer_while_computing() -> AbstractContextManager[Drawer | None]:

@@ -167,14 +167,13 @@ def render(
         directory = out if out is not None else Path("reports") / loaded.folder_name
         executor = _executor(jobs=jobs, threads=threads, dask=dask)
         with _shown_progress(quiet=quiet, is_predicted=False) as progress:
-            written = api.render(loaded, directory, fresh=fresh, progress=progress, executor=executor)
-            scores = api.map_depths(loaded, directory, progress=progress) if depth else {}
+            done = api.render(loaded, directory, depth=depth, fresh=fresh, progress=progress, executor=executor)
         if not quiet:
             typer.echo(
                 "\n".join(
                     [
-                        *map(str, written),
-                        *(line for name, one in scores.items() for line in (one.line(name), f"  {one.matcher}")),
+                        *map(str, done.pictures),
+                        *(line for name, one in done.depths.items() for line in (one.line(name), f"  {one.matcher}")),
                     ]
                 )
             )

@@ -9,7 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tradestudy.cameras.microlens_exposure import MicrolensExposure, lattice_counts
+from tradestudy.cameras.microlens_exposure import lattice_counts
+from tradestudy.cameras.plenoptic import PlenopticCamera
 from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.interpolation import cubic_weights
 
@@ -73,8 +74,9 @@ class MicrolensGrid:
         return np.where(there, self.index[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)], -1)
 
 
-def microlens_grid(exposure: MicrolensExposure) -> MicrolensGrid:
-    """Of a camera without errors."""
+def microlens_grid(camera: PlenopticCamera) -> MicrolensGrid:
+    """Of a camera as it was designed."""
+    (exposure,) = camera.exposures(1.0, {}, None, 0.0)  # where errors are exact does not matter without them
     array, sensor, geometry = exposure.microlenses, exposure.sensor, exposure.geometry
     rows, columns = lattice_counts(array, sensor)
     first, second = (

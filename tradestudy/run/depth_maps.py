@@ -1,19 +1,21 @@
-"""Depth maps of the rendered pictures of a study's scene, written beside them and held against the true depth."""
+"""Depth maps of the rendered pictures of a study's scene, held against the true depth."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.depth_map import DepthMap, DepthSearch, FlatPicture, TrueDepth
+from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, TrueDepth
+from tradestudy.cameras.light_cones import Exposure
 from tradestudy.errors import OutOfRangeError
 from tradestudy.execution import Steps
 from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
@@ -23,8 +25,7 @@ from tradestudy.imaging.render.sensor import Recording
 from tradestudy.optics.arrays import FloatArray, Samples
 from tradestudy.optics.window_matching import REASONS
 from tradestudy.results.storage import replace_file, replacing
-from tradestudy.run.inference import infer_calibrations
-from tradestudy.run.pictures import Taken, declared_image, recording_of, set_up
+from tradestudy.run.pictures import Rendering, Taken, declared_image, extent_and_cameras
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.picture import Window
 
@@ -32,64 +33,177 @@ STEP: Final = "depth maps"
 _DISTANCES: Final = 33  # at which the predicted uncertainty is computed; linear in between
 
 
-def map_depths(definition: StudyDefinition, directory: Path, steps: Steps) -> dict[str, DepthScore]:
-    """Measure depth in the pictures of every camera that was rendered, and write the maps.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CameraReader:
+    """A camera of the study and how depth is measured in its pictures, as it was designed.
 
-    Cameras read their pictures as they were designed; what they are less their design is an error of the map.
+    Parameters
+    ----------
+    taken
+        What takes the pictures.
+    search, reader
+        What depth is looked for, and who reads it.
+    exposures
+        The pictures of the camera without errors, which white pictures are told from.
+    """
+
+    taken: Taken
+    search: DepthSearch
+    reader: DepthReader
+    exposures: Sequence[Exposure]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PicturesToRead:
+    """Everything that one depth map is made from.
+
+    Parameters
+    ----------
+    reader
+        Who makes it.
+    recording
+        How values came from light.
+    values, depths
+        Of the pictures and their true depth [m], by name.
+    way
+        Which prediction the errors are held against; see `depth_uncertainty`.
+    middle
+        Of the scene [m].
+    """
+
+    reader: CameraReader
+    recording: Recording
+    values: Mapping[str, NDArray[Any]]
+    depths: Mapping[str, NDArray[np.float32]]
+    way: str
+    middle: float
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeasuredDepth:
+    """Depth as it was measured in the pictures of one camera, with the truth.
+
+    Parameters
+    ----------
+    camera
+        Its name.
+    search
+        What was looked for.
+    found, truth
+        In the same pixels.
+    score
+        How they compare.
+    made
+        Pictures that the camera makes with its depth, by name.
+    """
+
+    camera: str
+    search: DepthSearch
+    found: DepthMap
+    truth: TrueDepth
+    score: DepthScore
+    made: Mapping[str, Samples]
+
+
+def set_up_readers(definition: StudyDefinition) -> list[CameraReader]:
+    """Who reads depth in the pictures of each camera that takes the scene.
 
     Parameters
     ----------
     definition
-        A study with ``scene.image``.
-    directory
-        Where `render_pictures` has written the pictures; each camera's folder gets ``depth_map``, with its standard
-        deviation, reasons, the true depth in the same pixels, and ``depth_map.json``.
-    steps
-        Who hears of the progress.
+        A study with ``scene.image``, its calibrations inferred.
 
     Raises
     ------
     OutOfRangeError
-        Where a camera cannot measure depth in its pictures, or a matcher is not installed.
+        Where a camera cannot measure depth in its pictures.
     """
     image, picture = declared_image(definition)
-    definition, _ = infer_calibrations(definition, steps)
-    scene, cameras = set_up(definition, image, picture)
-    recording = recording_of(image, picture)
-    if recording.mosaic is not None:
+    extent, cameras = extent_and_cameras(definition)
+    if image.mosaic is not None:
         raise OutOfRangeError(
             "depth maps from pictures behind a mosaic of colour filters",
-            remedy="leave scene.image.mosaic out, or render without --depth",
+            remedy="leave scene.image.mosaic out, or ask for no depth maps",
         )
     distances = definition.case.distance
-    scores = {}
-    for number, taken in enumerate(cameras):
-        search = DepthSearch(
-            near=float(distances.min()),
-            far=float(distances.max()),
-            window_px=_window_px(picture.matching_window, taken, sum(scene.extent) / 2.0),
+    ends = float(distances.min()), float(distances.max())
+    return [
+        reader_of(definition, taken, ends, window_of(picture.matching_window, taken, sum(extent) / 2.0))
+        for taken in cameras
+    ]
+
+
+def reader_of(definition: StudyDefinition, taken: Taken, ends: tuple[float, float], window_px: float) -> CameraReader:
+    """Who reads depth between two distances [m] in the pictures of a camera, by windows of a side [samples].
+
+    Raises
+    ------
+    OutOfRangeError
+        Where the camera cannot measure depth in its pictures.
+    """
+    reader_of_kind = definition.file.cameras[taken.name].reader
+    if reader_of_kind is None:
+        raise OutOfRangeError(
+            f"no depth can be measured in the pictures of {taken.name}",
+            remedy="leave it out of scene.image with cameras: […], or ask for no depth maps",
         )
-        folder = directory / taken.name
-        reader_of_kind = definition.file.cameras[taken.name].reader
-        if reader_of_kind is None:
-            raise OutOfRangeError(
-                f"no depth can be measured in the pictures of {taken.name}",
-                remedy="leave it out of scene.image with cameras: […], or render without --depth",
-            )
-        reader = reader_of_kind(camera=taken.camera, search=search)
-        pictures, depths = _read(taken, recording, folder, image.depth_format)
-        found, truth = reader.read(pictures), reader.truth(depths, {name: one.pure for name, one in pictures.items()})
-        way = "both" if image.rig == "drawn" else "noise"
-        scored = score(found, truth, _predicted(taken.camera, np.asarray(truth.depth, np.float64), way))
-        scores[taken.name] = replace(scored, matcher=_matcher(found, truth, search.window_px))
-        _write(found, truth, scores[taken.name], search, folder, image.depth_format)
-        for name, values in reader.made_of(pictures, found, sum(scene.extent) / 2.0).items():
-            _write_floats(folder / f"{name}.{image.depth_format}", values, "brightness over that of a white scene")
-        steps.progress(STEP, (number + 1) / len(cameras))
-    return scores
+    search = DepthSearch(near=ends[0], far=ends[1], window_px=window_px)
+    return CameraReader(
+        taken=taken,
+        search=search,
+        reader=reader_of_kind(camera=taken.camera, search=search),
+        exposures=taken.camera.exposures(taken.reference_distance, {}, None, taken.stop_separation),
+    )
 
 
-def _window_px(window: Window, taken: Taken, distance: float) -> float:
+def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: Steps) -> list[MeasuredDepth]:
+    """Read depth in the pictures of every camera that has a reader.
+
+    Cameras read their pictures as they were designed; what they are less their design is an error of the map.
+
+    Raises
+    ------
+    OutOfRangeError
+        Where a matcher is not installed.
+    """
+    points = [
+        PicturesToRead(
+            reader=one,
+            recording=rendering.recording,
+            values={its.name: its.values for its in rendering.pictures if its.camera == one.taken.name},
+            depths={its.name: its.depth for its in rendering.pictures if its.camera == one.taken.name},
+            way="both" if rendering.image.rig == "drawn" else "noise",
+            middle=sum(rendering.scene.extent) / 2.0,
+        )
+        for one in readers
+    ]
+    if not points:
+        return []
+    # Kept as files: the maps of large sensors are as large as their pictures.
+    return replace(steps, checkpoints=None).map(STEP, read_depth, points, [one.taken.name for one in readers])
+
+
+def read_depth(point: PicturesToRead) -> MeasuredDepth:
+    """One camera's depth map, how it compares with the truth, and what is made with it."""
+    one, recording = point.reader, point.recording
+    pictures = {
+        exposure.name: flat_picture(point.values[exposure.name], white_picture(exposure, recording), recording)
+        for exposure in one.exposures
+    }
+    found = one.reader.read(pictures)
+    truth = one.reader.truth(point.depths, {name: its.pure for name, its in pictures.items()})
+    scored = score(found, truth, _predicted(one.taken.camera, np.asarray(truth.depth, np.float64), point.way))
+    return MeasuredDepth(
+        camera=one.taken.name,
+        search=one.search,
+        found=found,
+        truth=truth,
+        score=replace(scored, matcher=_matcher(found, truth, one.search.window_px)),
+        made=one.reader.made_of(pictures, found, point.middle),
+    )
+
+
+def window_of(window: Window, taken: Taken, distance: float) -> float:
     """Side of the window [samples] where the scene is, at most the widest that the camera has."""
     camera = taken.camera
     if not isinstance(camera, DepthCamera):
@@ -106,31 +220,6 @@ def _window_px(window: Window, taken: Taken, distance: float) -> float:
     if window.of == "object":
         size *= float(geometry.magnification[0]) / geometry.sample_pitch
     return min(size, geometry.compared.widest_px)
-
-
-def _read(
-    taken: Taken, recording: Recording, folder: Path, depth_format: str
-) -> tuple[dict[str, FlatPicture], dict[str, FloatArray]]:
-    """The pictures of a camera over its white picture, and their true depths."""
-    from PIL import Image
-
-    suffix = "png" if recording.is_digital else "tiff"
-    pictures, depths = {}, {}
-    for exposure in taken.camera.exposures(taken.reference_distance, {}, None, taken.stop_separation):
-        with Image.open(folder / f"{exposure.name}.{suffix}") as file:
-            values = np.asarray(file)
-        pictures[exposure.name] = flat_picture(values, white_picture(exposure, recording), recording)
-        depths[exposure.name] = _read_depth(folder / f"{exposure.name}_depth.{depth_format}")
-    return pictures, depths
-
-
-def _read_depth(path: Path) -> FloatArray:
-    from PIL import Image
-
-    if path.suffix == ".npy":
-        return np.asarray(np.load(path))
-    with Image.open(path) as file:
-        return np.asarray(file)
 
 
 def _matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> str:
@@ -151,12 +240,11 @@ def _predicted(camera: Camera, depth: FloatArray, way: str) -> FloatArray:
     return np.interp(depth, distances, depth_uncertainty(camera, distances, way))
 
 
-def _write(
-    found: DepthMap, truth: TrueDepth, scored: DepthScore, search: DepthSearch, folder: Path, depth_format: str
-) -> None:
-    """Depths in metres, reasons as bytes."""
+def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
+    """Write ``depth_map`` with its standard deviation, reasons, true depth and ``depth_map.json``; depths in metres."""
     from PIL import Image
 
+    found, truth, search = one.found, one.truth, one.search
     for name, values, what in (
         ("depth_map", found.depth, "estimated depth along the axis, metres; NaN where none was measured"),
         ("depth_map_deviation", found.deviation, "standard deviation of the estimated depth by noise, metres"),
@@ -174,9 +262,11 @@ def _write(
         "window_px": search.window_px,
         "reasons": {str(int(reason)): text for reason, text in REASONS.items()},
         "measurable": "255 where the estimator has two pictures of a point and nothing hides it",
-        "score": {key: _plain(value) for key, value in asdict(scored).items()},
+        "score": {key: _plain(value) for key, value in asdict(one.score).items()},
     }
     replace_file(folder / "depth_map.json", f"{json.dumps(facts, indent=2, ensure_ascii=False)}\n".encode())
+    for name, values in one.made.items():
+        _write_floats(folder / f"{name}.{depth_format}", values, "brightness over that of a white scene")
 
 
 def _plain(value: Any) -> Any:

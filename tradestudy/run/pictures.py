@@ -26,7 +26,6 @@ from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.machine import available_memory
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results.storage import replace_file, replacing
-from tradestudy.run.inference import infer_calibrations
 from tradestudy.run.scene import pattern_of_scene, scene_of
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.picture import PicturePart
@@ -63,7 +62,7 @@ class Taken:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Picture:
+class TakenPicture:
     """One picture as it was taken.
 
     Parameters
@@ -103,10 +102,10 @@ class Rendering:
     scene: SceneSource
     recording: Recording
     cameras: Sequence[Taken]
-    pictures: Sequence[Picture]
+    pictures: Sequence[TakenPicture]
 
 
-def render(definition: StudyDefinition, steps: Steps) -> Rendering:
+def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     """Render every picture that the study's scene asks for.
 
     Parameters
@@ -124,7 +123,7 @@ def render(definition: StudyDefinition, steps: Steps) -> Rendering:
         Where the pictures do not fit into the memory that is free, before anything is rendered.
     """
     image, picture = declared_image(definition)
-    scene, cameras = set_up(definition, image, picture)
+    scene, cameras = set_up(definition)
     recording = recording_of(image, picture)
     whole = [
         Tile(
@@ -154,28 +153,6 @@ def render(definition: StudyDefinition, steps: Steps) -> Rendering:
     )
 
 
-def render_pictures(definition: StudyDefinition, directory: Path, steps: Steps) -> list[Path]:
-    """Render and write every picture that the study's scene asks for; see `render` for what is refused.
-
-    Parameters
-    ----------
-    definition
-        A study with ``scene.image``.
-    directory
-        Where to: a folder for each camera, with its pictures, their depth, and ``camera.json``.
-    steps
-        How tiles are computed.
-
-    Returns
-    -------
-    list of Path
-        The pictures.
-    """
-    declared_image(definition)
-    definition, _ = infer_calibrations(definition, steps)
-    return write_pictures(render(definition, steps), directory)
-
-
 def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
     """Write pictures, their depth, and what is true of the cameras that took them."""
     written: list[Path] = []
@@ -201,21 +178,31 @@ def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, Picture
     return scene.image, scene.picture
 
 
-def set_up(definition: StudyDefinition, image: SceneImagePart, picture: PicturePart) -> tuple[SceneSource, list[Taken]]:
+def set_up(definition: StudyDefinition) -> tuple[SceneSource, list[Taken]]:
     """The scene, and the cameras that take it, with every mistake at its place."""
-    folder = definition.folder_of(_WHERE)
-    texture = Texture(contrast=picture.texture.contrast, correlation_length=picture.texture.correlation_length)
-    seed = definition.file.propagation.seed
+    image, picture = declared_image(definition)
+    extent, cameras = extent_and_cameras(definition)
+    exposures = [exposure for taken in cameras for exposure in taken.exposures]
+    pattern = pattern_of_scene(texture_of(picture), exposures, extent, definition.file.propagation.seed)
+    return scene_of(image, pattern, definition.folder_of(_WHERE)), cameras
+
+
+def extent_and_cameras(definition: StudyDefinition) -> tuple[tuple[float, float], list[Taken]]:
+    """How near and far the scene reaches [m], and the cameras that take it, before anything is painted on it."""
+    image, picture = declared_image(definition)
+    texture = texture_of(picture)
+    flat = RandomPattern(texture=texture, sample=texture.correlation_length, side=2, seed=0)
     try:
-        # Depth maps tell how far they reach only when they are read, which the texture does not wait for.
-        flat = RandomPattern(texture=texture, sample=texture.correlation_length, side=2, seed=seed)
-        extent = scene_of(image, flat, folder).extent
-        cameras = _cameras(definition, image, picture, sum(extent) / 2.0)
-        exposures = [exposure for taken in cameras for exposure in taken.exposures]
-        return scene_of(image, pattern_of_scene(texture, exposures, extent, seed), folder), cameras
+        extent = scene_of(image, flat, definition.folder_of(_WHERE)).extent
     except MistakeAt as mistake:
         problems = [_problem(definition, (*_WHERE, *one.tail), one.what) for one in mistake.all]
         raise StudyError(problems) from None
+    return extent, _cameras(definition, image, picture, sum(extent) / 2.0)
+
+
+def texture_of(picture: PicturePart) -> Texture:
+    """What surfaces are painted with."""
+    return Texture(contrast=picture.texture.contrast, correlation_length=picture.texture.correlation_length)
 
 
 def _problem(definition: StudyDefinition, path: tuple[str | int, ...], what: str) -> Problem:
@@ -277,7 +264,7 @@ def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int
         )
 
 
-def _put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> Picture:
+def _put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> TakenPicture:
     shape = (whole.rows[1], whole.columns[1])
     values = np.empty(shape, parts[0][1].values.dtype)
     depth = np.empty(shape, np.float32)
@@ -285,7 +272,7 @@ def _put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> Pictur
         values[slice(*tile.rows), slice(*tile.columns)] = rendered.values
         depth[slice(*tile.rows), slice(*tile.columns)] = rendered.depth
     difference, size = (sum(rendered.sampling_error[k] for _, rendered in parts) for k in (0, 1))
-    return Picture(
+    return TakenPicture(
         camera=whole.camera,
         name=whole.exposure.name,
         values=values,
@@ -296,7 +283,7 @@ def _put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> Pictur
     )
 
 
-def _write_picture(one: Picture, folder: Path, depth_format: str) -> Path:
+def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:
     """Digital numbers as PNG, electrons as TIFF; depth in metres."""
     from PIL import Image
 
@@ -317,7 +304,7 @@ def _write_picture(one: Picture, folder: Path, depth_format: str) -> Path:
     return path
 
 
-def _picture_facts(one: Picture, path: Path, image: SceneImagePart) -> dict[str, Any]:
+def _picture_facts(one: TakenPicture, path: Path, image: SceneImagePart) -> dict[str, Any]:
     """What is true of one picture."""
     pose = one.tile.exposure.pose
     return {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -33,6 +34,7 @@ def compute(
     plan: Plan,
     steps: Steps | None = None,
     seconds: Seconds | None = None,
+    pictures: Path | None = None,
 ) -> xr.DataTree:
     """Compute everything that a study asks for.
 
@@ -44,6 +46,8 @@ def compute(
         How independent points are computed: where, what is kept of them, and who hears of progress.
     seconds
         Takes what the parts that are timed took.
+    pictures
+        Folder that the pictures of the study's scene are written to; None keeps only what results have of them.
 
     Returns
     -------
@@ -59,6 +63,7 @@ def compute(
         readings={NOMINAL: definition, **definition.readings},
         steps=steps,
         seconds={} if seconds is None else seconds,
+        pictures=pictures,
     )
     groups: dict[str, xr.Dataset] = {
         "/": _root(definition),
@@ -96,6 +101,7 @@ class _Asked:
     readings: Mapping[str, StudyDefinition]
     steps: Steps
     seconds: Seconds
+    pictures: Path | None
 
 
 def _root(definition: StudyDefinition) -> xr.Dataset:
@@ -136,9 +142,10 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         groups["/value_of_information"] = value_of_information_group(definition, file.value_of_information, progress)
     if file.scene is not None and file.scene.image is not None:
         from tradestudy.run.groups.pictures import pictures_group
-        from tradestudy.run.pictures import render
+        from tradestudy.run.scene_pictures import take_scene
 
-        groups["/pictures"] = pictures_group(render(definition, asked.steps).pictures)
+        taken = take_scene(definition, asked.pictures, asked.steps, depth=False)
+        groups["/pictures"] = pictures_group(taken.rendering.pictures)
     if file.sensitivity is not None:
         from tradestudy.run.groups.sensitivity import sensitivity_group
 

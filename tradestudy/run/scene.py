@@ -15,7 +15,7 @@ from tradestudy.imaging.models import Texture
 from tradestudy.imaging.scenes.files import read_depths, read_picture
 from tradestudy.imaging.scenes.pattern import PicturePattern, RandomPattern
 from tradestudy.imaging.scenes.plain_surfaces import Flat, Sphere
-from tradestudy.imaging.scenes.scene import DepthMap, Plain, Rock, SceneSource, SurfaceSource
+from tradestudy.imaging.scenes.scene import DepthMapSurface, Plain, Rock, SceneSource, SurfaceSource
 from tradestudy.provenance import file_hash
 from tradestudy.study.schema.scene_image import (
     DepthMapPart,
@@ -144,7 +144,7 @@ def _stairs(part: StairsPart, pattern: RandomPattern) -> Iterator[Flat]:
             )
 
 
-def _map(part: DepthMapPart, at: tuple[str | int, ...], texture: RandomPattern, folder: Path) -> DepthMap:
+def _map(part: DepthMapPart, at: tuple[str | int, ...], texture: RandomPattern, folder: Path) -> DepthMapSurface:
     """Read once here, so that a file that is none is refused before anything is rendered."""
     try:
         file = folder / part.depth
@@ -163,7 +163,7 @@ def _map(part: DepthMapPart, at: tuple[str | int, ...], texture: RandomPattern, 
             )
         picture = folder / part.picture
         pattern = PicturePattern(file=picture, sha256=file_hash(picture), sample=1.0, from_top=part.first_row == "top")
-    return DepthMap(
+    return DepthMapSurface(
         file=file,
         sha256=file_hash(file),
         unit=part.unit,

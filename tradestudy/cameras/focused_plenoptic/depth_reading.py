@@ -52,8 +52,7 @@ class RawPictureReader(DepthReader):
 
     @cached_property
     def _grid(self) -> MicrolensGrid:
-        (exposure,) = self.camera.exposures(self.search.far, {}, None, 0.0)
-        return microlens_grid(exposure)
+        return microlens_grid(self.camera)
 
     @cached_property
     def _inverse_virtual_depths(self) -> Samples:

@@ -42,8 +42,7 @@ class RawPictureSynthesis:
 
     @cached_property
     def _grid(self) -> MicrolensGrid:
-        (exposure,) = self.camera.exposures(self.search.far, {}, None, 0.0)
-        return microlens_grid(exposure)
+        return microlens_grid(self.camera)
 
     @property
     def _over(self) -> float:

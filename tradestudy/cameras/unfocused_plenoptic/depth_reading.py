@@ -47,8 +47,7 @@ class ViewsReader(DepthReader):
 
     @cached_property
     def _grid(self) -> MicrolensGrid:
-        (exposure,) = self.camera.exposures(self.search.far, {}, None, 0.0)
-        return microlens_grid(exposure)
+        return microlens_grid(self.camera)
 
     @cached_property
     def _places(self) -> tuple[Indices, Indices, tuple[int, int]]:

@@ -117,7 +117,7 @@ class Rock:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DepthMap:
+class DepthMapSurface:
     """A surface by a file of depths.
 
     Parameters
@@ -227,7 +227,7 @@ def _rock(rock: Rock) -> HeightField:
 
 
 @lru_cache(maxsize=4)
-def _depth_map(source: DepthMap) -> HeightField:
+def _depth_map(source: DepthMapSurface) -> HeightField:
     from tradestudy.imaging.scenes.files import read_depths
 
     depths = read_depths(source.file, source.unit)

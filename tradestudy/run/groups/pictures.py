@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.run.pictures import Picture
+from tradestudy.run.pictures import TakenPicture
 
 _MOST: Final = 256  # rows and columns of a reduced picture
 _DETAIL: Final = 96  # pixels
 
 
-def pictures_group(pictures: Sequence[Picture]) -> xr.Dataset:
+def pictures_group(pictures: Sequence[TakenPicture]) -> xr.Dataset:
     """/pictures over pictures and their rows and columns."""
     reduced = [_reduced(one) for one in pictures]
     rows, columns = (max(one[0].shape[k] for one in reduced) for k in (0, 1))
@@ -40,12 +40,12 @@ def pictures_group(pictures: Sequence[Picture]) -> xr.Dataset:
     )
 
 
-def _block(one: Picture) -> int:
+def _block(one: TakenPicture) -> int:
     largest: int = max(one.values.shape)
     return math.ceil(largest / _MOST)
 
 
-def _reduced(one: Picture) -> tuple[FloatArray, FloatArray]:
+def _reduced(one: TakenPicture) -> tuple[FloatArray, FloatArray]:
     """Brightness and depth of blocks; what does not fill a block at the last edges is left out."""
     side = _block(one)
     rows, columns = (size // side for size in one.values.shape)
@@ -55,12 +55,12 @@ def _reduced(one: Picture) -> tuple[FloatArray, FloatArray]:
     return blocks / _brightest(one), one.depth[middle, middle][:rows, :columns].astype(np.float64)
 
 
-def _detail(one: Picture) -> FloatArray:
+def _detail(one: TakenPicture) -> FloatArray:
     top, left = (max(0, (size - _DETAIL) // 2) for size in one.values.shape)
     return one.values[top : top + _DETAIL, left : left + _DETAIL].astype(np.float64) / _brightest(one)
 
 
-def _brightest(one: Picture) -> float:
+def _brightest(one: TakenPicture) -> float:
     return max(float(np.max(one.values)), np.finfo(np.float64).tiny)
 
 
