@@ -21,6 +21,7 @@ from tradestudy.figures import (
 )
 from tradestudy.figures.calibration_gallery import calibration_drawings
 from tradestudy.figures.cost import cost_drawing
+from tradestudy.figures.depth_maps import depth_map_drawings
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
 from tradestudy.figures.pictures import pictures_drawing
@@ -58,6 +59,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
             yield from _sweeps(tree)
     if (pictures := pictures_drawing(tree)) is not None:
         yield pictures
+    yield from depth_map_drawings(tree)
     if (worth := worths_drawing(tree)) is not None:
         yield worth
     if (ranks := rank_drawing(tree)) is not None:

@@ -22,10 +22,7 @@ def pictures_drawing(tree: xr.DataTree) -> Drawing | None:
         return None
     data, titles = group(tree, "pictures"), camera_titles(tree)
     shown = _first_of_each(data)
-    depth = data["true_depth"].values
-    near, far = (
-        distance(float(end)) for end in (np.nanmin(depth), np.nanmax(np.where(np.isinf(depth), np.nan, depth)))
-    )
+    near, far = map(distance, ends_of_depth(data["true_depth"].values))
     names = listed([titles[str(data["camera_of"].values[k])] for k in shown])
     return Drawing(
         name="scene_pictures",
@@ -42,8 +39,8 @@ def draw_pictures(tree: xr.DataTree) -> StudyFigure:
     """A row for each camera: its first picture, the middle of it, and true depth on one scale for all."""
     data, titles = group(tree, "pictures"), camera_titles(tree)
     shown = _first_of_each(data)
-    depth = np.where(np.isinf(data["true_depth"].values), np.nan, data["true_depth"].values)
-    ends = float(np.nanmin(depth[shown])), float(np.nanmax(depth[shown]))
+    depth = data["true_depth"].values
+    ends = ends_of_depth(depth[shown])
     figure = new_figure(0.3 + 2.05 * len(shown))
     panels = figure.subplots(len(shown), 3, squeeze=False)
     last = None
@@ -52,8 +49,8 @@ def draw_pictures(tree: xr.DataTree) -> StudyFigure:
         title = titles[str(one["camera_of"].item())]
         _grey(whole, one["brightness"].values, f"{shortened(title, _LONGEST)}")
         _grey(detail, one["detail"].values, f"middle {data.sizes['detail_column']} pixels")
-        _bare(deep, "true depth")
-        last = deep.imshow(_cropped(depth[k]) * 1e3, cmap="cividis", vmin=ends[0] * 1e3, vmax=ends[1] * 1e3)
+        bare(deep, "true depth")
+        last = deep.imshow(cropped(depth[k]) * 1e3, cmap="cividis", vmin=ends[0] * 1e3, vmax=ends[1] * 1e3)
     if last is not None:
         figure.colorbar(last, ax=panels[:, 2].tolist(), label="true depth [mm]", fraction=0.05)
     return figure
@@ -66,19 +63,26 @@ def _first_of_each(data: xr.Dataset) -> list[int]:
 
 
 def _grey(axes: Axes, values: FloatArray, title: str) -> None:
-    shown = _cropped(values)
-    _bare(axes, title)
+    shown = cropped(values)
+    bare(axes, title)
     axes.imshow(shown, cmap="gray", vmin=0.0, vmax=float(np.nanpercentile(shown, _BRIGHT)), interpolation="nearest")
 
 
-def _bare(axes: Axes, title: str) -> None:
+def ends_of_depth(depth: FloatArray) -> tuple[float, float]:
+    """Nearest and farthest of finite depths [m]."""
+    finite = depth[np.isfinite(depth)]
+    return float(finite.min()), float(finite.max())
+
+
+def bare(axes: Axes, title: str) -> None:
+    """A panel that shows a picture: a title, no ticks."""
     axes.set_title(title, fontsize=7.5)
     axes.set_xticks([])
     axes.set_yticks([])
     axes.grid(visible=False)
 
 
-def _cropped(values: FloatArray) -> FloatArray:
+def cropped(values: FloatArray) -> FloatArray:
     """Without the rows and columns that only larger pictures have."""
     known = ~np.isnan(values)
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))

@@ -14,6 +14,7 @@ from tradestudy.results.calibration import CALIBRATION, RANKS, SENSITIVITY
 from tradestudy.results.cost import COST
 from tradestudy.results.datasheet import DATASHEET
 from tradestudy.results.depth import DEPTH, DEPTH_FIELD, DISPARITY_CAUSES
+from tradestudy.results.depth_maps import DEPTH_MAPS
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.results.effects import EFFECTS
 from tradestudy.results.hard_cases import HARD_CASES
@@ -51,7 +52,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "cost": COST,
     "claims": CLAIMS,
     "datasheet": DATASHEET,
-    "pictures": PICTURES,
+    "pictures": {**PICTURES, **DEPTH_MAPS},
     "requirements": REQUIREMENTS,
     "value_of_information": VALUE_OF_INFORMATION,
     "assumptions": ASSUMPTIONS,

@@ -91,6 +91,8 @@ class MeasuredDepth:
         What was looked for.
     found, truth
         In the same pixels.
+    predicted
+        Depth uncertainty at the true depth of each pixel [m]; NaN where there is none.
     score
         How they compare.
     made
@@ -101,6 +103,7 @@ class MeasuredDepth:
     search: DepthSearch
     found: DepthMap
     truth: TrueDepth
+    predicted: FloatArray
     score: DepthScore
     made: Mapping[str, Samples]
 
@@ -192,12 +195,14 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
     }
     found = one.reader.read(pictures)
     truth = one.reader.truth(point.depths, {name: its.pure for name, its in pictures.items()})
-    scored = score(found, truth, _predicted(one.taken.camera, np.asarray(truth.depth, np.float64), point.way))
+    predicted = predicted_uncertainty(one.taken.camera, np.asarray(truth.depth, np.float64), point.way)
+    scored = score(found, truth, predicted, one.search.window_px)
     return MeasuredDepth(
         camera=one.taken.name,
         search=one.search,
         found=found,
         truth=truth,
+        predicted=predicted,
         score=replace(scored, matcher=_matcher(found, truth, one.search.window_px)),
         made=one.reader.made_of(pictures, found, point.middle),
     )
@@ -230,7 +235,7 @@ def _matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> str:
         return f"no matcher can be told: {reason}"
 
 
-def _predicted(camera: Camera, depth: FloatArray, way: str) -> FloatArray:
+def predicted_uncertainty(camera: Camera, depth: FloatArray, way: str) -> FloatArray:
     """Depth uncertainty [m] of a camera at true depths; NaN for one that measures no disparity."""
     known = np.isfinite(depth)
     if not isinstance(camera, DepthCamera) or not np.any(known):
@@ -262,7 +267,7 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
         "window_px": search.window_px,
         "reasons": {str(int(reason)): text for reason, text in REASONS.items()},
         "measurable": "255 where the estimator has two pictures of a point and nothing hides it",
-        "score": {key: _plain(value) for key, value in asdict(one.score).items()},
+        "score": _plain(asdict(one.score)),
     }
     replace_file(folder / "depth_map.json", f"{json.dumps(facts, indent=2, ensure_ascii=False)}\n".encode())
     for name, values in one.made.items():
@@ -271,6 +276,8 @@ def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:
 
 def _plain(value: Any) -> Any:
     """JSON has no NaN."""
+    if isinstance(value, dict):
+        return {key: _plain(one) for key, one in value.items()}
     return None if isinstance(value, float) and not np.isfinite(value) else value
 
 

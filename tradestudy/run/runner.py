@@ -144,8 +144,8 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
         from tradestudy.run.groups.pictures import pictures_group
         from tradestudy.run.scene_pictures import take_scene
 
-        taken = take_scene(definition, asked.pictures, asked.steps, depth=False)
-        groups["/pictures"] = pictures_group(taken.rendering.pictures)
+        depth = file.scene.image.depth_maps
+        groups["/pictures"] = pictures_group(take_scene(definition, asked.pictures, asked.steps, depth=depth))
     if file.sensitivity is not None:
         from tradestudy.run.groups.sensitivity import sensitivity_group
 

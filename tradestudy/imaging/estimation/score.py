@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tradestudy.cameras.depth_map import DepthMap, TrueDepth
-from tradestudy.optics.arrays import Samples
-from tradestudy.optics.window_matching import Reason
-from tradestudy.units import FRACTION, LENGTH, pretty, significant
+from tradestudy.optics.arrays import BoolArray, FloatArray, Samples
+from tradestudy.optics.window_matching import Reason, odd_window
+from tradestudy.units import FRACTION, LENGTH, PIXELS, pretty, significant
 
-_CENTRAL = (15.865, 50.0, 84.135)  # percentiles: half their width is one standard deviation of a normal distribution
+_CENTRAL: Final = (15.865, 50.0, 84.135)  # percentiles: half their width is one standard deviation of a normal one
+_BLOCKS: Final = 4  # in each direction, that standard errors are told from
+_CLIPPED: Final = 6.0  # standard deviations beyond which an error would decide a correlation alone
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,31 +26,49 @@ class DepthScore:
 
     Parameters
     ----------
+    points
+        Points of the map that show a surface within the distances searched.
     seen
-        Points that the estimator can measure: it has two pictures of them, and nothing hides them.
+        Those that the estimator can measure: it has two pictures of them, and nothing hides them.
     measured
         How many of these have a depth.
     elsewhere
         Depths that it gives to points that it cannot measure, such as hidden ones.
+    windows
+        How many windows that share no pixel the measured points fill.
     bias, spread
         Median of estimated less true depth, and half its central 68.27 % interval [m].
     own
-        Median standard deviation that the map states from its texture [m].
+        Median standard deviation that the map states from its texture [m]: the bound of matching at this window.
     predicted
         Median of the camera's predicted depth uncertainty at the true distances [m]; NaN where there is none.
     relative_bias, relative_spread
         Those of the errors over the prediction at their distances.
     within
         Share of the errors within three predictions.
+    filled, available
+        Measured points of those seen, and seen ones of all.
+    bias_px, spread_px
+        Median and half the central 68.27 % interval of the errors as errors of disparity [samples]; NaN where depth
+        comes without one.
+    over_bound
+        Half the central 68.27 % interval of the errors over the bound of each window.
+    neighbour_correlation, window_correlation
+        Of the errors of points side by side, and of points one window apart.
+    standard_errors
+        Of the numbers from ``bias`` on, by name: jackknife over 4 × 4 parts of the map, which hold what neighbouring
+        errors have in common; NaN for fewer than three parts with measured points.
     reasons
         Seen points without a depth, by reason.
     matcher
         What a study may declare as the matcher that these errors show, or why that cannot be told; see `fit_matcher`.
     """
 
+    points: int
     seen: int
     measured: int
     elsewhere: int
+    windows: float
     bias: float
     spread: float
     own: float
@@ -53,8 +76,16 @@ class DepthScore:
     relative_bias: float
     relative_spread: float
     within: float
-    reasons: dict[str, int]
-    matcher: str = ""
+    filled: float
+    available: float
+    bias_px: float
+    spread_px: float
+    over_bound: float
+    neighbour_correlation: float
+    window_correlation: float
+    standard_errors: Mapping[str, float]
+    reasons: Mapping[str, int]
+    matcher: str
 
     def line(self, name: str) -> str:
         """One sentence or two for the terminal."""
@@ -62,11 +93,13 @@ class DepthScore:
             return (
                 f"{name}: no point of the scene lies where its estimator has two pictures of it within scene.distances"
             )
-        share = pretty(self.measured / self.seen, FRACTION)
+        share = pretty(self.filled, FRACTION)
         text = f"{name}: {share} of {self.seen} unoccluded points measured"
         if not self.measured:
             return f"{text}; none has a depth: {_most(self.reasons)}"
         text += f"; error {pretty(self.bias, LENGTH)} ± {pretty(self.spread, LENGTH)} (median, standard deviation)"
+        if math.isfinite(self.spread_px):
+            text += f", {pretty(self.spread_px, PIXELS, 2)} of disparity"
         if math.isnan(self.predicted):
             return f"{text}; nothing is predicted for this kind of camera"
         return (
@@ -76,7 +109,7 @@ class DepthScore:
         )
 
 
-def score(found: DepthMap, truth: TrueDepth, predicted: Samples) -> DepthScore:
+def score(found: DepthMap, truth: TrueDepth, predicted: Samples, window_px: float) -> DepthScore:
     """Hold a map against the truth.
 
     Parameters
@@ -85,26 +118,39 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples) -> DepthScore:
         In the same pixels.
     predicted
         Depth uncertainty at the true depth of each pixel [m]; NaN where there is none.
+    window_px
+        Side of the matched windows [pixels of the map].
     """
     measured = found.reason == Reason.MEASURED
     both = measured & truth.measurable
-    error, scale = (found.depth - truth.depth)[both], predicted[both]
-    low, middle, high = _percentiles(error)
-    known = np.isfinite(scale) & (scale > 0.0)
-    relative = error[known] / scale[known]
-    below, centre, above = _percentiles(relative)
+    surface = np.isfinite(truth.depth) & ~np.isin(found.reason, (Reason.NO_LIGHT, Reason.LESS_SHARP))
+    block = _blocks(both.shape)
+    points, seen, filled = (
+        np.bincount(block[one], minlength=_BLOCKS**2) for one in (surface | truth.measurable, truth.measurable, both)
+    )
+    of_errors = _Errors.of(found, truth, predicted, both, block)
+    neighbours = [_Pairs.of(found, truth, both, block, lag) for lag in (1, odd_window(window_px))]
+
+    def told(keep: BoolArray) -> dict[str, float]:
+        return {
+            **of_errors.told(keep),
+            "filled": _ratio(filled[keep].sum(), seen[keep].sum()),
+            "available": _ratio(seen[keep].sum(), points[keep].sum()),
+            "neighbour_correlation": neighbours[0].correlation(keep),
+            "window_correlation": neighbours[1].correlation(keep),
+        }
+
+    whole = told(np.ones(_BLOCKS**2, bool))
     missing = found.reason[truth.measurable & ~measured]
     return DepthScore(
-        seen=int(np.count_nonzero(truth.measurable)),
-        measured=int(np.count_nonzero(both)),
+        points=int(points.sum()),
+        seen=int(seen.sum()),
+        measured=int(filled.sum()),
         elsewhere=int(np.count_nonzero(measured & ~truth.measurable)),
-        bias=middle,
-        spread=(high - low) / 2.0,
-        own=_percentiles(found.deviation[both])[1],
-        predicted=_percentiles(scale[known])[1],
-        relative_bias=centre,
-        relative_spread=(above - below) / 2.0,
-        within=float(np.mean(np.abs(relative) <= 3.0)) if relative.size else math.nan,
+        windows=float(filled.sum() / window_px**2),
+        matcher="",
+        **whole,
+        standard_errors=_jackknife(told, filled > 0, whole),
         reasons={
             Reason(code).name.lower().replace("_", " "): int(count)
             for code, count in zip(*np.unique(missing, return_counts=True), strict=True)
@@ -112,14 +158,112 @@ def score(found: DepthMap, truth: TrueDepth, predicted: Samples) -> DepthScore:
     )
 
 
-def _percentiles(values: Samples) -> tuple[float, float, float]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Errors:
+    """Errors of depth [m] with their predictions, bounds and parts of the map, shape (measured points,)."""
+
+    error: FloatArray
+    predicted: FloatArray
+    own: FloatArray
+    own_px: FloatArray
+    block: NDArray[np.intp]
+
+    @classmethod
+    def of(
+        cls, found: DepthMap, truth: TrueDepth, predicted: Samples, both: BoolArray, block: NDArray[np.intp]
+    ) -> _Errors:
+        return cls(
+            error=np.asarray((found.depth - truth.depth)[both], np.float64),
+            predicted=np.asarray(predicted[both], np.float64),
+            own=np.asarray(found.deviation[both], np.float64),
+            own_px=np.asarray(found.disparity_deviation[both], np.float64),
+            block=block[both],
+        )
+
+    def told(self, keep: BoolArray) -> dict[str, float]:
+        """Numbers of some parts of the map."""
+        among = keep[self.block]
+        error, predicted, own = self.error[among], self.predicted[among], self.own[among]
+        with np.errstate(divide="ignore", invalid="ignore"):  # not finite where nothing is predicted
+            relative, over_bound = error / predicted, error / own
+        bias, spread = _middle_and_spread(error)
+        relative_bias, relative_spread = _middle_and_spread(relative)
+        bias_px, spread_px = _middle_and_spread(over_bound * self.own_px[among])
+        relative = relative[np.isfinite(relative)]
+        return {
+            "bias": bias,
+            "spread": spread,
+            "own": _middle_and_spread(own)[0],
+            "predicted": _middle_and_spread(predicted)[0],
+            "relative_bias": relative_bias,
+            "relative_spread": relative_spread,
+            "within": _ratio(float(np.count_nonzero(np.abs(relative) <= 3.0)), relative.size),
+            "bias_px": bias_px,
+            "spread_px": spread_px,
+            "over_bound": _middle_and_spread(over_bound)[1],
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Pairs:
+    """Errors over their bounds of points some pixels apart along a row."""
+
+    left: FloatArray
+    right: FloatArray
+    block: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, found: DepthMap, truth: TrueDepth, both: BoolArray, block: NDArray[np.intp], lag: int) -> _Pairs:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.where(both, (found.depth - truth.depth) / found.deviation, np.nan)
+        relative[~(np.abs(relative) <= _CLIPPED)] = np.nan
+        left, right = relative[:, :-lag], relative[:, lag:]
+        known = np.isfinite(left) & np.isfinite(right)
+        return cls(left=left[known], right=right[known], block=block[:, :-lag][known])
+
+    def correlation(self, keep: BoolArray) -> float:
+        """Of some parts of the map; NaN for fewer than three pairs."""
+        among = keep[self.block]
+        if np.count_nonzero(among) < 3:
+            return math.nan
+        return float(np.corrcoef(self.left[among], self.right[among])[0, 1])
+
+
+def _blocks(shape: tuple[int, ...]) -> NDArray[np.intp]:
+    """Number of the part of the map that each pixel lies in."""
+    row, column = (np.arange(size) * _BLOCKS // size for size in shape)
+    return np.asarray(row[:, np.newaxis] * _BLOCKS + column)
+
+
+def _jackknife(
+    told: Callable[[BoolArray], Mapping[str, float]], filled: BoolArray, whole: Mapping[str, float]
+) -> dict[str, float]:
+    """Standard errors of numbers from leaving out each of the parts that hold something in turn."""
+    parts = np.flatnonzero(filled)
+    n = parts.size
+    if n < 3:
+        return dict.fromkeys(whole, math.nan)
+    everything = np.arange(filled.size)
+    without = [told(everything != part) for part in parts]
+    return {
+        name: float(np.sqrt((n - 1) * np.var([one[name] for one in without]))) if math.isfinite(value) else math.nan
+        for name, value in whole.items()
+    }
+
+
+def _ratio(part: float, whole: float) -> float:
+    return float(part / whole) if whole else math.nan
+
+
+def _middle_and_spread(values: FloatArray) -> tuple[float, float]:
+    """Median, and half the central 68.27 % interval."""
     values = values[np.isfinite(values)]
     if not values.size:
-        return math.nan, math.nan, math.nan
+        return math.nan, math.nan
     low, middle, high = (float(one) for one in np.percentile(values, _CENTRAL))
-    return low, middle, high
+    return middle, (high - low) / 2.0
 
 
-def _most(reasons: dict[str, int]) -> str:
+def _most(reasons: Mapping[str, int]) -> str:
     """The most frequent reason."""
     return max(reasons, key=lambda name: reasons[name])

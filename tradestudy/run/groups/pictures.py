@@ -3,46 +3,48 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
+from tradestudy.run.groups.depth_maps import depth_map_values
+from tradestudy.run.groups.reduction import LARGEST, padded
 from tradestudy.run.pictures import TakenPicture
+from tradestudy.run.scene_pictures import TakenScene
 
-_MOST: Final = 256  # rows and columns of a reduced picture
 _DETAIL: Final = 96  # pixels
 
 
-def pictures_group(pictures: Sequence[TakenPicture]) -> xr.Dataset:
-    """/pictures over pictures and their rows and columns."""
+def pictures_group(taken: TakenScene) -> xr.Dataset:
+    """/pictures over pictures and their rows and columns, and over cameras in whose pictures depth was measured."""
+    pictures = taken.rendering.pictures
     reduced = [_reduced(one) for one in pictures]
     rows, columns = (max(one[0].shape[k] for one in reduced) for k in (0, 1))
-    return dataset(
-        "pictures",
-        {
-            "brightness": [_padded(one[0], (rows, columns)) for one in reduced],
-            "true_depth": [_padded(one[1], (rows, columns)) for one in reduced],
-            "detail": [_padded(_detail(one), (_DETAIL, _DETAIL)) for one in pictures],
-            "camera_of": [one.camera for one in pictures],
-            "block": [float(_block(one)) for one in pictures],
-            "columns": [float(one.values.shape[1]) for one in pictures],
-            "rows": [float(one.values.shape[0]) for one in pictures],
-            "pixel_pitch": [one.pixel_pitch for one in pictures],
-            "saturated": [float(one.saturated) for one in pictures],
-            "sampling_error": [one.sampling_error for one in pictures],
-        },
-        {"picture": [f"{one.camera} {one.name}" for one in pictures]},
-    )
+    values: dict[str, Any] = {
+        "brightness": [padded(one[0], (rows, columns)) for one in reduced],
+        "true_depth": [padded(one[1], (rows, columns)) for one in reduced],
+        "detail": [padded(_detail(one), (_DETAIL, _DETAIL)) for one in pictures],
+        "camera_of": [one.camera for one in pictures],
+        "block": [float(_block(one)) for one in pictures],
+        "columns": [float(one.values.shape[1]) for one in pictures],
+        "rows": [float(one.values.shape[0]) for one in pictures],
+        "pixel_pitch": [one.pixel_pitch for one in pictures],
+        "saturated": [float(one.saturated) for one in pictures],
+        "sampling_error": [one.sampling_error for one in pictures],
+    }
+    labels = {"picture": [f"{one.camera} {one.name}" for one in pictures]}
+    if taken.depths:
+        values |= depth_map_values(taken.depths, {one.name: one.camera for one in taken.rendering.cameras})
+        labels["mapped_camera"] = [one.camera for one in taken.depths]
+    return dataset("pictures", values, labels)
 
 
 def _block(one: TakenPicture) -> int:
     largest: int = max(one.values.shape)
-    return math.ceil(largest / _MOST)
+    return math.ceil(largest / LARGEST)
 
 
 def _reduced(one: TakenPicture) -> tuple[FloatArray, FloatArray]:
@@ -62,9 +64,3 @@ def _detail(one: TakenPicture) -> FloatArray:
 
 def _brightest(one: TakenPicture) -> float:
     return max(float(np.max(one.values)), np.finfo(np.float64).tiny)
-
-
-def _padded(values: NDArray[Any], shape: tuple[int, int]) -> FloatArray:
-    whole = np.full(shape, np.nan)
-    whole[: values.shape[0], : values.shape[1]] = values
-    return whole

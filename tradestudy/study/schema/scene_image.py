@@ -162,6 +162,11 @@ class SceneImagePart(Part):
         default=8,
         description="Rays for each pixel and lens, half of them where a lens is barely lit; camera.json has the error.",
     )
+    depth_maps: bool = Field(
+        default=False,
+        strict=True,
+        description="Whether a run measures depth in the pictures, too, and holds it against the true depth.",
+    )
     depth_format: Literal["tiff", "npy"] = Field(default="tiff", description="Of the true depth, in metres.")
 
     def files(self) -> Iterator[tuple[tuple[str | int, ...], str]]:

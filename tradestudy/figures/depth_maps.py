@@ -1,0 +1,117 @@
+"""Depth as it was measured in the pictures of the scene: maps of it, and how it compares with what was predicted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.pictures import bare, cropped, ends_of_depth
+from tradestudy.figures.style import FAINT, INK, SOFT, StudyFigure, line_style, new_figure, shortened, styled
+from tradestudy.results.views.groups import FloatArray, camera_titles, group, has
+from tradestudy.wording import listed
+
+_MOST = 6  # cameras
+_LONGEST = 30
+_ERROR_SPREADS = 3.0  # spreads of the errors that the scale of an error map spans to either side
+
+
+def depth_map_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figures of a study that measures depth in its pictures."""
+    if not has(tree, "pictures", "map_depth"):
+        return
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    names = listed([titles[str(key)] for key in data["mapped_camera"].values[:_MOST]])
+    yield Drawing(
+        name="depth_maps",
+        caption="Depth as it was measured in the pictures, what it is wrong by, and how much of the surface the "
+        "estimator has no second picture of, such as behind edges and beyond the overlap. Each block is the median of "
+        "its points; hatched where none has a depth. At the left what the camera makes with the map, sharp throughout, "
+        "where it makes anything.",
+        alt=f"For {names}: measured depth, its error, and the hidden share of the surface, as pictures.",
+        draw=lambda: draw_depth_maps(tree),
+    )
+    yield Drawing(
+        name="depth_achieved",
+        caption="Errors of measured depth against true depth: dots are the median with its standard error, thin bars "
+        "half the central 68.27 % interval to either side. The band is the predicted depth uncertainty.",
+        alt=f"For {names}: the median and the spread of the errors of measured depth in classes of true depth, with "
+        "the predicted uncertainty as a band around zero.",
+        draw=lambda: draw_achieved(tree),
+    )
+
+
+@styled()
+def draw_depth_maps(tree: xr.DataTree) -> StudyFigure:
+    """A row for each camera: sharp picture, measured depth on the scale of the true one, its error, hidden share."""
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    count = min(_MOST, data.sizes["mapped_camera"])
+    near, far = ends_of_depth(data["true_depth"].values)
+    figure = new_figure(0.9 + 1.75 * count)
+    panels = figure.subplots(count, 4, squeeze=False)
+    last: ScalarMappable | None = None
+    hidden: ScalarMappable | None = None
+    for k, (sharp, deep, wrong, missing) in enumerate(panels[:count]):
+        one = data.isel(mapped_camera=k)
+        title = shortened(titles[str(one["mapped_camera"].item())], _LONGEST)
+        picture = one["map_sharp"].values
+        bare(sharp, title)
+        if np.any(np.isfinite(picture)):
+            grey = cropped(picture)
+            sharp.imshow(grey, cmap="gray", vmin=0.0, vmax=float(np.nanpercentile(grey, 99.5)))
+        else:
+            sharp.text(
+                0.5, 0.5, "makes no\nsharp picture", ha="center", va="center", transform=sharp.transAxes, color=SOFT
+            )
+        bare(deep, "measured depth")
+        shape = cropped(one["map_hidden"].values).shape
+        last = _map(deep, one["map_depth"].values[: shape[0], : shape[1]] * 1e3, (near * 1e3, far * 1e3), "cividis")
+        limit = _ERROR_SPREADS * float(one["depth_spread"].item()) * 1e3
+        bare(wrong, f"error, ±{limit:.2g} mm" if np.isfinite(limit) else "error")
+        limit = limit if np.isfinite(limit) and limit > 0.0 else 1.0
+        _map(wrong, one["map_depth_error"].values[: shape[0], : shape[1]] * 1e3, (-limit, limit), "RdBu_r")
+        bare(missing, "hidden share")
+        hidden = _map(missing, one["map_hidden"].values[: shape[0], : shape[1]], (0.0, 1.0), "magma")
+    if last is not None and hidden is not None:
+        everything = panels.ravel().tolist()
+        for shown, label in ((last, "measured depth [mm]"), (hidden, "hidden share")):
+            figure.colorbar(shown, ax=everything, label=label, location="bottom", fraction=0.02, aspect=60)
+    return figure
+
+
+def _map(axes: Axes, values: FloatArray, ends: tuple[float, float], colors: str) -> ScalarMappable:
+    """Hatched where there is no value."""
+    axes.set_facecolor(FAINT)
+    axes.patch.set(hatch="////", edgecolor=SOFT)
+    return axes.imshow(values, cmap=colors, vmin=ends[0], vmax=ends[1], interpolation="nearest")
+
+
+@styled()
+def draw_achieved(tree: xr.DataTree) -> StudyFigure:
+    """A panel for each camera."""
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    count = min(_MOST, data.sizes["mapped_camera"])
+    columns = min(count, 2)
+    rows = -(-count // columns)
+    figure = new_figure(0.2 + 2.1 * rows)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels[count:]:
+        axes.set_visible(False)
+    for k, axes in enumerate(panels[:count]):
+        one = data.isel(mapped_camera=k)
+        style = line_style(k)
+        axes.set_title(shortened(titles[str(one["mapped_camera"].item())], _LONGEST))
+        distance = one["class_distance"].values * 1e3
+        bias, spread, predicted = (one[f"class_{name}"].values * 1e3 for name in ("bias", "spread", "predicted"))
+        axes.axhline(0.0, color=INK, linewidth=0.6)
+        axes.fill_between(distance, -predicted, predicted, color=style.color, alpha=0.18, linewidth=0.0)
+        axes.errorbar(distance, bias, yerr=spread, fmt="none", ecolor=style.color, elinewidth=0.8, capsize=2.5)
+        error = one["class_bias_error"].values * 1e3
+        axes.errorbar(distance, bias, yerr=error, fmt=style.marker, color=style.color, elinewidth=2.4, markersize=4)
+        axes.set_xlabel("true depth [mm]")
+        axes.set_ylabel("error of depth [mm]")
+    return figure

@@ -1,0 +1,100 @@
+"""How well depth was measured in the pictures of the scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+import xarray as xr
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Table, Text, pictures_of, say
+from tradestudy.report.words import length, or_dash, share, with_error
+from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.units import significant
+
+PAPER_ACCURACY = 0.1  # px, section 6 of the paper
+
+
+def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Show the depth maps and hold them against prediction; nothing for a study that measures none."""
+    if not has(tree, "pictures", "map_depth"):
+        return
+    data, titles = group(tree, "pictures"), camera_titles(tree)
+    yield Heading(text="Depth measured in the pictures", anchor="depth-maps", level=2)
+    yield Paragraph(
+        "Each camera reads its pictures as it was designed, by its own estimator. What is hidden from the estimator "
+        "counts as no failure; what has no depth, or a false one, does."
+    )
+    yield from pictures_of(drawings, "depth_maps", "depth_achieved")
+    rows = [data.isel(mapped_camera=k) for k in range(data.sizes["mapped_camera"])]
+    yield from score_tables(
+        name="depth-maps",
+        first=(Column(title="Camera", weight=1),),
+        rows=[((titles[str(one["mapped_camera"].item())],), one) for one in rows],
+    )
+    for one in rows:
+        yield Paragraph(
+            say(
+                "{camera}: `{matcher}`",
+                camera=titles[str(one["mapped_camera"].item())],
+                matcher=str(one["matcher"].item()),
+            )
+        )
+
+
+def score_tables(
+    *, name: str, first: tuple[Column, ...], rows: list[tuple[tuple[Text, ...], xr.Dataset]]
+) -> Iterator[Table]:
+    """Achieved against predicted, a row for each set of variables of `score_variables`, behind cells of its own."""
+    yield Table(
+        name=f"{name}-depth-table",
+        caption="Measured depth against true depth, ± one standard error.",
+        columns=(*first, *_columns("Bias", "Spread", "Predicted", "Within 3σ", "Filled", "Paired (predicted)")),
+        rows=tuple((*cells, *_of_depth(one)) for cells, one in rows),
+        notes=(
+            "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the depth "
+            "uncertainty at these distances. Filled: points with a depth over those that the estimator has two "
+            "pictures of. Paired: these over all points of the picture that show a surface; predicted for points of "
+            "the object, of which those that several micro-images show count several times in a raw picture.",
+        ),
+    )
+    yield Table(
+        name=f"{name}-disparity-table",
+        caption="Errors of disparity, ± one standard error.",
+        columns=(
+            *first,
+            *_columns("Bias", "Spread", "Over bound", "Correlation of neighbours", "One window apart", "Windows"),
+        ),
+        rows=tuple((*cells, *_of_disparity(one)) for cells, one in rows),
+        notes=(
+            f"Bias and spread in pixels, where the paper supposes {significant(PAPER_ACCURACY)} px. Over bound: spread "
+            "of the errors over the least that the texture and the noise of each window allow. Windows: how many "
+            "without a common pixel were measured.",
+        ),
+    )
+
+
+def _columns(*titles: str) -> tuple[Column, ...]:
+    return tuple(Column(title=title, align="right") for title in titles)
+
+
+def _of_depth(one: xr.Dataset) -> Iterator[str]:
+    yield _shown(one, "bias", length)
+    yield _shown(one, "spread", length)
+    yield or_dash(float(one["depth_predicted"].item()), length)
+    yield _shown(one, "within", share)
+    yield _shown(one, "filled", share)
+    available, predicted = (float(one[key].item()) for key in ("depth_available", "predicted_availability"))
+    yield f"{or_dash(available, share)} ({or_dash(predicted, share)})"
+
+
+def _of_disparity(one: xr.Dataset) -> Iterator[str]:
+    for name in ("bias_px", "spread_px", "over_bound", "neighbour_correlation", "window_correlation"):
+        yield _shown(one, name, significant)
+    yield significant(float(one["depth_windows"].item()), 3)
+
+
+def _shown(one: xr.Dataset, name: str, write: Callable[[float, int], str]) -> str:
+    """A number with its error."""
+    value, error = (float(one[key].item()) for key in (f"depth_{name}", f"depth_{name}_error"))
+    return or_dash(value, lambda known: with_error(known, error, write))

@@ -1,0 +1,114 @@
+"""What results hold of depth that was measured in pictures: how it compares with the truth and with the prediction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.variable import Variable
+
+_JACKKNIFE: Final = "see {}_error: from leaving out each of 4 × 4 parts of the map in turn"
+_ESTIMATE: Final = "an estimate of an error, good to about a fifth"
+
+# name → unit, what it is; each has a standard error beside it
+_ESTIMATES: Final = {
+    "bias": ("m", "median of estimated less true depth"),
+    "spread": ("m", "half the central 68.27 % interval of estimated less true depth"),
+    "own": ("m", "median standard deviation of depth by noise, from the texture of each window: the bound of matching"),
+    "predicted": ("m", "median of the camera's depth uncertainty at the true distances; NaN where none is predicted"),
+    "relative_bias": ("1", "median error over the prediction at its distance"),
+    "relative_spread": ("1", "half the central 68.27 % interval of the errors over the prediction"),
+    "within": ("1", "share of the errors within three predicted standard deviations"),
+    "filled": ("1", "fill rate: points with a depth over points that the estimator has two pictures of"),
+    "available": ("1", "points that the estimator has two pictures of over all that show a surface"),
+    "bias_px": ("px", "median error of the disparity"),
+    "spread_px": ("px", "half the central 68.27 % interval of the errors of the disparity"),
+    "over_bound": ("1", "half the central 68.27 % interval of the errors over the bound of each window"),
+    "neighbour_correlation": ("1", "correlation of the errors of points side by side"),
+    "window_correlation": ("1", "correlation of the errors of points one matching window apart"),
+}
+ESTIMATES: Final = tuple(_ESTIMATES)
+_COUNTS: Final = {
+    "points": "points that show a surface within the distances searched",
+    "seen": "points that the estimator has two pictures of, with nothing before them",
+    "measured": "points of those with a depth",
+    "elsewhere": "points with a depth that the estimator has no two pictures of",
+    "windows": "matching windows without common pixels that the measured points fill",
+}
+COUNTS: Final = tuple(_COUNTS)
+
+
+def score_variables(dims: tuple[str, ...]) -> dict[str, Variable]:
+    """How measured depth compares with the truth, over some dimensions."""
+    found = {
+        f"depth_{name}": Variable(dims=dims, units="1", long_name=words, error="exact")
+        for name, words in _COUNTS.items()
+    }
+    for name, (units, words) in _ESTIMATES.items():
+        found[f"depth_{name}"] = Variable(
+            dims=dims, units=units, long_name=words, error=_JACKKNIFE.format(f"depth_{name}")
+        )
+        found[f"depth_{name}_error"] = Variable(
+            dims=dims, units=units, long_name=f"standard error of depth_{name}", error=_ESTIMATE
+        )
+    found["predicted_availability"] = Variable(
+        dims=dims,
+        units="1",
+        long_name="predicted share of object points that the estimator has two pictures of, on the axis; NaN where "
+        "none is predicted",
+        error="closed form",
+    )
+    return found
+
+
+_MAP: Final = ("mapped_camera", "map_row", "map_column")
+_CLASS: Final = ("mapped_camera", "depth_class")
+_AS_MAP: Final = "see depth_spread"
+
+DEPTH_MAPS: Final[Mapping[str, Variable]] = {
+    **score_variables(("mapped_camera",)),
+    "matcher": Variable(
+        dims=("mapped_camera",), units="", long_name="the matcher that the errors show, as a study declares it"
+    ),
+    "map_block": Variable(dims=("mapped_camera",), units="px", long_name="side of the blocks of a map", error="exact"),
+    "map_depth": Variable(
+        dims=_MAP, units="m", long_name="median measured depth of blocks; NaN where no point has one", error=_AS_MAP
+    ),
+    "map_depth_error": Variable(
+        dims=_MAP, units="m", long_name="median of measured less true depth of blocks", error=_AS_MAP
+    ),
+    "map_hidden": Variable(
+        dims=_MAP,
+        units="1",
+        long_name="share of the points of a block that show a surface of which the estimator has no second picture",
+        error="exact",
+    ),
+    "map_sharp": Variable(
+        dims=_MAP,
+        units="1",
+        long_name="picture that the camera makes sharp throughout with its depth, over that of a white scene; NaN "
+        "where it makes none",
+        error="that of the depths it is made with, and the noise of the picture",
+    ),
+    "class_distance": Variable(
+        dims=_CLASS,
+        units="m",
+        long_name="middle of a class of true depths with as many points as the others",
+        error="half the width of the class",
+    ),
+    "class_bias": Variable(dims=_CLASS, units="m", long_name="median error of the class", error="see class_bias_error"),
+    "class_bias_error": Variable(dims=_CLASS, units="m", long_name="standard error of class_bias", error=_ESTIMATE),
+    "class_spread": Variable(
+        dims=_CLASS,
+        units="m",
+        long_name="half the central 68.27 % interval of its errors",
+        error="see class_spread_error",
+    ),
+    "class_spread_error": Variable(dims=_CLASS, units="m", long_name="standard error of class_spread", error=_ESTIMATE),
+    "class_predicted": Variable(
+        dims=_CLASS,
+        units="m",
+        long_name="predicted depth uncertainty there; NaN where none is predicted",
+        error="see depth_uncertainty_error of the group depth",
+    ),
+}
