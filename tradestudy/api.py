@@ -366,6 +366,7 @@ class Result:
         storage.remove_abandoned(target)
         record = storage.write_finished(self.data, self.run_record, target)
         _write_posteriors(self.data, target)
+        _write_matchers(self.data, target)
         renderer.write(self.data, record, target, pdf=pdf, drawer=drawer)
         return target
 
@@ -412,6 +413,17 @@ def _write_posteriors(tree: xr.DataTree, directory: Path) -> None:
     for name, posterior in saved_posteriors(tree).items():
         with replacing(directory / "posteriors" / f"{name}.nc") as file:
             write_posterior(file, posterior)
+
+
+def _write_matchers(tree: xr.DataTree, directory: Path) -> None:
+    """Write the matchers that a depth loop has fitted as ``matchers.yaml``, which a study's cameras take."""
+    if "depth_loop" not in tree.children:
+        return
+    from tradestudy.results.storage import replace_file
+    from tradestudy.run.groups.depth_loop import matcher_file
+
+    text = matcher_file(tree["depth_loop"].to_dataset(), str(tree.attrs["study"]))
+    replace_file(directory / "matchers.yaml", text.encode())
 
 
 def run(

@@ -21,7 +21,7 @@ _COMPUTING = ("numpy", "scipy", "finufft", "emcee", "arviz-stats")
 
 
 def fingerprint(*values: object) -> bytes:
-    """SHA-256 of numbers, texts, arrays, mappings in their order, lists, dataclasses and functions of modules.
+    """SHA-256 of numbers, texts, arrays, mappings in their order, lists, dataclasses, functions and classes of modules.
 
     Pickles would not do: their bytes depend on which parts are one object, and on the order of sets.
 
@@ -54,7 +54,7 @@ def _tell(value: Any, parts: list[bytes]) -> None:
         parts.append(f"mapping {len(value)}:".encode())
         for item in value.items():
             _tell(item, parts)
-    elif isinstance(value, FunctionType) and "<" not in value.__qualname__:
+    elif isinstance(value, FunctionType | type) and "<" not in value.__qualname__:
         parts.append(f"{_name(value)};".encode())
     elif isinstance(value, PurePath):
         _tell(("path", str(value)), parts)

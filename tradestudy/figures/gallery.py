@@ -21,6 +21,7 @@ from tradestudy.figures import (
 )
 from tradestudy.figures.calibration_gallery import calibration_drawings
 from tradestudy.figures.cost import cost_drawing
+from tradestudy.figures.depth_loop import depth_loop_drawings
 from tradestudy.figures.depth_maps import depth_map_drawings
 from tradestudy.figures.drawing import Drawing
 from tradestudy.figures.hard_cases import hard_cases_drawing
@@ -60,6 +61,7 @@ def _all(tree: xr.DataTree) -> Iterator[Drawing]:
     if (pictures := pictures_drawing(tree)) is not None:
         yield pictures
     yield from depth_map_drawings(tree)
+    yield from depth_loop_drawings(tree)
     if (worth := worths_drawing(tree)) is not None:
         yield worth
     if (ranks := rank_drawing(tree)) is not None:

@@ -13,6 +13,7 @@ from tradestudy.report.sections.answer import describe_answer, describe_verdicts
 from tradestudy.report.sections.calibration import describe_calibration
 from tradestudy.report.sections.cost import describe_cost
 from tradestudy.report.sections.datasheet import describe_datasheet
+from tradestudy.report.sections.depth_loop import describe_depth_loop
 from tradestudy.report.sections.depth_maps import describe_depth_maps
 from tradestudy.report.sections.depth_of_field import describe_depth_of_field, describe_sharp_answer
 from tradestudy.report.sections.effects import describe_effects, list_decisions
@@ -61,6 +62,7 @@ def compose_report(tree: xr.DataTree, run: Mapping[str, Any], drawings: Mapping[
         *describe_effects(tree),
         *describe_pictures(tree, drawings),
         *describe_depth_maps(tree, drawings),
+        *describe_depth_loop(tree, drawings),
         *describe_verdicts(tree),
         *describe_value_of_information(tree, drawings),
         *describe_trade_off(tree, drawings),

@@ -14,6 +14,7 @@ from tradestudy.results.calibration import CALIBRATION, RANKS, SENSITIVITY
 from tradestudy.results.cost import COST
 from tradestudy.results.datasheet import DATASHEET
 from tradestudy.results.depth import DEPTH, DEPTH_FIELD, DISPARITY_CAUSES
+from tradestudy.results.depth_loop import DEPTH_LOOP
 from tradestudy.results.depth_maps import DEPTH_MAPS
 from tradestudy.results.depth_of_field import DEPTH_OF_FIELD
 from tradestudy.results.effects import EFFECTS
@@ -39,6 +40,7 @@ GROUPS: Final[Mapping[str, Mapping[str, Variable]]] = {
     "depth_at_places": DEPTH,
     "depth_field": DEPTH_FIELD,
     "disparity_causes": DISPARITY_CAUSES,
+    "depth_loop": DEPTH_LOOP,
     "depth_of_field": DEPTH_OF_FIELD,
     "criteria": {**CRITERIA, **TRADE_OFF},
     "decision": {**DECISION, **RANKS},

@@ -14,7 +14,7 @@ _ESTIMATE: Final = "an estimate of an error, good to about a fifth"
 _ESTIMATES: Final = {
     "bias": ("m", "median of estimated less true depth"),
     "spread": ("m", "half the central 68.27 % interval of estimated less true depth"),
-    "own": ("m", "median standard deviation of depth by noise, from the texture of each window: the bound of matching"),
+    "own": ("m", "median standard deviation of depth that noise gives by the texture of each window, to first order"),
     "predicted": ("m", "median of the camera's depth uncertainty at the true distances; NaN where none is predicted"),
     "relative_bias": ("1", "median error over the prediction at its distance"),
     "relative_spread": ("1", "half the central 68.27 % interval of the errors over the prediction"),
@@ -23,7 +23,10 @@ _ESTIMATES: Final = {
     "available": ("1", "points that the estimator has two pictures of over all that show a surface"),
     "bias_px": ("px", "median error of the disparity"),
     "spread_px": ("px", "half the central 68.27 % interval of the errors of the disparity"),
-    "over_bound": ("1", "half the central 68.27 % interval of the errors over the bound of each window"),
+    "over_bound": (
+        "1",
+        "half the central 68.27 % interval of the errors over what noise gives each window by its texture",
+    ),
     "neighbour_correlation": ("1", "correlation of the errors of points side by side"),
     "window_correlation": ("1", "correlation of the errors of points one matching window apart"),
 }

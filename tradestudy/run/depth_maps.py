@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from tradestudy.analysis.depth import depth_uncertainty
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, TrueDepth
 from tradestudy.cameras.light_cones import Exposure
 from tradestudy.errors import OutOfRangeError
@@ -209,17 +210,22 @@ def read_depth(point: PicturesToRead) -> MeasuredDepth:
 
 
 def window_of(window: Window, taken: Taken, distance: float) -> float:
-    """Side of the window [samples] where the scene is, at most the widest that the camera has."""
+    """Side of the window [samples] where the scene is."""
     camera = taken.camera
-    if not isinstance(camera, DepthCamera):
-        if window.of == "picture":
-            return window.size
-        raise OutOfRangeError(
-            f"the matching window of {taken.name}, which measures no disparity",
-            value="a length on the object",
-            limit="pixels",
-            remedy="give scene.picture.matching_window in px, or leave the camera out of scene.image",
-        )
+    if isinstance(camera, DepthCamera):
+        return window_at(window, camera, distance)
+    if window.of == "picture":
+        return window.size
+    raise OutOfRangeError(
+        f"the matching window of {taken.name}, which measures no disparity",
+        value="a length on the object",
+        limit="pixels",
+        remedy="give scene.picture.matching_window in px, or leave the camera out of scene.image",
+    )
+
+
+def window_at(window: Window, camera: DepthCamera, distance: float) -> float:
+    """Side of the window [samples] at a distance [m], at most the widest that the camera has."""
     geometry = camera.picture_geometry(np.array([distance]))
     size = window.size
     if window.of == "object":
@@ -243,6 +249,15 @@ def predicted_uncertainty(camera: Camera, depth: FloatArray, way: str) -> FloatA
     ends = float(depth[known].min()), float(depth[known].max())
     distances = np.linspace(*ends, _DISTANCES) if ends[0] < ends[1] else np.array(ends[:1])
     return np.interp(depth, distances, depth_uncertainty(camera, distances, way))
+
+
+def predicted_availability(camera: Camera, distance: float) -> float:
+    """Predicted share of the object points at a distance [m] that the estimator has two pictures of."""
+    if not isinstance(camera, DepthCamera):
+        return math.nan
+    limits = camera.limits(np.array([distance]), UsableCriteria(overlap=0.5, availability=0.5))
+    shares = [float(np.ravel(limits[name].value)[0]) for name in ("overlap", "availability") if name in limits]
+    return math.prod(min(max(share, 0.0), 1.0) for share in shares) if shares else math.nan
 
 
 def write_depth(one: MeasuredDepth, folder: Path, depth_format: str) -> None:

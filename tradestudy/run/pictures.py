@@ -146,7 +146,7 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     labels = [f"{tile.camera} {tile.exposure.name}, row {tile.rows[0]}, column {tile.columns[0]}" for tile in flat]
     rendered = iter(steps.map(STEP, render_tile, flat, labels, efforts))
     pictures = [
-        _put_together(one, [(tile, next(rendered)) for tile in some]) for one, some in zip(whole, tiles, strict=True)
+        put_together(one, [(tile, next(rendered)) for tile in some]) for one, some in zip(whole, tiles, strict=True)
     ]
     return Rendering(
         definition=definition, image=image, scene=scene, recording=recording, cameras=cameras, pictures=pictures
@@ -264,7 +264,13 @@ def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int
         )
 
 
-def _put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> TakenPicture:
+def take_picture(whole: Tile) -> TakenPicture:
+    """Render a picture here, tile by tile."""
+    return put_together(whole, [(tile, render_tile(tile)) for tile in tiles_of(whole)])
+
+
+def put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> TakenPicture:
+    """The picture that tiles are parts of."""
     shape = (whole.rows[1], whole.columns[1])
     values = np.empty(shape, parts[0][1].values.dtype)
     depth = np.empty(shape, np.float32)

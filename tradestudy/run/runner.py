@@ -146,6 +146,10 @@ def _groups_of_few(asked: _Asked) -> dict[str, xr.Dataset]:
 
         depth = file.scene.image.depth_maps
         groups["/pictures"] = pictures_group(take_scene(definition, asked.pictures, asked.steps, depth=depth))
+    if file.depth_loop is not None:
+        from tradestudy.run.groups.depth_loop import depth_loop_group
+
+        groups["/depth_loop"] = depth_loop_group(definition, file.depth_loop, asked.steps)
     if file.sensitivity is not None:
         from tradestudy.run.groups.sensitivity import sensitivity_group
 

@@ -74,6 +74,18 @@ def scene_of(part: SceneImagePart, pattern: RandomPattern, folder: Path) -> Scen
     return SceneSource(surfaces=tuple(surfaces), background=part.background)
 
 
+def plane_across(distance: float, pattern: RandomPattern) -> SceneSource:
+    """An endless plane at right angles to the axis at a distance [m]."""
+    plane = Flat(
+        centre=(0.0, 0.0, distance),
+        first=(1.0, 0.0, 0.0),
+        second=(0.0, 1.0, 0.0),
+        size=(math.inf, math.inf),
+        pattern=pattern,
+    )
+    return SceneSource(surfaces=(Plain(surface=plane),), background=0.0)
+
+
 def pattern_of_scene(
     texture: Texture, exposures: Sequence[Exposure], extent: tuple[float, float], seed: int
 ) -> RandomPattern:

@@ -356,11 +356,11 @@ class RawPictureReader(DepthReader):
         values = np.linspace(float(np.nanmin(inverse)), float(np.nanmax(inverse)) + 1e-9, 4097)
         distances = self.search.distances[self._nearest(values)]
         baseline = self.camera.estimator_baseline(distances)
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # depths at infinity, which are out of range
             table = 1.0 / self.camera.depth_of_disparity(values * baseline, distances)
             inverse_depth = np.interp(inverse, values, table)
             depth = np.where(np.isnan(inverse), np.nan, 1.0 / inverse_depth)
-        rate = np.interp(inverse, values, np.gradient(table, values)) * np.square(depth)
+            rate = np.interp(inverse, values, np.gradient(table, values)) * np.square(depth)
         return np.asarray(depth), np.asarray(rate)
 
     def truth(self, depths: Mapping[str, Samples], pure: Mapping[str, BoolArray]) -> TrueDepth:

@@ -98,6 +98,8 @@ class PairReader(DepthReader):
 
         def difference(step: int) -> tuple[Samples, BoolArray]:
             moved = np.full_like(right, np.nan)
+            if abs(step) >= right.shape[1]:  # nothing in common
+                return moved, np.zeros(moved.shape, bool)
             if step >= 0:
                 moved[:, step:] = right[:, : right.shape[1] - step]
             else:

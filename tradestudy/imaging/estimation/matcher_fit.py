@@ -9,8 +9,9 @@ import numpy as np
 
 from tradestudy.cameras.depth_map import DepthMap, TrueDepth
 from tradestudy.errors import OutOfRangeError
+from tradestudy.imaging.estimation.score import middle_and_spread
 from tradestudy.imaging.matcher import Matcher
-from tradestudy.optics.arrays import Samples
+from tradestudy.optics.arrays import BoolArray, Samples
 from tradestudy.optics.window_matching import Reason
 
 _FALSE: Final = 6.0  # spreads from the median beyond which a match is of something else
@@ -71,14 +72,31 @@ def fit_matcher(found: DepthMap, truth: TrueDepth, window_px: float) -> MatcherF
     both = (found.reason == Reason.MEASURED) & truth.measurable & (found.deviation > 0.0)
     bound = found.disparity_deviation[both]
     windows = bound.size / window_px**2
-    if not windows >= LEAST_WINDOWS or not np.all(np.isfinite(bound)):
+    require_windows(windows if np.all(np.isfinite(bound)) else 0.0)
+    return fit_errors((found.depth - truth.depth)[both] / found.deviation[both] * bound, bound, windows)
+
+
+def require_windows(windows: float) -> None:
+    """Refuse to tell a matcher from too few windows without common pixels.
+
+    Raises
+    ------
+    OutOfRangeError
+        For fewer than 50.
+    """
+    if not windows >= LEAST_WINDOWS:
         raise OutOfRangeError(
             "windows without common pixels from which a matcher can be told",
-            value=f"{windows if bound.size and np.all(np.isfinite(bound)) else 0:.0f}",
+            value=f"{windows:.0f}",
             limit=f"{LEAST_WINDOWS} or more",
             remedy="render a larger sensor or more texture",
         )
-    return fit_errors((found.depth - truth.depth)[both] / found.deviation[both] * bound, bound, windows)
+
+
+def true_matches(error: Samples) -> BoolArray:
+    """Where errors lie so near to their median that they are no false matches."""
+    middle, spread = middle_and_spread(error)
+    return np.asarray(np.abs(error - middle) <= _FALSE * spread)
 
 
 def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
@@ -87,8 +105,7 @@ def fit_errors(error: Samples, bound: Samples, windows: float) -> MatcherFit:
 
     false, b2, variance = 0, np.empty(_BINS), np.empty(_BINS)
     for k, one in enumerate(np.array_split(np.argsort(bound), _BINS)):
-        low, middle, high = np.percentile(error[one], (15.865, 50.0, 84.135))
-        true = one[np.abs(error[one] - middle) <= _FALSE * (high - low) / 2.0]
+        true = one[true_matches(error[one])]
         false += one.size - true.size
         b2[k], variance[k] = np.mean(np.square(bound[true])), np.var(error[true])
     share = false / bound.size

@@ -16,6 +16,12 @@ from tradestudy.optics.window_matching import Reason, odd_window
 from tradestudy.units import FRACTION, LENGTH, PIXELS, pretty, significant
 
 _CENTRAL: Final = (15.865, 50.0, 84.135)  # percentiles: half their width is one standard deviation of a normal one
+VARIANCE_OF_SPREAD: Final = 0.5 * (0.15865 * 0.84135 - 0.15865**2) / 0.24197**2
+"""n Var/σ² of half the central 68.27 % interval of n normal errors, ``(p(1 − p) − p²)/(2φ²)``.
+
+Its ends p and 1 − p have variances p(1 − p)/(nφ²) and a covariance of p²/(nφ²); φ is the density at one standard
+deviation.
+"""
 _BLOCKS: Final = 4  # in each direction, that standard errors are told from
 _CLIPPED: Final = 6.0  # standard deviations beyond which an error would decide a correlation alone
 
@@ -39,7 +45,8 @@ class DepthScore:
     bias, spread
         Median of estimated less true depth, and half its central 68.27 % interval [m].
     own
-        Median standard deviation that the map states from its texture [m]: the bound of matching at this window.
+        Median standard deviation that the map states from its texture [m]: what noise gives each window, to first
+        order, which interpolation between pixels can lower by a few per cent.
     predicted
         Median of the camera's predicted depth uncertainty at the true distances [m]; NaN where there is none.
     relative_bias, relative_spread
@@ -52,7 +59,7 @@ class DepthScore:
         Median and half the central 68.27 % interval of the errors as errors of disparity [samples]; NaN where depth
         comes without one.
     over_bound
-        Half the central 68.27 % interval of the errors over the bound of each window.
+        Half the central 68.27 % interval of the errors over what noise gives each window.
     neighbour_correlation, window_correlation
         Of the errors of points side by side, and of points one window apart.
     standard_errors
@@ -186,21 +193,21 @@ class _Errors:
         error, predicted, own = self.error[among], self.predicted[among], self.own[among]
         with np.errstate(divide="ignore", invalid="ignore"):  # not finite where nothing is predicted
             relative, over_bound = error / predicted, error / own
-        bias, spread = _middle_and_spread(error)
-        relative_bias, relative_spread = _middle_and_spread(relative)
-        bias_px, spread_px = _middle_and_spread(over_bound * self.own_px[among])
+        bias, spread = middle_and_spread(error)
+        relative_bias, relative_spread = middle_and_spread(relative)
+        bias_px, spread_px = middle_and_spread(over_bound * self.own_px[among])
         relative = relative[np.isfinite(relative)]
         return {
             "bias": bias,
             "spread": spread,
-            "own": _middle_and_spread(own)[0],
-            "predicted": _middle_and_spread(predicted)[0],
+            "own": middle_and_spread(own)[0],
+            "predicted": middle_and_spread(predicted)[0],
             "relative_bias": relative_bias,
             "relative_spread": relative_spread,
             "within": _ratio(float(np.count_nonzero(np.abs(relative) <= 3.0)), relative.size),
             "bias_px": bias_px,
             "spread_px": spread_px,
-            "over_bound": _middle_and_spread(over_bound)[1],
+            "over_bound": middle_and_spread(over_bound)[1],
         }
 
 
@@ -255,7 +262,7 @@ def _ratio(part: float, whole: float) -> float:
     return float(part / whole) if whole else math.nan
 
 
-def _middle_and_spread(values: FloatArray) -> tuple[float, float]:
+def middle_and_spread(values: Samples) -> tuple[float, float]:
     """Median, and half the central 68.27 % interval."""
     values = values[np.isfinite(values)]
     if not values.size:

@@ -63,12 +63,12 @@ def score_tables(
         caption="Errors of disparity, ± one standard error.",
         columns=(
             *first,
-            *_columns("Bias", "Spread", "Over bound", "Correlation of neighbours", "One window apart", "Windows"),
+            *_columns("Bias", "Spread", "Over noise", "Correlation of neighbours", "One window apart", "Windows"),
         ),
         rows=tuple((*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
-            f"Bias and spread in pixels, where the paper supposes {significant(PAPER_ACCURACY)} px. Over bound: spread "
-            "of the errors over the least that the texture and the noise of each window allow. Windows: how many "
+            f"Bias and spread in pixels, where the paper supposes {significant(PAPER_ACCURACY)} px. Over noise: spread "
+            "of the errors over what noise gives each window by its texture, to first order. Windows: how many "
             "without a common pixel were measured.",
         ),
     )

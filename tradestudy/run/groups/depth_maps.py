@@ -10,35 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
-from tradestudy.imaging.estimation.score import DepthScore
+from tradestudy.imaging.estimation.score import VARIANCE_OF_SPREAD, DepthScore, middle_and_spread
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
 from tradestudy.results.depth_maps import COUNTS, ESTIMATES
-from tradestudy.run.depth_maps import MeasuredDepth
+from tradestudy.run.depth_maps import MeasuredDepth, predicted_availability
 from tradestudy.run.groups.reduction import LARGEST, padded
 
 _CLASSES: Final = 6
 _LARGEST_BLOCK: Final = 64  # px
 _FILLED: Final = 0.8  # of the share of the largest blocks that have a depth
-# n Var/σ² of half the central 68.27 % interval of n normal errors: (p (1 − p) − p²)/(2 φ²), whose ends p and 1 − p have
-# variances p (1 − p)/(n φ²) and a covariance of p²/(n φ²), φ the density at one standard deviation.
-_VARIANCE_OF_SPREAD: Final = 0.5 * (0.15865 * 0.84135 - 0.15865**2) / 0.24197**2
 
 
-def score_values(scores: Sequence[DepthScore]) -> dict[str, list[float]]:
-    """Variables of `score_variables`, but the prediction of availability."""
-    found = {f"depth_{name}": [float(getattr(one, name)) for one in scores] for name in COUNTS + ESTIMATES}
-    return found | {f"depth_{name}_error": [one.standard_errors[name] for one in scores] for name in ESTIMATES}
-
-
-def predicted_availability(camera: Camera, distance: float) -> float:
-    """Predicted share of the object points at a distance [m] that the estimator has two pictures of."""
-    if not isinstance(camera, DepthCamera):
-        return math.nan
-    limits = camera.limits(np.array([distance]), UsableCriteria(overlap=0.5, availability=0.5))
-    shares = [float(np.ravel(limits[name].value)[0]) for name in ("overlap", "availability") if name in limits]
-    return math.prod(min(max(share, 0.0), 1.0) for share in shares) if shares else math.nan
+def score_values(scores: Sequence[DepthScore | None]) -> dict[str, list[float]]:
+    """Variables of `score_variables`, but the prediction of availability; NaN without a score, counts 0."""
+    found = {f"depth_{name}": [0.0 if one is None else float(getattr(one, name)) for one in scores] for name in COUNTS}
+    for name in ESTIMATES:
+        found[f"depth_{name}"] = [math.nan if one is None else float(getattr(one, name)) for one in scores]
+        found[f"depth_{name}_error"] = [math.nan if one is None else one.standard_errors[name] for one in scores]
+    return found
 
 
 def depth_map_values(depths: Sequence[MeasuredDepth], cameras: Mapping[str, Camera]) -> dict[str, Any]:
@@ -118,14 +108,13 @@ def _classes(one: MeasuredDepth) -> dict[str, FloatArray]:
         windows = among.size / one.search.window_px**2
         if windows < 2.0:
             continue
-        low, middle, high = np.percentile(error[among], (15.865, 50.0, 84.135))
-        spread = (high - low) / 2.0
+        middle, spread = middle_and_spread(error[among])
         values = (
             np.median(true[among]),
             middle,
             spread * math.sqrt(math.pi / 2.0 / windows),  # of a median, and of half this interval, of normal errors
             spread,
-            spread * math.sqrt(_VARIANCE_OF_SPREAD / windows),
+            spread * math.sqrt(VARIANCE_OF_SPREAD / windows),
             np.median(predicted[among]),
         )
         for name, value in zip(names, values, strict=True):

@@ -13,6 +13,7 @@ from tradestudy.declarations.mistakes import MistakeAt, nearest_name
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.words import Text
 from tradestudy.study.schema.accuracy import AccuracyPart, EffectsPart
+from tradestudy.study.schema.depth_loop import DepthLoopPart
 from tradestudy.study.schema.depth_of_field import DepthOfFieldPart, ReliefPart
 from tradestudy.study.schema.hard_cases import HardCasesPart
 from tradestudy.study.schema.light_spot import LightSpotPart, law_mistakes
@@ -57,6 +58,7 @@ class StudyFile(Part):
     effects: EffectsPart = EffectsPart()
     propagation: PropagationPart = PropagationPart()
     usable_range: UsableRangePart = UsableRangePart()
+    depth_loop: DepthLoopPart | None = None
     depth_of_field: DepthOfFieldPart | None = None
     relief: ReliefPart | None = None
     decision: DecisionPart | None = None
@@ -129,6 +131,8 @@ class StudyFile(Part):
             mistakes.append(
                 MistakeAt(place, "cuts nothing on the axis; give a field_angle or propagation.field_places")
             )
+        if self.depth_loop is not None and picture is None:
+            mistakes.append(MistakeAt(("depth_loop",), "needs scene.picture, whose light and sensor its pictures have"))
         if self.light_spot is not None and not self.cameras:  # of which forced effects may speak instead
             mistakes += law_mistakes(self.light_spot, self.effects)
         mistakes += wave_claim_mistakes(self.claims, self.fresnel_validity, self.light_spot)
@@ -206,6 +210,8 @@ def _named_cameras(tree: Mapping[str, Any]) -> list[tuple[Location, Any]]:
         named += [(("decision", "compare", i, side), name) for side, name in enumerate(_list(pair))]
     taking = _list(_mapping(_mapping(tree.get("scene")).get("image")).get("cameras"))
     named += [(("scene", "image", "cameras", i), name) for i, name in enumerate(taking)]
+    measuring = _list(_mapping(tree.get("depth_loop")).get("cameras"))
+    named += [(("depth_loop", "cameras", i), name) for i, name in enumerate(measuring)]
     ranked = _list(_mapping(tree.get("trade_off")).get("candidates"))
     named += [(("trade_off", "candidates", i), name) for i, name in enumerate(ranked)]
     for key, question in _mapping(tree.get("solve")).items():

@@ -1,0 +1,140 @@
+"""The loop from pictures of planes to depth, and from its errors to a matcher that tells those elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tests.scene_studies import PAIR, scene_study
+from tradestudy import api, figures
+from tradestudy.errors import StudyError
+from tradestudy.execution import Threads
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.report.contents import compose_report
+from tradestudy.report.document import Paragraph, Table, plain_text
+from tradestudy.study.document import Value
+
+LOOP = """
+depth_loop:
+  distances: [140 mm, 150 mm, 165 mm]
+  fitted_at: [150 mm]
+  electrons: [2000 electrons, 8000 electrons]
+  windows: 400
+"""
+DERIVED = {"pair.depth.disparity_error": "derived"}
+
+
+def study(folder: Path, loop: str = LOOP) -> api.Study:
+    pair = PAIR.format(
+        name="pair", title="Pair", pixels="[320, 200]", baseline="10 mm", convergence="infinity", error="0.05 px"
+    )
+    text = scene_study(
+        pair,
+        "{shape: plane, distance: 150 mm}",
+        distances="from: 120 mm, to: 200 mm, points: 3",
+        window="7 px",
+        light="at_f_number: 8",
+    )
+    path = folder / "loop.yaml"
+    path.write_text(text[: text.index("  image:")] + loop, encoding="utf-8")
+    return api.load(path).with_values(DERIVED)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Result, Path]:
+    pytest.importorskip("cv2")
+    folder = tmp_path_factory.mktemp("loop")
+    return api.run(study(folder), folder / "out", pdf=False), folder
+
+
+@pytest.fixture(scope="module")
+def measured(ran: tuple[api.Result, Path]) -> xr.Dataset:
+    return ran[0].data["depth_loop"].to_dataset().sel(camera="pair")
+
+
+def test_the_matcher_fitted_at_one_distance_tells_the_noise_at_others(measured: xr.Dataset) -> None:
+    others = measured.sel(distance=[0.14, 0.165])
+    assert np.all(measured["depth_windows"] >= 400)
+    assert np.all(np.abs(others["over_matcher"] - 1.0) < 0.1 + 2.0 * others["over_matcher_error"])
+    assert np.all(np.abs(measured["depth_bias_px"]) < 0.05)
+    assert np.all(measured["depth_filled"] > 0.95)
+
+
+def test_noise_is_not_less_than_the_derived_bound(measured: xr.Dataset) -> None:
+    """The prediction is the Cramér–Rao bound of the picture, from its power spectrum and not from these textures."""
+    over, error = measured["depth_relative_spread"], measured["depth_relative_spread_error"]
+    assert np.all(over > 1.0 - 3.0 * error)
+    assert np.all(over < 1.4)
+    # Each window by its own texture, to first order: interpolation averages noise between pixels.
+    assert np.all((measured["depth_over_bound"] > 0.93) & (measured["depth_over_bound"] < 1.3))
+
+
+def test_four_times_the_light_halves_the_noise_of_depth(measured: xr.Dataset) -> None:
+    """Read noise is small beside shot noise; what it adds lets the ratio exceed two a little."""
+    ratio = measured["depth_spread"].sel(electrons=2000.0) / measured["depth_spread"].sel(electrons=8000.0)
+    assert np.all((ratio > 1.8) & (ratio < 2.3))
+
+
+def test_what_is_paired_is_the_overlap_of_parallel_pictures(measured: xr.Dataset) -> None:
+    available = measured["depth_available"].isel(electrons=0)
+    assert available.values == pytest.approx(measured["predicted_availability"].isel(electrons=0).values, abs=0.02)
+
+
+def test_the_matcher_is_written_as_a_study_takes_it(ran: tuple[api.Result, Path], measured: xr.Dataset) -> None:
+    from ruamel.yaml import YAML
+
+    result, folder = ran
+    written = YAML(typ="safe").load((folder / "out" / "matchers.yaml").read_text(encoding="utf-8"))
+    says = written["cameras"]["pair"]["depth"]["matcher"]
+    values: dict[str, Value] = {f"pair.depth.matcher.{name}": value for name, value in says.items()}
+    law = study(folder).with_values(values).definition.case.cameras["pair"].disparity_error_px
+    assert isinstance(law, PictureDisparityError)
+    for name in ("factor", "floor", "false_matches"):
+        assert getattr(law.matcher, name) == pytest.approx(float(measured[f"matcher_{name}"]), rel=0.05, abs=1e-9)
+    assert result.data["depth_loop"]["fitted"].values.tolist() == [0.0, 1.0, 0.0]
+
+
+def test_results_do_not_depend_on_who_computes_them(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
+    again = study(tmp_path).run(executor=Threads(2))
+    xr.testing.assert_identical(again.data["depth_loop"].to_dataset(), ran[0].data["depth_loop"].to_dataset())
+
+
+def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, Path]) -> None:
+    tree = ran[0].data
+    drawings = figures.build(tree)
+    assert drawings["depth_loop"].draw().svg()
+    report = compose_report(tree, ran[0].run_record, drawings)
+    tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
+    assert len(tables["depth-loop-depth-table"].rows) == 6
+    told = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
+    assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in told)
+
+
+@pytest.mark.parametrize(
+    ("loop", "message"),
+    [
+        (
+            LOOP.replace("fitted_at: [150 mm]", "fitted_at: [151 mm]"),
+            "depth_loop.fitted_at.0: is none of the distances",
+        ),
+        (LOOP.replace("165 mm", "145 mm"), "depth_loop.distances.2: distances increase, each stands once"),
+        (LOOP + "  cameras: [pear]", "depth_loop.cameras.0: no camera is called 'pear'; nearest: 'pair'"),
+    ],
+)
+def test_mistakes_are_told_at_their_place(tmp_path: Path, loop: str, message: str) -> None:
+    with pytest.raises(StudyError) as refused:
+        study(tmp_path, loop)
+    assert message in str(refused.value)
+
+
+def test_where_nothing_can_be_measured_the_results_say_why(tmp_path: Path) -> None:
+    """Nearer than the rig's views overlap; no matcher follows."""
+    pytest.importorskip("cv2")
+    loop = LOOP.replace("[140 mm, 150 mm, 165 mm]", "[24 mm, 150 mm]").replace("[150 mm]", "[24 mm]")
+    data = study(tmp_path, loop).run().data["depth_loop"].to_dataset().sel(camera="pair")
+    assert np.all(data["depth_measured"].sel(distance=0.024) == 0.0)
+    assert "windows without common pixels from which a matcher can be told: 0" in str(data["matcher"].item())
+    assert np.isnan(data["matcher_factor"])

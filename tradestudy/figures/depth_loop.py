@@ -1,0 +1,112 @@
+"""Depth of planes as it was measured in their pictures, against what was predicted, over distance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.figures.style import (
+    FAINT,
+    INK,
+    StudyFigure,
+    distance_axis,
+    distance_label,
+    legend,
+    line_style,
+    log_axis,
+    new_figure,
+    styled,
+)
+from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.wording import listed, span
+
+_TOLERANCE = 0.1  # of the spread that a fitted matcher should tell at other distances
+_LARGEST_BIAS = 0.05  # px
+_MARGIN = 1.1  # by which the axis reaches beyond the planes
+
+
+def depth_loop_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
+    """The figure of a study with a depth loop."""
+    if not has(tree, "depth_loop", "depth_spread"):
+        return
+    data, titles = group(tree, "depth_loop"), camera_titles(tree)
+    names = listed([titles[str(key)] for key in data["camera"].values])
+    distance = data["distance"].values
+    yield Drawing(
+        name="depth_loop",
+        caption="Planes that were rendered and measured. First: spread of the errors of depth (dots, with standard "
+        "errors) on the curve that was predicted. Second: the same over what noise gives each window by its texture. "
+        "Third: standard deviation over what the matcher gives that was fitted at the distances with filled dots; "
+        "grey: 10 % to either side. Fourth: bias as an error of disparity; grey: 0.05 px.",
+        alt=f"For {names}, from {span(float(distance[0]), float(distance[-1]))}: achieved against predicted spread, "
+        "the same over noise and over the fitted matcher, and bias.",
+        draw=lambda: draw_loop(tree),
+    )
+
+
+@styled()
+def draw_loop(tree: xr.DataTree) -> StudyFigure:
+    """Four panels over distance, every camera in its colour; several contrasts and lights side by side."""
+    data, titles = group(tree, "depth_loop"), camera_titles(tree)
+    distance = data["distance"].values
+    ends = float(distance[0]), float(distance[-1])
+    names = [titles[str(name)] for name in data["camera"].values]
+    figure = new_figure(6.4)
+    panels = figure.subplots(2, 2).ravel()
+    for axes, (title, label) in zip(
+        panels,
+        (
+            ("Spread of depth", "spread of depth / distance [%]"),
+            ("Over noise", "spread over that by noise"),
+            ("Over the fitted matcher", "standard deviation over the matcher's"),
+            ("Bias", "bias of the disparity [px]"),
+        ),
+        strict=True,
+    ):
+        axes.set(xlabel=distance_label(ends[1]), ylabel=label, title=title)
+        distance_axis(axes, (ends[0] / _MARGIN, ends[1] * _MARGIN))
+    log_axis(panels[0], "y")
+    panels[1].axhline(1.0, color=INK, linewidth=0.6)
+    panels[2].axhspan(1.0 - _TOLERANCE, 1.0 + _TOLERANCE, color=FAINT)
+    panels[3].axhspan(-_LARGEST_BIAS, _LARGEST_BIAS, color=FAINT)
+    for k in range(len(names)):
+        for c in range(data.sizes["contrast"]):
+            for e in range(data.sizes["electrons"]):
+                one = data.isel(camera=k, contrast=c, electrons=e)
+                _draw(list(panels), one, k)
+    handles = [line_style(k).handle(marker=line_style(k).marker, markersize=4) for k in range(len(names))]
+    legend(figure, handles, names, columns=min(len(names), 3))
+    return figure
+
+
+def _draw(panels: list[Axes], one: xr.Dataset, order: int) -> None:
+    """One camera in one texture and light."""
+    style = line_style(order)
+    distance = one["distance"].values
+    predicted = one["depth_predicted"].values / distance * 100.0
+    panels[0].plot(distance, predicted, color=style.color, linestyle=style.dash, linewidth=1.0)
+    scale = 100.0 / distance
+    fitted = one["fitted"].values > 0.0
+    for axes, name, factor in (
+        (panels[0], "depth_spread", scale),
+        (panels[1], "depth_over_bound", np.ones_like(distance)),
+        (panels[2], "over_matcher", np.ones_like(distance)),
+        (panels[3], "depth_bias_px", np.ones_like(distance)),
+    ):
+        values, errors = one[name].values * factor, one[f"{name}_error"].values * factor
+        for among, filled in ((fitted, True), (~fitted, False)):
+            axes.errorbar(
+                distance[among],
+                values[among],
+                yerr=errors[among],
+                fmt=style.marker,
+                color=style.color,
+                markerfacecolor=style.color if filled else "white",
+                markersize=4,
+                elinewidth=1.0,
+                capsize=2.0,
+            )

@@ -1,0 +1,77 @@
+"""Whether cameras measure the depth of rendered planes as predicted."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import xarray as xr
+
+from tradestudy.figures.drawing import Drawing
+from tradestudy.report.document import Block, Column, Heading, Paragraph, Text, pictures_of, say
+from tradestudy.report.sections.depth_maps import score_tables
+from tradestudy.report.words import length, share, with_error
+from tradestudy.results.views.groups import camera_titles, group, has
+from tradestudy.units import ELECTRONS, pretty, significant
+from tradestudy.wording import counted
+
+
+def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
+    """Hold depth measured in pictures of planes against prediction; nothing for a study without a depth loop."""
+    if not has(tree, "depth_loop", "depth_spread"):
+        return
+    data, titles = group(tree, "depth_loop"), camera_titles(tree)
+    yield Heading(text="From pictures to depth and back", anchor="depth-loop")
+    yield Paragraph(
+        "Planes across the axis were rendered, each with a texture and noise of its own, and their depth was measured "
+        "by each camera as it was designed. The search for the disparity began near the true one, so that false "
+        "matches far away are not counted."
+    )
+    yield from pictures_of(drawings, "depth_loop")
+    for k, name in enumerate(data["camera"].values):
+        yield Paragraph(_told(data.isel(camera=k), titles[str(name)]))
+    yield Paragraph("The file matchers.yaml beside this report has the matchers as a study's cameras take them.")
+    yield from score_tables(name="depth-loop", first=_first_columns(data), rows=list(_rows(data, titles)))
+
+
+def _told(one: xr.Dataset, title: str) -> Text:
+    """What became of the matcher of one camera."""
+    declared = str(one["matcher"].item())
+    if np.isnan(one["matcher_factor"].item()):
+        return say("**{title}**: {why}.", title=title, why=declared)
+    over = one["over_matcher"].values[one["fitted"].values == 0.0]
+    over = over[np.isfinite(over)]
+    text = say("**{title}**: `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
+    told = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), significant)
+    text += say(" Factor: {factor}.", factor=told)
+    if over.size:
+        text += say(
+            " It gives the noise on {count} elsewhere to {low} to {high} of what was found.",
+            count=counted(over.size, "other plane"),
+            low=share(float(1.0 / over.max())),
+            high=share(float(1.0 / over.min())),
+        )
+    return text
+
+
+def _first_columns(data: xr.Dataset) -> tuple[Column, ...]:
+    titles = ["Camera", "Distance"]
+    titles += [title for title, name in (("Contrast", "contrast"), ("Light", "electrons")) if data.sizes[name] > 1]
+    return (Column(title="Camera", weight=1), *(Column(title=one, align="right") for one in titles[1:]))
+
+
+def _rows(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[tuple[tuple[Text, ...], xr.Dataset]]:
+    """Of all planes that were measured, in the order of the results."""
+    for place in itertools.product(
+        *(range(data.sizes[name]) for name in ("camera", "distance", "contrast", "electrons"))
+    ):
+        one = data.isel(dict(zip(("camera", "distance", "contrast", "electrons"), place, strict=True)))
+        if not one["depth_measured"].item():
+            continue
+        cells: list[Text] = [titles[str(one["camera"].item())], length(float(one["distance"].item()))]
+        if data.sizes["contrast"] > 1:
+            cells.append(share(float(one["contrast"].item())))
+        if data.sizes["electrons"] > 1:
+            cells.append(pretty(float(one["electrons"].item()), ELECTRONS))
+        yield tuple(cells), one

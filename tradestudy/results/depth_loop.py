@@ -1,0 +1,51 @@
+"""/depth_loop: depth that was measured in pictures of planes, against what was predicted, over distance."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.results.depth_maps import score_variables
+from tradestudy.results.variable import Variable
+
+_POINT: Final = ("camera", "distance", "contrast", "electrons")
+_CAMERA: Final = ("camera",)
+_FIT: Final = "a standard error, from as many errors as there are windows without common pixels"
+
+DEPTH_LOOP: Final[Mapping[str, Variable]] = {
+    **score_variables(_POINT),
+    "reason": Variable(dims=_POINT, units="", long_name="why nothing was measured; empty where something was"),
+    "blur_px": Variable(
+        dims=_POINT, units="px", long_name="geometric blur of the picture that is matched", error="closed form"
+    ),
+    "over_matcher": Variable(
+        dims=_POINT,
+        units="1",
+        long_name="standard deviation of the errors of true matches over what the fitted matcher gives their windows",
+        error="see over_matcher_error",
+    ),
+    "over_matcher_error": Variable(
+        dims=_POINT, units="1", long_name="standard error of over_matcher", error="from the fourth moment of the errors"
+    ),
+    "fitted": Variable(
+        dims=("distance",),
+        units="1",
+        long_name="whether the matcher is fitted to the errors at this distance",
+        error="exact",
+    ),
+    "matcher": Variable(
+        dims=_CAMERA, units="", long_name="the fitted matcher as a study declares it, or why there is none"
+    ),
+    "matcher_factor": Variable(
+        dims=_CAMERA, units="1", long_name="noise over the bound of matching", error="see matcher_factor_error"
+    ),
+    "matcher_factor_error": Variable(dims=_CAMERA, units="1", long_name="of matcher_factor", error=_FIT),
+    "matcher_floor": Variable(
+        dims=_CAMERA, units="px", long_name="noise that no light removes", error="see matcher_floor_error"
+    ),
+    "matcher_floor_error": Variable(dims=_CAMERA, units="px", long_name="of matcher_floor", error=_FIT),
+    "matcher_false_matches": Variable(
+        dims=_CAMERA, units="1", long_name="share of false matches", error="see matcher_false_matches_error"
+    ),
+    "matcher_false_matches_error": Variable(dims=_CAMERA, units="1", long_name="of matcher_false_matches", error=_FIT),
+}

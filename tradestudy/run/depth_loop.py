@@ -1,0 +1,247 @@
+"""From pictures of planes to depth and back to the matcher: does a camera reach what is predicted of it?"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.depth_map import DepthMap, DepthReaderOfKind, DepthSearch, TrueDepth
+from tradestudy.errors import OutOfRangeError
+from tradestudy.execution import Steps
+from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
+from tradestudy.imaging.estimation.score import DepthScore, score
+from tradestudy.imaging.models import PictureSettings, Texture
+from tradestudy.imaging.render.sensor import Recording
+from tradestudy.imaging.render.tiles import Tile
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.window_matching import Reason
+from tradestudy.run.depth_maps import predicted_availability, window_at
+from tradestudy.run.pictures import take_picture
+from tradestudy.run.scene import pattern_of_scene, plane_across
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.depth_loop import DepthLoopPart
+
+STEP: Final = "depth loop"
+_SEARCHED_PX: Final = 8.0  # of disparity, to either side of the plane
+_SEARCHED: Final = 0.15  # of the distance, where the disparity changes little
+_DEVIATIONS: Final = 6.0  # predicted ones that are always searched
+_PILOT: Final = 200  # pixels across and down, from which the number of windows is told
+_SPARE: Final = 1.1
+_NOISE: Final = "shot+read+quantisation"
+_FARTHEST: Final = 100.0  # times the distance
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoopPoint:
+    """One camera before one plane.
+
+    Parameters
+    ----------
+    name, camera, reader
+        The camera as it was designed, and who reads depth in its pictures.
+    settings, window_px
+        Texture, light and sensor of these pictures, and the side of the window that is matched [samples].
+    distance
+        Of the plane [m].
+    windows, samples
+        How many windows without common pixels are measured, and rays of each pixel.
+    seed
+        Of texture and noise.
+    """
+
+    name: str
+    camera: DepthCamera
+    reader: DepthReaderOfKind
+    settings: PictureSettings
+    window_px: float
+    distance: float
+    windows: int
+    samples: int
+    seed: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LoopFinding:
+    """What was measured on one plane.
+
+    Parameters
+    ----------
+    score
+        How it compares with truth and prediction; None where the camera cannot measure there.
+    errors_px, bounds_px
+        Errors of disparity [samples] and the bounds of their windows, of windows without common pixels.
+    available
+        Predicted share of the object points that the estimator has two pictures of, on as much of the sensor as was
+        rendered.
+    blur_px
+        Geometric blur of the picture that is matched [samples].
+    reason
+        Why there is no score, or empty.
+    """
+
+    score: DepthScore | None
+    errors_px: FloatArray
+    bounds_px: FloatArray
+    available: float
+    blur_px: float
+    reason: str
+
+
+def loop_points(definition: StudyDefinition, part: DepthLoopPart) -> dict[tuple[str, float, float, float], LoopPoint]:
+    """Every camera before every plane, by its name, distance [m], contrast and electrons.
+
+    Raises
+    ------
+    OutOfRangeError
+        For a camera in whose pictures no depth can be measured.
+    """
+    scene = definition.file.scene
+    assert scene is not None  # the study was checked
+    assert scene.picture is not None
+    picture, declared = scene.picture, scene.picture.settings(scene.wavelength)
+    names = part.cameras or tuple(definition.case.cameras)
+    seed = definition.file.propagation.seed
+    found = {}
+    for name, (number, distance), contrast, electrons in itertools.product(
+        names,
+        enumerate(part.distances),
+        part.contrasts or (picture.texture.contrast,),
+        part.electrons or (picture.light.electrons,),
+    ):
+        camera, reader = definition.case.cameras[name], definition.file.cameras[name].reader
+        if reader is None:
+            raise OutOfRangeError(
+                f"no depth can be measured in the pictures of {name}", remedy="leave it out of depth_loop.cameras"
+            )
+        scale = 1.0 if part.texture_scaled_from is None else distance / part.texture_scaled_from
+        texture = Texture(contrast=contrast, correlation_length=picture.texture.correlation_length * scale)
+        settings = replace(declared, texture=texture, light=replace(declared.light, electrons=electrons))
+        found[name, distance, contrast, electrons] = LoopPoint(
+            name=name,
+            camera=camera,
+            reader=reader,
+            settings=settings,
+            window_px=window_at(picture.matching_window, camera, distance),
+            distance=distance,
+            windows=part.windows,
+            samples=part.samples,
+            seed=seed if distance in part.fitted_at else seed + 1 + number,
+        )
+    return found
+
+
+def measure_loop(
+    points: dict[tuple[str, float, float, float], LoopPoint], steps: Steps
+) -> dict[tuple[str, float, float, float], LoopFinding]:
+    """Measure on every plane, on the workers."""
+    labels = [f"{name} at {distance:g} m" for name, distance, _, _ in points]
+    return dict(zip(points, steps.map(STEP, measure_on_plane, list(points.values()), labels), strict=True))
+
+
+def measure_on_plane(point: LoopPoint) -> LoopFinding:
+    """Take the pictures of one plane and measure depth in them: a few pixels first, to know how many are needed."""
+    camera = _with_picture(point.camera, point.settings)
+    small = _cropped(camera, point.distance, _PILOT)
+    try:
+        found, truth = _depth(camera, small, point)
+        measured = np.count_nonzero((found.reason == Reason.MEASURED) & truth.measurable) / point.window_px**2
+        if 0.0 < measured < point.windows:
+            side = math.ceil(_PILOT * math.sqrt(_SPARE * point.windows / measured))
+            small = _cropped(camera, point.distance, min(side, max(camera.sensor.columns, camera.sensor.rows)))
+            found, truth = _depth(camera, small, point)
+        scored, reason = _scored(camera, found, truth, point), ""
+        errors, bounds = _of_windows_apart(found, truth, point.window_px)
+    except OutOfRangeError as refused:
+        scored, reason = None, str(refused)
+        errors = bounds = np.empty(0)
+    return LoopFinding(
+        score=scored,
+        errors_px=errors,
+        bounds_px=bounds,
+        available=predicted_availability(small, point.distance),
+        blur_px=float(np.ravel(camera.picture_geometry(np.array([point.distance])).blur_px)[0]),
+        reason=reason,
+    )
+
+
+def _scored(camera: DepthCamera, found: DepthMap, truth: TrueDepth, point: LoopPoint) -> DepthScore:
+    predicted = float(depth_uncertainty(camera, np.array([point.distance]), "noise")[0])
+    return score(found, truth, np.full(truth.depth.shape, predicted), point.window_px)
+
+
+def _of_windows_apart(found: DepthMap, truth: TrueDepth, window_px: float) -> tuple[FloatArray, FloatArray]:
+    """Errors of disparity [samples] and the bounds of their windows, of windows without common pixels."""
+    step = math.ceil(window_px)
+    apart = np.zeros(found.depth.shape, bool)
+    apart[::step, ::step] = True
+    apart &= (found.reason == Reason.MEASURED) & truth.measurable & (found.deviation > 0.0)
+    bounds = np.asarray(found.disparity_deviation[apart], np.float64)
+    errors = np.asarray((found.depth - truth.depth)[apart] / found.deviation[apart], np.float64) * bounds
+    return errors, bounds
+
+
+def _with_picture(camera: DepthCamera, settings: PictureSettings) -> DepthCamera:
+    """The camera whose derived error is that of such pictures; one that declares its error stays as it is."""
+    law = camera.disparity_error_px
+    if not isinstance(law, PictureDisparityError):
+        return camera
+    return replace(camera, disparity_error_px=replace(law, settings=settings))
+
+
+def _depth(camera: DepthCamera, small: DepthCamera, point: LoopPoint) -> tuple[DepthMap, TrueDepth]:
+    """Depth map of the plane by a part of the sensor, and true depth."""
+    distance, settings = point.distance, point.settings
+    near, far = _searched(camera, distance)
+    reader = point.reader(camera=small, search=DepthSearch(near=near, far=far, window_px=point.window_px))
+    exposures = small.exposures(distance, {}, None, settings.stop_separation)
+    pattern = pattern_of_scene(settings.texture, exposures, (distance, distance), point.seed)
+    recording = Recording(
+        light=settings.light, noise=settings.sensor_noise, model=_NOISE, pixel_fill=settings.pixel_fill
+    )
+    taken = [
+        take_picture(
+            Tile(
+                camera=point.name,
+                exposure=one,
+                scene=plane_across(distance, pattern),
+                recording=recording,
+                samples=point.samples,
+                seed=point.seed,
+                rows=(0, one.sensor.rows),
+                columns=(0, one.sensor.columns),
+            )
+        )
+        for one in exposures
+    ]
+    flat = {one.name: flat_picture(one.values, white_picture(one.tile.exposure, recording), recording) for one in taken}
+    truth = reader.truth({one.name: one.depth for one in taken}, {name: one.pure for name, one in flat.items()})
+    return reader.read(flat), truth
+
+
+def _cropped(camera: DepthCamera, distance: float, side_px: int) -> DepthCamera:
+    """The camera with the middle of its sensor: as much as shows so many pixels of a plane in all of its pictures."""
+    sensor = camera.sensor
+    magnification = float(np.ravel(camera.picture_geometry(np.array([distance])).magnification)[0])
+    aside = max(abs(one.pose.centre[0]) for one in camera.exposures(distance, {}, None, 0.0))
+    shift = math.ceil(aside * magnification / sensor.pixel_pitch)
+    # As even or odd as before, so that pixels stay where they are.
+    columns = min(sensor.columns, side_px + 2 * shift + (sensor.columns - side_px) % 2)
+    rows = min(sensor.rows, side_px + (sensor.rows - side_px) % 2)
+    changes: dict[str, Any] = {"sensor": replace(sensor, columns=columns, rows=rows)}
+    return replace(camera, **changes)
+
+
+def _searched(camera: DepthCamera, distance: float) -> tuple[float, float]:
+    """Distances that are searched [m]: so many pixels of disparity around the plane, or what the noise calls for."""
+    a = distance * np.array([1.0, 1.001])
+    per_px = abs(float(np.diff(1.0 / a)[0] / np.diff(camera.disparity_px(a))[0]))
+    noise = float(depth_uncertainty(camera, np.array([distance]), "noise")[0]) / distance**2
+    half = min(_SEARCHED_PX * per_px, max(_SEARCHED / distance, _DEVIATIONS * noise))
+    return 1.0 / (1.0 / distance + half), 1.0 / max(1.0 / distance - half, 1.0 / (_FARTHEST * distance))
