@@ -22,7 +22,7 @@ ROCK = "{shape: rock, near: 140 mm, far: 160 mm, feature_size: 10 mm}"
 
 def study(folder: Path) -> api.Study:
     path = folder / "maps.yaml"
-    path.write_text(study_text("plenoptic, stack", ROCK, length="0.5 mm", more="depth_maps: true"), encoding="utf-8")
+    path.write_text(study_text("plenoptic", ROCK, length="0.5 mm", more="depth_maps: true"), encoding="utf-8")
     return api.load(path)
 
 
@@ -35,25 +35,24 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Result, Path]:
 def test_results_hold_the_scores_and_maps_that_files_hold(ran: tuple[api.Result, Path]) -> None:
     result, out = ran
     data = result.data["pictures"].to_dataset()
-    assert data["mapped_camera"].values.tolist() == ["plenoptic", "stack"]
-    for name in ("plenoptic", "stack"):
-        folder, one = out / "pictures" / name, data.sel(mapped_camera=name)
-        told = json.loads((folder / "depth_map.json").read_text(encoding="utf-8"))["score"]
-        for key in ("bias", "spread", "filled", "over_bound"):
-            assert float(one[f"depth_{key}"]) == told[key]
-            assert float(one[f"depth_{key}_error"]) == told["standard_errors"][key]
-        depth, true = (np.load(folder / f"depth_map{suffix}.npy") for suffix in ("", "_true"))
-        block = int(one["map_block"])
-        rows, columns = (size // block for size in depth.shape)
-        row, column = np.argwhere(np.isfinite(one["map_depth"].values))[5]
-        assert row < rows
-        assert column < columns
-        place = np.s_[row * block : (row + 1) * block, column * block : (column + 1) * block]
-        assert float(one["map_depth"][row, column]) == pytest.approx(np.nanmedian(depth[place]), rel=1e-6)
-        assert np.isfinite(one["class_spread"].values).all()
-        middle = one["class_distance"].values
-        assert np.all(np.diff(middle) > 0.0)
-        assert np.nanmin(true) <= middle[0] <= middle[-1] <= np.nanmax(true)
+    assert data["mapped_camera"].values.tolist() == ["plenoptic"]
+    folder, one = out / "pictures" / "plenoptic", data.sel(mapped_camera="plenoptic")
+    told = json.loads((folder / "depth_map.json").read_text(encoding="utf-8"))["score"]
+    for key in ("bias", "spread", "filled", "over_bound"):
+        assert float(one[f"depth_{key}"]) == told[key]
+        assert float(one[f"depth_{key}_error"]) == told["standard_errors"][key]
+    depth, true = (np.load(folder / f"depth_map{suffix}.npy") for suffix in ("", "_true"))
+    block = int(one["map_block"])
+    rows, columns = (size // block for size in depth.shape)
+    row, column = np.argwhere(np.isfinite(one["map_depth"].values))[5]
+    assert row < rows
+    assert column < columns
+    place = np.s_[row * block : (row + 1) * block, column * block : (column + 1) * block]
+    assert float(one["map_depth"][row, column]) == pytest.approx(np.nanmedian(depth[place]), rel=1e-6)
+    assert np.isfinite(one["class_spread"].values).all()
+    middle = one["class_distance"].values
+    assert np.all(np.diff(middle) > 0.0)
+    assert np.nanmin(true) <= middle[0] <= middle[-1] <= np.nanmax(true)
 
 
 def test_the_camera_reaches_on_the_rock_what_was_predicted(ran: tuple[api.Result, Path]) -> None:
@@ -73,8 +72,8 @@ def test_the_report_shows_maps_and_compares_them(ran: tuple[api.Result, Path]) -
     assert drawings["depth_achieved"].draw().svg()
     report = compose_report(tree, ran[0].run_record, drawings)
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
-    assert [row[0] for row in tables["depth-maps-depth-table"].rows] == ["Plenoptic", "Stack"]
-    assert plain_text(tables["depth-maps-disparity-table"].rows[1][2]) == "—"  # a stack measures no disparity
+    assert [row[0] for row in tables["depth-maps-depth-table"].rows] == ["Plenoptic"]
+    assert plain_text(tables["depth-maps-disparity-table"].rows[0][1]) != "—"
 
 
 def test_maps_do_not_depend_on_who_computes_them(ran: tuple[api.Result, Path], tmp_path: Path) -> None:
