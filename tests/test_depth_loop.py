@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,11 @@ from tradestudy import api, figures
 from tradestudy.errors import StudyError
 from tradestudy.execution import Threads
 from tradestudy.imaging.derived_error import PictureDisparityError
+from tradestudy.plan.pilots import seconds_of
+from tradestudy.plan.rendering_pilot import loop_seconds
 from tradestudy.report.contents import compose_report
 from tradestudy.report.document import Paragraph, Table, plain_text
+from tradestudy.run import depth_loop
 from tradestudy.study.document import Value
 
 LOOP = """
@@ -138,3 +142,20 @@ def test_where_nothing_can_be_measured_the_results_say_why(tmp_path: Path) -> No
     assert np.all(data["depth_measured"].sel(distance=0.024) == 0.0)
     assert "windows without common pixels from which a matcher can be told: 0" in str(data["matcher"].item())
     assert np.isnan(data["matcher_factor"])
+
+
+def test_the_plan_says_how_long_the_loop_takes(tmp_path: Path) -> None:
+    """Within a factor of five of what its planes take, in processor seconds of this process."""
+    pytest.importorskip("cv2")
+    loaded = study(tmp_path)
+    (step,) = (one for one in loaded.plan().steps if one.name == depth_loop.STEP)
+    assert step.work == "6 planes"
+    part, scene = loaded.file.depth_loop, loaded.file.scene
+    assert part is not None
+    assert scene is not None
+    assert scene.picture is not None
+    settings = scene.picture.settings(550e-9)
+    told = loop_seconds(loaded.definition.case.cameras["pair"], part, settings)
+    points = list(depth_loop.loop_points(loaded.definition, part).values())[:6:2]
+    taken = math.fsum(seconds_of(lambda point=point: depth_loop.measure_on_plane(point)) for point in points)  # type: ignore[misc]
+    assert taken / 5.0 < told < 5.0 * taken

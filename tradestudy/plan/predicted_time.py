@@ -10,8 +10,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.imaging.derived_error import kirchhoff_lattice
 from tradestudy.plan import pilots
@@ -28,7 +26,6 @@ from tradestudy.study.schema.questions import (
     LitPixelsClaim,
     PsfErrorClaim,
 )
-from tradestudy.study.schema.scene_image import SceneImagePart
 from tradestudy.study.schema.trade_off import TradeOffPart
 from tradestudy.study.sweep import sweep_axes
 from tradestudy.wording import counted
@@ -120,7 +117,15 @@ class _Prediction:
         if self.definition.case.cameras:
             yield from self._depth()
         if file.scene is not None and file.scene.image is not None:
-            yield self._rendering(file.scene.image)
+            from tradestudy.plan.rendering_pilot import rendering_work
+
+            seconds, work = rendering_work(self.definition, file.scene.image)
+            yield PredictedStep(name="rendering", seconds=seconds, work=work)
+        if file.depth_loop is not None:
+            from tradestudy.plan.rendering_pilot import loop_work
+
+            seconds, work = loop_work(self.definition, file.depth_loop)
+            yield PredictedStep(name="depth loop", seconds=seconds, work=work)
         if file.depth_of_field is not None:
             cameras = len(self.definition.case.all_cameras)
             seconds = cameras * self.reading
@@ -150,26 +155,6 @@ class _Prediction:
         if file.trade_off is not None:
             yield self._trade_off(file.trade_off)
         yield self._report()
-
-    def _rendering(self, image: SceneImagePart) -> PredictedStep:
-        """Of the pictures alone: maps of depth are told of as they are made."""
-        from tradestudy.plan.rendering_pilot import pixels_of, rendering_seconds
-
-        scene = self.definition.file.scene
-        assert scene is not None  # it has an image, which has a picture beside it
-        assert scene.picture is not None
-        settings, middle = scene.picture.settings(scene.wavelength), float(np.median(scene.distance_values()))
-        cameras = [
-            camera
-            for name, camera in self.definition.case.all_cameras.items()
-            if image.cameras is None or name in image.cameras
-        ]
-        pixels = sum(pixels_of(camera, middle, settings) for camera in cameras)
-        return PredictedStep(
-            name="rendering",
-            seconds=math.fsum(rendering_seconds(camera, image, middle, settings) for camera in cameras),
-            work=f"{pixels / 1e6:.3g} million pixels of {counted(len(cameras), 'camera')}",
-        )
 
     @cached_property
     def reading(self) -> float:
