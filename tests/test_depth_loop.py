@@ -112,7 +112,7 @@ def test_the_report_compares_prediction_and_achievement(ran: tuple[api.Result, P
     assert drawings["depth_loop"].draw().svg()
     report = compose_report(tree, ran[0].run_record, drawings)
     tables = {block.name: block for block in report.blocks if isinstance(block, Table)}
-    assert len(tables["depth-loop-depth-table"].rows) == 6
+    assert len(tables["depth-loop-depth-table"].rows) == 7  # the camera, and its planes
     told = [plain_text(block.text) for block in report.blocks if isinstance(block, Paragraph)]
     assert any("matcher: {factor: " in text and "on 4 other planes" in text for text in told)
 

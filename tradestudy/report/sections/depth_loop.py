@@ -10,11 +10,13 @@ import xarray as xr
 
 from tradestudy.figures.drawing import Drawing
 from tradestudy.report.document import Block, Column, Heading, Paragraph, Text, pictures_of, say
-from tradestudy.report.sections.depth_maps import score_tables
+from tradestudy.report.sections.depth_maps import ScoreRow, score_tables
 from tradestudy.report.words import length, share, with_error
 from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import ELECTRONS, pretty, significant
 from tradestudy.wording import counted
+
+_PLANES = ("distance", "contrast", "electrons")
 
 
 def describe_depth_loop(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -44,10 +46,10 @@ def _told(one: xr.Dataset, title: str) -> Text:
     over = over[np.isfinite(over)]
     text = say("**{title}**: `{matcher}`.", title=title, matcher=declared.partition("  # ")[0])
     told = with_error(one["matcher_factor"].item(), one["matcher_factor_error"].item(), significant)
-    text += say(" Factor: {factor}.", factor=told)
+    text += say(" Its factor is {factor}.", factor=told)
     if over.size:
         text += say(
-            " It gives the noise on {count} elsewhere to {low} to {high} of what was found.",
+            " It tells {low} to {high} of the noise that was found on {count}.",
             count=counted(over.size, "other plane"),
             low=share(float(1.0 / over.max())),
             high=share(float(1.0 / over.min())),
@@ -56,22 +58,21 @@ def _told(one: xr.Dataset, title: str) -> Text:
 
 
 def _first_columns(data: xr.Dataset) -> tuple[Column, ...]:
-    titles = ["Camera", "Distance"]
-    titles += [title for title, name in (("Contrast", "contrast"), ("Light", "electrons")) if data.sizes[name] > 1]
-    return (Column(title="Camera", weight=1), *(Column(title=one, align="right") for one in titles[1:]))
+    titles = [("Distance", "distance"), ("Contrast", "contrast"), ("Light", "electrons")]
+    return tuple(Column(title=title) for title, name in titles if name == "distance" or data.sizes[name] > 1)
 
 
-def _rows(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[tuple[tuple[Text, ...], xr.Dataset]]:
-    """Of all planes that were measured, in the order of the results."""
-    for place in itertools.product(
-        *(range(data.sizes[name]) for name in ("camera", "distance", "contrast", "electrons"))
-    ):
-        one = data.isel(dict(zip(("camera", "distance", "contrast", "electrons"), place, strict=True)))
-        if not one["depth_measured"].item():
-            continue
-        cells: list[Text] = [titles[str(one["camera"].item())], length(float(one["distance"].item()))]
-        if data.sizes["contrast"] > 1:
-            cells.append(share(float(one["contrast"].item())))
-        if data.sizes["electrons"] > 1:
-            cells.append(pretty(float(one["electrons"].item()), ELECTRONS))
-        yield tuple(cells), one
+def _rows(data: xr.Dataset, titles: Mapping[str, str]) -> Iterator[ScoreRow]:
+    """A heading for each camera, and all planes that it measured, in the order of the results."""
+    for k, name in enumerate(data["camera"].values):
+        yield (titles[str(name)],), None
+        for place in itertools.product(*(range(data.sizes[dim]) for dim in _PLANES)):
+            one = data.isel(camera=k).isel(dict(zip(_PLANES, place, strict=True)))
+            if not one["depth_measured"].item():
+                continue
+            cells: list[Text] = [length(float(one["distance"].item()))]
+            if data.sizes["contrast"] > 1:
+                cells.append(share(float(one["contrast"].item())))
+            if data.sizes["electrons"] > 1:
+                cells.append(pretty(float(one["electrons"].item()), ELECTRONS))
+            yield tuple(cells), one

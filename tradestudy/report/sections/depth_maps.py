@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import xarray as xr
 
@@ -13,6 +13,8 @@ from tradestudy.results.views.groups import camera_titles, group, has
 from tradestudy.units import significant
 
 PAPER_ACCURACY = 0.1  # px, section 6 of the paper
+ScoreRow = tuple[tuple[Text, ...], xr.Dataset | None]
+"""First cells of a row, and the numbers behind them; none behind a heading."""
 
 
 def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Iterator[Block]:
@@ -42,15 +44,13 @@ def describe_depth_maps(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
         )
 
 
-def score_tables(
-    *, name: str, first: tuple[Column, ...], rows: list[tuple[tuple[Text, ...], xr.Dataset]]
-) -> Iterator[Table]:
+def score_tables(*, name: str, first: tuple[Column, ...], rows: Sequence[ScoreRow]) -> Iterator[Table]:
     """Achieved against predicted, a row for each set of variables of `score_variables`, behind cells of its own."""
     yield Table(
         name=f"{name}-depth-table",
         caption="Measured depth against true depth, ± one standard error.",
         columns=(*first, *_columns("Bias", "Spread", "Predicted", "Within 3σ", "Filled", "Paired (predicted)")),
-        rows=tuple((*cells, *_of_depth(one)) for cells, one in rows),
+        rows=tuple(cells if one is None else (*cells, *_of_depth(one)) for cells, one in rows),
         notes=(
             "Bias and spread: median of the errors, and half their central 68.27 % interval. Predicted: the depth "
             "uncertainty at these distances. Filled: points with a depth over those that the estimator has two "
@@ -63,13 +63,14 @@ def score_tables(
         caption="Errors of disparity, ± one standard error.",
         columns=(
             *first,
-            *_columns("Bias", "Spread", "Over noise", "Correlation of neighbours", "One window apart", "Windows"),
+            *_columns("Bias", "Spread", "Over noise", "Neighbours", "A window apart", "Windows"),
         ),
-        rows=tuple((*cells, *_of_disparity(one)) for cells, one in rows),
+        rows=tuple(cells if one is None else (*cells, *_of_disparity(one)) for cells, one in rows),
         notes=(
             f"Bias and spread in pixels, where the paper supposes {significant(PAPER_ACCURACY)} px. Over noise: spread "
-            "of the errors over what noise gives each window by its texture, to first order. Windows: how many "
-            "without a common pixel were measured.",
+            "of the errors over what noise gives each window by its texture, to first order. Neighbours, a window "
+            "apart: correlation of the errors of points beside each other, and of points so far apart. Windows: how "
+            "many without a common pixel were measured.",
         ),
     )
 
