@@ -7,6 +7,7 @@ format: 2
 study: small
 title: Small pictures
 question: What do they show?
+effects: {{main_lens_diffraction: 'off', microlens_diffraction: 'off'}}  # by rays, which is quicker
 cameras:
 {cameras}
 scene:

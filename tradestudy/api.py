@@ -525,9 +525,9 @@ def render(
     OutOfRangeError
         Where a camera cannot measure depth in its pictures, or a matcher is not installed.
     """
+    from tradestudy.analysis.scene_pictures import declared_image
     from tradestudy.execution import Checkpoints, Serial, Steps
     from tradestudy.run.inference import infer_calibrations
-    from tradestudy.run.pictures import declared_image
     from tradestudy.run.scene_pictures import take_scene
 
     declared_image(study.definition)  # before calibrations are inferred

@@ -61,6 +61,11 @@ class LightCones:
     light
         ``cos⁴θ/N²`` of the whole lens, N its f-number towards the pixel and θ the angle of the ray through the centre
         of the pupil, as of `field_illumination`; shape (cones,).
+    image_distance
+        From the lens to the pixel [m]; negative where δ is turned by 180° against η, as behind a single lens whose
+        picture is upright. Waves need it: a kink of the ray by κ at the lens acts as ``δ = −κ × image_distance``.
+    lens_type
+        Which type of lens each passes; those of one type are alike but for errors and the curvature of the field.
     """
 
     pixel: NDArray[np.intp]
@@ -73,6 +78,8 @@ class LightCones:
     lens_radius: float
     stop: Stop | None
     light: FloatArray
+    image_distance: PerCone
+    lens_type: NDArray[np.intp] | int
 
     def only(self, kept: NDArray[np.intp]) -> LightCones:
         """Some of the cones, by their places."""
@@ -91,6 +98,8 @@ class LightCones:
             slope_by_pixel=of(self.slope_by_pixel),
             slope_by_lens=of(self.slope_by_lens),
             light=self.light[kept],
+            image_distance=of(self.image_distance),
+            lens_type=self.lens_type if isinstance(self.lens_type, int) else self.lens_type[kept],
             stop=None
             if stop is None
             else replace(stop, place=stop.place[:, kept], by_pixel=of(stop.by_pixel), by_lens=of(stop.by_lens)),
@@ -138,8 +147,12 @@ class Exposure(Protocol):
     def pose(self) -> Pose:
         """Where its lens is."""
 
-    def cones(self, x: FloatArray, y: FloatArray) -> LightCones:
-        """Of pixels whose centres lie at upright places [m] from the middle of the sensor, shape (pixels,)."""
+    def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:
+        """Of pixels whose centres lie at upright places [m] from the middle of the sensor, shape (pixels,).
+
+        So far ``beyond`` the last place on the sensor [m] that rays through a lens reach, light bent by diffraction
+        shall still find its cone.
+        """
 
     def description(self) -> Description:
         """What a program needs to make use of the picture: lengths in SI, as the camera that took it has them."""

@@ -82,7 +82,7 @@ class MicrolensExposure:
             found = found + np.moveaxis(scatter[number], -1, 0)
         return found
 
-    def cones(self, x: FloatArray, y: FloatArray) -> LightCones:
+    def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:
         """One cone for each pair of a pixel and a microlens that light of the pupil can pass to it."""
         place = np.stack([x, y]) - self._offset[:, np.newaxis]
         over = (self.geometry.gap + self._error("microlens_gap")) / (
@@ -90,11 +90,12 @@ class MicrolensExposure:
         )
         near = (place + self._axis[:, np.newaxis] * over) / (1.0 + over)
         first, second = np.rint(np.linalg.inv(self._basis) @ near).astype(np.intp)
-        parts = [
-            self._through(place, first + i, second + j) for i, j in self._steps_within(self._reach(over) + _FARTHEST)
-        ]
-        pixel, start, slope, meets, numbers = (np.concatenate([part[k] for part in parts], axis=-1) for k in range(5))
-        start_by_lens, slope_by_lens, stop_by_lens, start_by_pixel, slope_by_pixel, stop_by_pixel, light = numbers
+        steps = self._steps_within(self._reach(over, beyond) + _FARTHEST)
+        parts = [self._through(place, first + i, second + j, beyond) for i, j in steps]
+        pixel, start, slope, meets, numbers, types = (
+            np.concatenate([part[k] for part in parts], axis=-1) for k in range(6)
+        )
+        start_by_lens, slope_by_lens, stop_by_lens, start_by_pixel, slope_by_pixel, stop_by_pixel, light, gap = numbers
         return LightCones(
             pixel=pixel,
             start=start,
@@ -111,13 +112,15 @@ class MicrolensExposure:
                 radius=self.main_lens.pupil_diameter / 2.0,
             ),
             light=light,
+            image_distance=gap,
+            lens_type=types,
         )
 
-    def _reach(self, over: float) -> float:
+    def _reach(self, over: float, beyond: float) -> float:
         """How far from the middle of its micro-image a microlens sends light, in pitches of the array."""
         array, gap = self.microlenses, self.geometry.gap
         blur = max(abs(gap / one - over - 1.0) for one in array.focal_lengths) * array.aperture_diameter / 2.0
-        reach = self.main_lens.pupil_diameter / 2.0 * over + blur + self.sensor.pixel_pitch
+        reach = self.main_lens.pupil_diameter / 2.0 * over + blur + self.sensor.pixel_pitch + beyond
         return reach / (1.0 + over) / array.pitch
 
     def _steps_within(self, reach: float) -> list[tuple[int, int]]:
@@ -132,8 +135,8 @@ class MicrolensExposure:
         ]
 
     def _through(
-        self, place: FloatArray, first: Indices, second: Indices
-    ) -> tuple[Indices, FloatArray, FloatArray, FloatArray, FloatArray]:
+        self, place: FloatArray, first: Indices, second: Indices, beyond: float
+    ) -> tuple[Indices, FloatArray, FloatArray, FloatArray, FloatArray, Indices]:
         """Cones of pixels at places on the array's plane through one microlens each, as far as any light passes.
 
         Behind the main lens the frame is turned by 180° about the axis, so that pictures are upright: a point u' there
@@ -151,7 +154,7 @@ class MicrolensExposure:
         widest = self.main_lens.pupil_diameter / 2.0 + np.abs(1.0 + to_pupil * bend) * (
             self.microlenses.aperture_diameter / 2.0
         )
-        widest = widest + to_pupil / gap * self.sensor.pixel_pitch * math.sqrt(0.5)
+        widest = widest + to_pupil / gap * (self.sensor.pixel_pitch * math.sqrt(0.5) + beyond)
         lit = np.flatnonzero(np.sum(meets * meets, axis=0) < widest * widest)
         centre, slope, meets, bend = centre[:, lit], slope[:, lit], meets[:, lit], bend[lit]
         gap, z, to_pupil = (np.broadcast_to(one, first.shape)[lit] for one in (gap, z, to_pupil))
@@ -172,9 +175,10 @@ class MicrolensExposure:
                 (1.0 - z / f) / gap,
                 -to_pupil / gap,
                 np.square(self.microlenses.aperture_diameter / gap / (1.0 + np.sum(np.square(centre / z), axis=0))),
+                gap,
             ]
         )
-        return lit, -on_lens, seen, meets, numbers
+        return lit, -on_lens, seen, meets, numbers, types[lit]
 
     def _focal_length(self, centre: FloatArray) -> FloatArray:
         """f_M [m] of a lens that images flat where the main lens does not: exact at the reference distance."""

@@ -54,7 +54,7 @@ class SingleLensExposure:
     def _scale(self) -> float:
         return self.image_distance if self.principal_distance is None else self.principal_distance
 
-    def cones(self, x: FloatArray, y: FloatArray) -> LightCones:
+    def cones(self, x: FloatArray, y: FloatArray, beyond: float = 0.0) -> LightCones:  # noqa: ARG002  # all have theirs
         """``start = η``, ``slope = (s + δ)/c − η/a₀``."""
         c, radius = self._scale, self.lens.pupil_diameter / 2.0
         across, down = (x - self.principal_point[0]) / c, (y - self.principal_point[1]) / c
@@ -81,6 +81,8 @@ class SingleLensExposure:
             lens_radius=radius,
             stop=stop,
             light=np.square(cosine_squared * 2.0 * radius / self.image_distance),
+            image_distance=-c,
+            lens_type=0,
         )
 
     def description(self) -> Description:

@@ -21,8 +21,8 @@ SlotName = Literal[
 Models = Mapping[SlotName, str]
 """One model for each effect, by name."""
 
-Use = Literal["depth", "sharpness", "spot", "point"]
-"""A camera's depth, its depth of field, the picture of a light spot, or the image of a point behind one lens."""
+Use = Literal["depth", "sharpness", "spot", "point", "picture"]
+"""A camera's depth, its depth of field, a light spot's picture, a point's behind one lens, or pictures of the scene."""
 
 OFF: Final = "off"
 _EVERY: Final[tuple[Use, ...]] = get_args(Use)
@@ -33,17 +33,17 @@ _PICTURES: Final[tuple[Use, ...]] = ("depth", "spot")
 _MODELS: Final[Mapping[SlotName, Mapping[str, tuple[Use, ...]]]] = {
     "defocus_blur": {OFF: _DEPTH, "disc": _DEPTH},
     "main_lens_diffraction": {
-        OFF: ("depth", "sharpness", "spot"),
+        OFF: ("depth", "sharpness", "spot", "picture"),
         "airy": ("depth", "sharpness"),
         "boundary_wave": _SPOT,
-        "fresnel": ("depth", "spot", "point"),
+        "fresnel": ("depth", "spot", "point", "picture"),
         "kirchhoff": ("depth", "spot", "point"),
     },
     "microlens_diffraction": {
-        OFF: _PICTURES,
+        OFF: (*_PICTURES, "picture"),
         "airy": _DEPTH,
         "boundary_wave": _SPOT,
-        "fresnel": _PICTURES,
+        "fresnel": (*_PICTURES, "picture"),
         "kirchhoff": _PICTURES,
     },
     "crosstalk": {OFF: _PICTURES, "share": _DEPTH, "coherent": _SPOT},

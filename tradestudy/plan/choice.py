@@ -56,6 +56,10 @@ def pieces(definition: StudyDefinition, forced: Models) -> Iterator[Piece]:
 
         focuses = [camera.focus for camera in case.all_cameras.values()]
         yield DepthOfFieldPiece(focuses, [part.criterion(case.wavelength) for part in sharp.criteria.values()], forced)
+    if file.scene is not None and file.scene.image is not None:
+        from tradestudy.plan.pieces.scene_pictures import picture_pieces
+
+        yield from picture_pieces(definition, forced)
     if file.light_spot is not None:
         from tradestudy.plan.pieces.light_spot import LightSpotPiece
 
@@ -85,25 +89,33 @@ def choose_models(definition: StudyDefinition) -> tuple[Chosen, ...]:
     free = {one.name: one for one in pieces(definition, {})} if forced else {}
     for piece in all_pieces:
         try:
-            choice = choose(piece, tolerances, forced)
+            found.append(chosen(piece, tolerances, forced, free.get(piece.name)))
         except UnaffordableError as error:
             refused.append(error)
-            continue
-        found.append(
-            Chosen(
-                name=piece.name,
-                title=piece.title,
-                asked={q: tolerances[q] for q in piece.asked},
-                reasons={slot.name: slot.reason for slot in piece.slots if slot.reason},
-                choice=choice,
-                by_forcing=_by_forcing(free.get(piece.name), piece),
-            )
-        )
     if len(refused) > 1:
         raise UnaffordableError("\n".join(map(str, refused)))
     if refused:
         raise refused[0]
     return tuple(found)
+
+
+def chosen(piece: Piece, tolerances: Mapping[Quantity, float], forced: Models, free: Piece | None = None) -> Chosen:
+    """Choose the models of one piece; ``free`` is the same one without what the study names.
+
+    Raises
+    ------
+    UnaffordableError
+        Where not even the most complete models keep the tolerance.
+    """
+    choice = choose(piece, tolerances, forced)
+    return Chosen(
+        name=piece.name,
+        title=piece.title,
+        asked={q: tolerances[q] for q in piece.asked},
+        reasons={slot.name: slot.reason for slot in piece.slots if slot.reason},
+        choice=choice,
+        by_forcing=_by_forcing(free, piece),
+    )
 
 
 def _by_forcing(free: Piece | None, piece: Piece) -> Changes:

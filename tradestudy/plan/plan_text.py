@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from tradestudy.accuracy import IN_WORDS
+from tradestudy.accuracy import IN_WORDS, Quantity
 from tradestudy.effects.choice import NAMED, Change, Evidence
 from tradestudy.effects.models import LENSES, OFF
 from tradestudy.effects.words import MODEL, left_out
@@ -70,7 +70,7 @@ def _left_out(one: Chosen) -> str:
         return "nothing significant left out"
     _, quantity, _, decision = max(omitted, key=lambda found: found[0])
     change = one.choice.changes[quantity]  # of all that is left out, which can be less than that of a part
-    how = "estimated at a few distances; " if change.evidence == "trial" else ""
+    how = f"{_tried(quantity)}; " if change.evidence == "trial" else ""
     of_note = {id(found[3]) for found in omitted if found[0] >= _OF_NOTE}
     beside = " and what matters less" if len(of_note) > 1 else ""
     return (
@@ -92,7 +92,7 @@ def _forced(one: Chosen) -> str:
     )
     more = "more than" if change.relative > one.asked[quantity] else "within"
     return (
-        f"{named}, as the study requires, changes the {IN_WORDS[quantity]} by {_share(change)}, {more} the "
+        f"{named}, as the study requires, changes the {IN_WORDS[quantity]} by {_share(quantity, change)}, {more} the "
         f"{pretty(one.asked[quantity], FRACTION)} allowed"
     )
 
@@ -101,10 +101,10 @@ def _decisions(one: Chosen) -> Iterator[str]:
     """Every model of every effect with what it changes, and the reasons of effects that have but one."""
     for quantity, tolerance in one.asked.items():
         total = one.choice.changes[quantity]
-        yield f"all together: {IN_WORDS[quantity]}, {_share(total)}; {pretty(tolerance, FRACTION)} allowed"
+        yield f"all together: {IN_WORDS[quantity]}, {_share(quantity, total)}; {pretty(tolerance, FRACTION)} allowed"
     for quantity, total in one.choice.changes.items():
         if quantity not in one.asked:
-            yield f"not asked for: {IN_WORDS[quantity]}, {_share(total)}"
+            yield f"not asked for: {IN_WORDS[quantity]}, {_share(quantity, total)}"
     told: set[str] = set()
     yield "● used, ○ compared; each with what it alone would change"
     for decision in one.choice.decisions:
@@ -115,16 +115,20 @@ def _decisions(one: Chosen) -> Iterator[str]:
             yield f"{mark} {name}{again}"
             continue
         asked = ((quantity, change) for quantity, change in decision.changes.items() if quantity in one.asked)
-        numbers = ", ".join(f"{IN_WORDS[quantity]} {_share(change)}" for quantity, change in asked)
+        numbers = ", ".join(f"{IN_WORDS[quantity]} {_share(quantity, change)}" for quantity, change in asked)
         yield f"{mark} {name}  {numbers}"
 
 
-def _share(change: Change) -> str:
+def _share(quantity: Quantity, change: Change) -> str:
     """A change with how it is known: "0.22 %", "up to about 1.3 %", "about 0.02 %, estimated at a few distances"."""
     if math.isinf(change.relative) or change.relative == 0.0:
         return _amount(change)
     at = "" if math.isnan(change.at) else f" at {distance(change.at)}"
-    return f"{_amount(change)}{at}{', estimated at a few distances' if change.evidence == 'trial' else ''}"
+    return f"{_amount(change)}{at}{f', {_tried(quantity)}' if change.evidence == 'trial' else ''}"
+
+
+def _tried(quantity: Quantity) -> str:
+    return f"estimated at a few {'places' if quantity == 'pixel_intensity' else 'distances'}"
 
 
 def _amount(change: Change) -> str:

@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.rendered_scene import pattern_of_scene, plane_across
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.depth_map import DepthMap, DepthReaderOfKind, DepthSearch, TrueDepth
 from tradestudy.errors import OutOfRangeError
@@ -24,7 +25,6 @@ from tradestudy.optics.arrays import FloatArray
 from tradestudy.optics.window_matching import Reason
 from tradestudy.run.depth_maps import predicted_availability, window_at
 from tradestudy.run.pictures import take_picture
-from tradestudy.run.scene import pattern_of_scene, plane_across
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.depth_loop import DepthLoopPart
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.analysis.depth import depth_uncertainty
+from tradestudy.analysis.scene_pictures import Taken, declared_image, extent_and_cameras
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, UsableCriteria
 from tradestudy.cameras.depth_map import DepthMap, DepthReader, DepthSearch, TrueDepth
@@ -26,7 +27,7 @@ from tradestudy.imaging.render.sensor import Recording
 from tradestudy.optics.arrays import FloatArray, Samples
 from tradestudy.optics.window_matching import REASONS
 from tradestudy.results.storage import replace_file, replacing
-from tradestudy.run.pictures import Rendering, Taken, declared_image, extent_and_cameras
+from tradestudy.run.pictures import Rendering
 from tradestudy.study.definition import StudyDefinition
 from tradestudy.study.schema.picture import Window
 

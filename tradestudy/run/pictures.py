@@ -3,62 +3,34 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tradestudy.cameras.camera import Camera
-from tradestudy.cameras.depth_camera import DepthCamera
-from tradestudy.cameras.light_cones import Exposure
-from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.errors import Problem, StudyError, UnaffordableError
+from tradestudy.analysis.scene_pictures import Taken, declared_image, recording_of, set_up, whole_pictures
+from tradestudy.effects.models import OFF
+from tradestudy.errors import UnaffordableError
 from tradestudy.execution import Steps
-from tradestudy.imaging.models import Texture
-from tradestudy.imaging.render.rig import drawn_errors
-from tradestudy.imaging.render.sensor import Mosaic, Recording
+from tradestudy.imaging.render.sensor import Recording
 from tradestudy.imaging.render.tiles import WORKER_BYTES, Rendered, Tile, render_tile, tiles_of
+from tradestudy.imaging.render.wave_set_up import waves_of
 from tradestudy.imaging.scenes.pattern import RandomPattern
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.machine import available_memory
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.plan.choice import chosen
+from tradestudy.plan.pieces.scene_pictures import picture_pieces
 from tradestudy.results.storage import replace_file, replacing
-from tradestudy.run.scene import pattern_of_scene, scene_of
 from tradestudy.study.definition import StudyDefinition
-from tradestudy.study.schema.picture import PicturePart
 from tradestudy.study.schema.scene_image import SceneImagePart
 
 STEP: Final = "rendering"
 _BYTES_PER_PIXEL: Final = 16  # values and depth, in tiles and put together
 _BYTES_PER_SAMPLE: Final = 24  # of a texture while it is made
-_WHERE: Final = ("scene", "image")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Taken:
-    """A camera of the study, and what it takes pictures with.
-
-    Parameters
-    ----------
-    name, camera
-        As the study has it.
-    errors
-        What the camera that takes them is less its design, in SI.
-    exposures
-        Its pictures.
-    reference_distance, stop_separation
-        What they were asked for with [m]; see `Camera.exposures`.
-    """
-
-    name: str
-    camera: Camera
-    errors: Mapping[str, FloatArray]
-    exposures: Sequence[Exposure]
-    reference_distance: float
-    stop_separation: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +46,10 @@ class TakenPicture:
     saturated
         How many pixels are full.
     sampling_error
-        Relative difference from a picture with 16 times the rays.
+        Relative difference from a picture with 16 times the rays; by waves, between twice as many computed spreads.
+    model_error
+        By rays, the relative change that leaving out diffraction makes, by a trial; by waves, the share of the light
+        that is bent farther than it is followed.
     tile
         The whole picture as it was asked for.
     """
@@ -85,6 +60,7 @@ class TakenPicture:
     depth: NDArray[np.float32]
     saturated: int
     sampling_error: float
+    model_error: float
     tile: Tile
 
     @property
@@ -125,20 +101,12 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     image, picture = declared_image(definition)
     scene, cameras = set_up(definition)
     recording = recording_of(image, picture)
-    whole = [
-        Tile(
-            camera=taken.name,
-            exposure=exposure,
-            scene=scene,
-            recording=recording,
-            samples=image.samples,
-            seed=definition.file.propagation.seed,
-            rows=(0, exposure.sensor.rows),
-            columns=(0, exposure.sensor.columns),
-        )
-        for taken in cameras
-        for exposure in taken.exposures
-    ]
+    whole, errors = [], []
+    for taken, (by_waves, change) in zip(cameras, _models(definition), strict=True):
+        for one in whole_pictures(definition, image, scene, taken, recording):
+            waves = waves_of(one.exposure, scene, definition.case.wavelength) if by_waves else None
+            whole.append(replace(one, waves=waves))
+            errors.append(change if waves is None else waves.bent_farther)
     _refuse_too_large(whole, scene, workers=int(getattr(steps.executor, "count", 1)))
     tiles = [tiles_of(one) for one in whole]
     flat = [tile for some in tiles for tile in some]
@@ -146,7 +114,8 @@ def render_scene(definition: StudyDefinition, steps: Steps) -> Rendering:
     labels = [f"{tile.camera} {tile.exposure.name}, row {tile.rows[0]}, column {tile.columns[0]}" for tile in flat]
     rendered = iter(steps.map(STEP, render_tile, flat, labels, efforts))
     pictures = [
-        put_together(one, [(tile, next(rendered)) for tile in some]) for one, some in zip(whole, tiles, strict=True)
+        put_together(one, [(tile, next(rendered)) for tile in some], error)
+        for one, some, error in zip(whole, tiles, errors, strict=True)
     ]
     return Rendering(
         definition=definition, image=image, scene=scene, recording=recording, cameras=cameras, pictures=pictures
@@ -167,84 +136,15 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
     return written
 
 
-def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, PicturePart]:
-    """What the study declares, or its absence as a mistake."""
-    scene = definition.file.scene
-    if scene is None or scene.image is None or scene.picture is None:
-        problem = definition.document.locate(("scene",)).problem(
-            _WHERE, "this key is missing: the surfaces of which render makes pictures"
-        )
-        raise StudyError([problem])
-    return scene.image, scene.picture
-
-
-def set_up(definition: StudyDefinition) -> tuple[SceneSource, list[Taken]]:
-    """The scene, and the cameras that take it, with every mistake at its place."""
-    image, picture = declared_image(definition)
-    extent, cameras = extent_and_cameras(definition)
-    exposures = [exposure for taken in cameras for exposure in taken.exposures]
-    pattern = pattern_of_scene(texture_of(picture), exposures, extent, definition.file.propagation.seed)
-    return scene_of(image, pattern, definition.folder_of(_WHERE)), cameras
-
-
-def extent_and_cameras(definition: StudyDefinition) -> tuple[tuple[float, float], list[Taken]]:
-    """How near and far the scene reaches [m], and the cameras that take it, before anything is painted on it."""
-    image, picture = declared_image(definition)
-    texture = texture_of(picture)
-    flat = RandomPattern(texture=texture, sample=texture.correlation_length, side=2, seed=0)
-    try:
-        extent = scene_of(image, flat, definition.folder_of(_WHERE)).extent
-    except MistakeAt as mistake:
-        problems = [_problem(definition, (*_WHERE, *one.tail), one.what) for one in mistake.all]
-        raise StudyError(problems) from None
-    return extent, _cameras(definition, image, picture, sum(extent) / 2.0)
-
-
-def texture_of(picture: PicturePart) -> Texture:
-    """What surfaces are painted with."""
-    return Texture(contrast=picture.texture.contrast, correlation_length=picture.texture.correlation_length)
-
-
-def _problem(definition: StudyDefinition, path: tuple[str | int, ...], what: str) -> Problem:
-    return definition.document.locate(path).problem(path, what)
-
-
-def _cameras(definition: StudyDefinition, image: SceneImagePart, picture: PicturePart, middle: float) -> list[Taken]:
+def _models(definition: StudyDefinition) -> list[tuple[bool, float]]:
+    """For each camera that takes pictures, whether by waves, and what the choice changes in them."""
+    forced, tolerances = definition.file.effects.forced(), definition.file.accuracy.asked().tolerances
     found = []
-    for name, camera in definition.case.all_cameras.items():
-        if image.cameras is not None and name not in image.cameras:
-            continue
-        errors: Mapping[str, FloatArray] = {}
-        environment = None
-        if image.rig == "drawn" and isinstance(camera, DepthCamera):
-            errors = drawn_errors(camera, name, definition.file.propagation.seed)
-            environment = camera.calibration.environment
-        exposures = camera.exposures(middle, errors, environment, picture.stop_separation)
-        found.append(
-            Taken(
-                name=name,
-                camera=camera,
-                errors=errors,
-                exposures=exposures,
-                reference_distance=middle,
-                stop_separation=picture.stop_separation,
-            )
-        )
+    for piece, free in zip(picture_pieces(definition, forced), picture_pieces(definition, {}), strict=True):
+        one = chosen(piece, tolerances, forced, free)
+        change = {**one.choice.changes, **one.by_forcing}["pixel_intensity"].relative
+        found.append((one.models["main_lens_diffraction"] != OFF, change))
     return found
-
-
-def recording_of(image: SceneImagePart, picture: PicturePart) -> Recording:
-    """What the sensors do with light."""
-    settings = picture.settings(1.0)  # rays have no wavelength
-    mosaic = image.mosaic
-    return Recording(
-        light=settings.light,
-        noise=settings.sensor_noise,
-        model=image.noise,
-        black_level=image.black_level,
-        pixel_fill=settings.pixel_fill,
-        mosaic=None if mosaic is None else Mosaic(pattern=mosaic.pattern, response=mosaic.response),
-    )
 
 
 def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int) -> None:
@@ -265,11 +165,11 @@ def _refuse_too_large(whole: Sequence[Tile], scene: SceneSource, *, workers: int
 
 
 def take_picture(whole: Tile) -> TakenPicture:
-    """Render a picture here, tile by tile."""
-    return put_together(whole, [(tile, render_tile(tile)) for tile in tiles_of(whole)])
+    """Render a picture by rays here, tile by tile."""
+    return put_together(whole, [(tile, render_tile(tile)) for tile in tiles_of(whole)], math.nan)
 
 
-def put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> TakenPicture:
+def put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]], model_error: float) -> TakenPicture:
     """The picture that tiles are parts of."""
     shape = (whole.rows[1], whole.columns[1])
     values = np.empty(shape, parts[0][1].values.dtype)
@@ -285,6 +185,7 @@ def put_together(whole: Tile, parts: Sequence[tuple[Tile, Rendered]]) -> TakenPi
         depth=depth,
         saturated=sum(rendered.saturated for _, rendered in parts),
         sampling_error=(difference / size) ** 0.5 if size > 0.0 else 0.0,
+        model_error=model_error,
         tile=whole,
     )
 
@@ -319,7 +220,9 @@ def _picture_facts(one: TakenPicture, path: Path, image: SceneImagePart) -> dict
         "centre": list(pose.centre),
         "rotation": [list(row) for row in pose.rotation],
         "saturated_pixels": one.saturated,
+        "model": "rays" if one.tile.waves is None else "waves",
         "sampling_error": round(one.sampling_error, 6),
+        "model_error": round(one.model_error, 6),
         **one.tile.exposure.description(),
     }
 
@@ -360,7 +263,9 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
         },
         "scene": {"nearest": near, "farthest": far, "samples": image.samples},
         "sampling_error": "relative difference (root mean square) from pictures with 16 times the samples, in places "
-        "all over each picture, noise apart",
+        "all over each picture, noise apart; by waves also from twice as many computed spreads along each axis",
+        "model_error": "by rays: relative change of pixel intensities (L2) that leaving out diffraction makes, by a "
+        "trial; by waves: share of the light that is bent farther than it is followed, and shared out",
         "rig": image.rig,
         "errors": {name: value.tolist() for name, value in taken.errors.items()},
         "properties": dict(taken.camera.properties()),

@@ -76,6 +76,11 @@ def nodes(count: int) -> Nodes:
     return Nodes(pixel=both[:, :2], disc=both[:, 2:], pixel_spread=left / 12.0, disc_spread=left / 4.0)
 
 
+def fewer(count: int) -> int:
+    """Nodes of a lens that is barely lit, in place of so many."""
+    return max(LEAST_NODES, count // 2)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitPart:
     """The lit parts of lenses: from ``low`` to ``low + 2 half`` along ``axis`` from the centre of each lens [m].

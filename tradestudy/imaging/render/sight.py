@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from tradestudy.cameras.light_cones import LightCones, PerCone, Pose, Stop
 from tradestudy.imaging.render.nodes import LitPart, Nodes, lit_part, places_on_lens
+from tradestudy.imaging.render.waves import Bending, Tables
 from tradestudy.imaging.scenes.scene import Scene
 from tradestudy.imaging.scenes.surface import Nearby
 from tradestudy.optics.arrays import FloatArray
 
 REAL = np.float32
 """Of everything that is computed for each ray: 4 nm on the object at 150 mm."""
+_DARK = 1e-7  # weight of a ray of a lens of which no light passes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +39,13 @@ class Sight:
 
 
 def sight(
-    scene: Scene, cones: LightCones, pose: Pose, nodes: Nodes, pixel_width: float, color: NDArray[np.intp] | int
+    scene: Scene,
+    cones: LightCones,
+    pose: Pose,
+    nodes: Nodes,
+    pixel_width: float,
+    color: NDArray[np.intp] | int,
+    tables: Tables | None = None,
 ) -> Sight:
     """What every cone sees.
 
@@ -51,6 +59,8 @@ def sight(
         Side of the light-sensitive square of a pixel [m].
     color
         Which colour of a coloured pattern each cone sees; one number where it is the same for all.
+    tables
+        How diffraction bends the rays, by as many nodes; None: it does not.
     """
     cones = _single(cones)
     if not cones.pixel.size:
@@ -59,19 +69,24 @@ def sight(
     middle = lit_part(cones, 0.0, 0.0)
     eta = (middle.low + np.maximum(middle.half, 0)) * middle.axis
     start, slope = _rays(cones, pose, 0.0, 0.0, eta)
-    spread = _spread(scene, cones, pixel_width)
+    spread = _spread(scene, cones, pixel_width, tables)
     found = [surface.approach(start, slope, spread) for surface in scene.surfaces]
     depth, _ = _nearest([one for one, _ in found])
     nearby = [beside for _, beside in found]
-    mixtures = _mixtures(scene, cones, middle, depth, nodes, pixel_width)
+    along = _along_axis(pose, start, slope, depth)
+    bending = None if tables is None else tables.bending(cones, _finite(along))
+    mixtures = _mixtures(scene, cones, _lens_variance(cones, middle, depth, nodes, bending), depth, nodes, pixel_width)
     total, weights = np.zeros(cones.pixel.size, REAL), np.zeros(cones.pixel.size, REAL)
-    for (x, y), (across, beside) in zip(nodes.pixel * pixel_width, nodes.disc, strict=True):
+    for node, ((x, y), (across, beside)) in enumerate(zip(nodes.pixel * pixel_width, nodes.disc, strict=True)):
         lit = lit_part(cones, x, y)
         eta, weight = places_on_lens(lit, radius, across, beside)
-        rays = _rays(cones, pose, x, y, eta)
+        kink = None
+        if tables is not None and bending is not None:
+            weight, kink = tables.passed(cones, x, y) + REAL(_DARK), bending.kink(node, x, y, eta)
+        rays = _rays(cones, pose, x, y, eta, kink)
         total += weight * _brightness(scene, *rays, nearby, mixtures, color)
         weights += weight
-    return Sight(brightness=(total / weights).astype(float), depth=_along_axis(pose, start, slope, depth))
+    return Sight(brightness=(total / weights).astype(float), depth=along)
 
 
 def _single(cones: LightCones) -> LightCones:
@@ -89,6 +104,7 @@ def _single(cones: LightCones) -> LightCones:
         start_by_lens=small(cones.start_by_lens),
         slope_by_pixel=small(cones.slope_by_pixel),
         slope_by_lens=small(cones.slope_by_lens),
+        image_distance=small(cones.image_distance),
         stop=None
         if stop is None
         else Stop(
@@ -100,11 +116,15 @@ def _single(cones: LightCones) -> LightCones:
     )
 
 
-def _rays(cones: LightCones, pose: Pose, x: float, y: float, eta: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _rays(
+    cones: LightCones, pose: Pose, x: float, y: float, eta: FloatArray, kink: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
     """Rays of the scene through places on the pixels and on the lenses: places at z = 0, and slopes."""
     start, slope = eta * cones.start_by_lens, eta * cones.slope_by_lens
     start += cones.start
     slope += cones.slope
+    if kink is not None:
+        slope += kink
     for axis, value in enumerate((x, y)):
         if value != 0.0:
             start[axis] += REAL(value) * cones.start_by_pixel
@@ -143,30 +163,47 @@ def _nearest(depths: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.intp]
     return nearest, number
 
 
-def _spread(scene: Scene, cones: LightCones, pixel_width: float) -> float:
+def _spread(scene: Scene, cones: LightCones, pixel_width: float, tables: Tables | None) -> float:
     """How far rays of a cone may be from its middle ray anywhere in the scene [m]."""
     ends = [end for surface in scene.surfaces for end in surface.extent]
 
     def widest(z: float) -> float:
         by_pixel = np.abs(cones.start_by_pixel + np.float32(z) * np.asarray(cones.slope_by_pixel))
         by_lens = np.abs(cones.start_by_lens + np.float32(z) * np.asarray(cones.slope_by_lens))
-        return float(np.max(by_pixel)) * pixel_width * math.sqrt(0.5) + 2.0 * float(np.max(by_lens)) * cones.lens_radius
+        by_rays = 2.0 * float(np.max(by_lens)) * cones.lens_radius
+        bent = 0.0 if tables is None else tables.farthest(cones, z)
+        return float(np.max(by_pixel)) * pixel_width * math.sqrt(0.5) + max(by_rays, bent)
 
     return max(widest(min(ends)), widest(max(ends)))
+
+
+def _finite(depth: FloatArray) -> FloatArray:
+    """What meets nothing sees no pattern: any depth does."""
+    return np.where(np.isfinite(depth), depth, REAL(1))
+
+
+def _lens_variance(
+    cones: LightCones, lit: LitPart, depth: FloatArray, nodes: Nodes, bending: Bending | None
+) -> FloatArray:
+    """Variance [m²] along one axis of what one node stands for on the lens, where it meets the scene."""
+    if bending is not None:
+        return bending.filter_variance()
+    z = _finite(depth)
+    # Of a part that is not a whole disc, as of a disc of the same length.
+    by_lens = (cones.start_by_lens + z * cones.slope_by_lens) * np.maximum(lit.half, 0)
+    return np.square(by_lens) * REAL(nodes.disc_spread)
 
 
 Mixture = tuple[NDArray[np.intp], FloatArray]
 
 
 def _mixtures(
-    scene: Scene, cones: LightCones, lit: LitPart, depth: FloatArray, nodes: Nodes, pixel_width: float
+    scene: Scene, cones: LightCones, of_lens: FloatArray, depth: FloatArray, nodes: Nodes, pixel_width: float
 ) -> list[Mixture]:
     """For every pattern, the levels whose filter stands for what one node does not."""
-    z = np.where(np.isfinite(depth), depth, 1)
+    z = _finite(depth)
     by_pixel = (cones.start_by_pixel + z * cones.slope_by_pixel) * REAL(pixel_width)
-    # Of a part that is not a whole disc, as of a disc of the same length.
-    by_lens = (cones.start_by_lens + z * cones.slope_by_lens) * np.maximum(lit.half, 0)
-    variance = np.square(by_pixel) * REAL(nodes.pixel_spread) + np.square(by_lens) * REAL(nodes.disc_spread)
+    variance = np.square(by_pixel) * REAL(nodes.pixel_spread) + of_lens
     return [
         pattern.mixture(variance * np.square(np.asarray(surface.pattern_scale(z), REAL)))
         for surface, pattern in zip(scene.surfaces, scene.patterns, strict=True)

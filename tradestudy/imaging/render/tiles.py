@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tradestudy.cameras.light_cones import Exposure
-from tradestudy.imaging.render.nodes import LEAST_NODES, lit_area, nodes
+from tradestudy.imaging.render.nodes import fewer, lit_area, nodes
 from tradestudy.imaging.render.sensor import Recording
 from tradestudy.imaging.render.sight import sight
+from tradestudy.imaging.render.waves import Waves
 from tradestudy.imaging.scenes.pattern import GREY
 from tradestudy.imaging.scenes.scene import SceneSource
 from tradestudy.optics.arrays import FloatArray
@@ -45,6 +46,8 @@ class Tile:
         Of the study.
     rows, columns
         First and behind the last.
+    waves
+        How light is bent; None: rays alone.
     """
 
     camera: str
@@ -55,6 +58,7 @@ class Tile:
     seed: int
     rows: tuple[int, int]
     columns: tuple[int, int]
+    waves: Waves | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,8 +75,8 @@ class Rendered:
     saturated
         How many pixels are full.
     sampling_error
-        Of the light in its middle: sum of squares of the difference from one with 16 times the samples, and that of
-        the finer one [electrons²].
+        Of the light in its middle: sum of squares of the difference from one with 16 times the samples and, by waves,
+        twice as many spreads along each axis of their tables; and that of the finer one [electrons²].
     """
 
     values: NDArray[Any]
@@ -129,7 +133,8 @@ def _sampling_error(tile: Tile) -> tuple[float, float]:
     )
     coarse = replace(tile, rows=rows, columns=columns)
     light, _ = expected_electrons(coarse)
-    fine, _ = expected_electrons(replace(coarse, samples=FINER * tile.samples))
+    waves = None if tile.waves is None else replace(tile.waves, fineness=2 * tile.waves.fineness)
+    fine, _ = expected_electrons(replace(coarse, samples=FINER * tile.samples, waves=waves))
     return float(np.sum(np.square(light - fine))), float(np.sum(np.square(fine)))
 
 
@@ -146,9 +151,13 @@ def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
     rows, columns = (grid.ravel() for grid in np.mgrid[slice(*tile.rows), slice(*tile.columns)])
     x = (columns + 0.5 - sensor.columns / 2.0) * sensor.pixel_pitch
     y = (rows + 0.5 - sensor.rows / 2.0) * sensor.pixel_pitch
-    cones = exposure.cones(x, y)
+    waves = tile.waves
+    cones = exposure.cones(x, y, 0.0 if waves is None else waves.beyond)
     width = sensor.pixel_pitch * recording.pixel_fill
-    lit = lit_area(cones, width) / (np.pi * cones.lens_radius**2) * cones.light
+    if waves is None:
+        lit = lit_area(cones, width) / (np.pi * cones.lens_radius**2) * cones.light
+    else:
+        lit = waves.tables(tile.samples)[tile.samples].passed_pixel(cones, width) * cones.light
     gain = np.asarray(recording.electrons_at_f1(sensor))
     color: NDArray[np.intp] | int = GREY
     scene = tile.scene.build()
@@ -160,10 +169,11 @@ def _block(tile: Tile) -> tuple[FloatArray, NDArray[np.float32]]:
     share = lit / cones.light
     for kept, samples in (
         (np.flatnonzero(share > _DIM), tile.samples),
-        (np.flatnonzero((share > 0.0) & (share <= _DIM)), max(LEAST_NODES, tile.samples // 2)),
+        (np.flatnonzero((share > 0.0) & (share <= _DIM)), fewer(tile.samples)),
     ):
         own_color = color if isinstance(color, int) else color[kept]
-        seen = sight(scene, cones.only(kept), exposure.pose, nodes(samples), width, own_color)
+        tables = None if waves is None else waves.tables(tile.samples)[samples]
+        seen = sight(scene, cones.only(kept), exposure.pose, nodes(samples), width, own_color, tables)
         brightness[kept], seen_at[kept] = seen.brightness, seen.depth
     light: FloatArray = np.bincount(cones.pixel, weights=lit * brightness, minlength=x.size).astype(float)
     brightest = np.zeros(x.size)

@@ -34,6 +34,8 @@ def pictures_group(taken: TakenScene) -> xr.Dataset:
         "pixel_pitch": [one.pixel_pitch for one in pictures],
         "saturated": [float(one.saturated) for one in pictures],
         "sampling_error": [one.sampling_error for one in pictures],
+        "by_waves": [float(one.tile.waves is not None) for one in pictures],
+        "model_error": [one.model_error for one in pictures],
     }
     labels = {"picture": [f"{one.camera} {one.name}" for one in pictures]}
     if taken.depths:

@@ -29,6 +29,9 @@ MOST_STEPS = 50
 MOST_SURFACES = 20
 
 
+Rig = Literal["as-designed", "drawn"]
+
+
 class PlanePart(Part):
     """A textured plane, upright or slanted."""
 
@@ -138,7 +141,8 @@ class SceneImagePart(Part):
     """What `render` makes pictures of, and how.
 
     Texture, light, noise, fill and stops are those of scene.picture; its window, matcher, field angle, spectrum and
-    lens phase belong to derived errors alone: rays are traced over the whole field and have no wavelength.
+    lens phase belong to derived errors alone: pictures show the whole field, by rays or, where diffraction shows and
+    under effects (main_lens_diffraction, microlens_diffraction: fresnel), by waves of the scene's wavelength.
     """
 
     surfaces: Annotated[tuple[SurfacePart, ...], Field(min_length=1, max_length=MOST_SURFACES)] = Field(
@@ -148,7 +152,7 @@ class SceneImagePart(Part):
     cameras: Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None, description="Those that take pictures; default: all."
     )
-    rig: Literal["as-designed", "drawn"] = Field(
+    rig: Rig = Field(
         default="as-designed",
         description="Cameras without errors, or each with errors drawn once from its calibration.",
     )

@@ -1,0 +1,153 @@
+"""The pictures that a study asks for of its scene: which surfaces, taken by which cameras, recorded how."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from tradestudy.analysis.rendered_scene import pattern_of_scene, scene_of
+from tradestudy.cameras.camera import Camera
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.light_cones import Exposure
+from tradestudy.declarations.mistakes import MistakeAt
+from tradestudy.errors import Problem, StudyError
+from tradestudy.imaging.models import Texture
+from tradestudy.imaging.render.rig import drawn_errors
+from tradestudy.imaging.render.sensor import Mosaic, Recording
+from tradestudy.imaging.render.tiles import Tile
+from tradestudy.imaging.scenes.pattern import RandomPattern
+from tradestudy.imaging.scenes.scene import SceneSource
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.study.schema.picture import PicturePart
+from tradestudy.study.schema.scene_image import Rig, SceneImagePart
+
+_WHERE: Final = ("scene", "image")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Taken:
+    """A camera of the study, and what it takes pictures with.
+
+    Parameters
+    ----------
+    name, camera
+        As the study has it.
+    errors
+        What the camera that takes them is less its design, in SI.
+    exposures
+        Its pictures.
+    reference_distance, stop_separation
+        What they were asked for with [m]; see `Camera.exposures`.
+    """
+
+    name: str
+    camera: Camera
+    errors: Mapping[str, FloatArray]
+    exposures: Sequence[Exposure]
+    reference_distance: float
+    stop_separation: float
+
+
+def declared_image(definition: StudyDefinition) -> tuple[SceneImagePart, PicturePart]:
+    """What the study declares, or its absence as a mistake."""
+    scene = definition.file.scene
+    if scene is None or scene.image is None or scene.picture is None:
+        problem = definition.document.locate(("scene",)).problem(
+            _WHERE, "this key is missing: the surfaces of which render makes pictures"
+        )
+        raise StudyError([problem])
+    return scene.image, scene.picture
+
+
+def set_up(definition: StudyDefinition, *, rig: Rig | None = None) -> tuple[SceneSource, list[Taken]]:
+    """The scene, and the cameras that take it, with every mistake at its place; ``rig`` in place of the study's own."""
+    image, picture = declared_image(definition)
+    extent, cameras = extent_and_cameras(definition, rig=rig)
+    exposures = [exposure for taken in cameras for exposure in taken.exposures]
+    pattern = pattern_of_scene(texture_of(picture), exposures, extent, definition.file.propagation.seed)
+    return scene_of(image, pattern, definition.folder_of(_WHERE)), cameras
+
+
+def extent_and_cameras(
+    definition: StudyDefinition, *, rig: Rig | None = None
+) -> tuple[tuple[float, float], list[Taken]]:
+    """How near and far the scene reaches [m], and the cameras that take it, before anything is painted on it."""
+    image, picture = declared_image(definition)
+    texture = texture_of(picture)
+    flat = RandomPattern(texture=texture, sample=texture.correlation_length, side=2, seed=0)
+    try:
+        extent = scene_of(image, flat, definition.folder_of(_WHERE)).extent
+    except MistakeAt as mistake:
+        problems = [_problem(definition, (*_WHERE, *one.tail), one.what) for one in mistake.all]
+        raise StudyError(problems) from None
+    return extent, _cameras(definition, image, picture, sum(extent) / 2.0, rig or image.rig)
+
+
+def texture_of(picture: PicturePart) -> Texture:
+    """What surfaces are painted with."""
+    return Texture(contrast=picture.texture.contrast, correlation_length=picture.texture.correlation_length)
+
+
+def recording_of(image: SceneImagePart, picture: PicturePart) -> Recording:
+    """What the sensors do with light."""
+    settings = picture.settings(1.0)  # rays have no wavelength
+    mosaic = image.mosaic
+    return Recording(
+        light=settings.light,
+        noise=settings.sensor_noise,
+        model=image.noise,
+        black_level=image.black_level,
+        pixel_fill=settings.pixel_fill,
+        mosaic=None if mosaic is None else Mosaic(pattern=mosaic.pattern, response=mosaic.response),
+    )
+
+
+def whole_pictures(
+    definition: StudyDefinition, image: SceneImagePart, scene: SceneSource, taken: Taken, recording: Recording
+) -> list[Tile]:
+    """Each picture of a camera, as one tile, by rays."""
+    return [
+        Tile(
+            camera=taken.name,
+            exposure=exposure,
+            scene=scene,
+            recording=recording,
+            samples=image.samples,
+            seed=definition.file.propagation.seed,
+            rows=(0, exposure.sensor.rows),
+            columns=(0, exposure.sensor.columns),
+        )
+        for exposure in taken.exposures
+    ]
+
+
+def _problem(definition: StudyDefinition, path: tuple[str | int, ...], what: str) -> Problem:
+    return definition.document.locate(path).problem(path, what)
+
+
+def _cameras(
+    definition: StudyDefinition, image: SceneImagePart, picture: PicturePart, middle: float, rig: Rig
+) -> list[Taken]:
+    found = []
+    for name, camera in definition.case.all_cameras.items():
+        if image.cameras is not None and name not in image.cameras:
+            continue
+        errors: Mapping[str, FloatArray] = {}
+        environment = None
+        if rig == "drawn" and isinstance(camera, DepthCamera):
+            errors = drawn_errors(camera, name, definition.file.propagation.seed)
+            environment = camera.calibration.environment
+        exposures = camera.exposures(middle, errors, environment, picture.stop_separation)
+        found.append(
+            Taken(
+                name=name,
+                camera=camera,
+                errors=errors,
+                exposures=exposures,
+                reference_distance=middle,
+                stop_separation=picture.stop_separation,
+            )
+        )
+    return found

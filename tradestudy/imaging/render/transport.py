@@ -1,0 +1,84 @@
+"""Places that stand for a spread of light as nodes of a disc stand for the disc."""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from tradestudy.optics.arrays import FloatArray
+
+_LAGS: Final = 24
+_WIDTHS: Final = 33
+
+
+def disc_quantiles(disc: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Share of the unit disc to the left of each node, and of its own column above it; shape (nodes,) from (nodes, 2).
+
+    ``½ + (a √(1 − a²) + arcsin a)/π`` and ``½ (1 + b/√(1 − a²))``.
+    """
+    across, beside = disc.T
+    height = np.sqrt(np.maximum(1.0 - across * across, 1e-12))
+    left = 0.5 + (across * height + np.arcsin(across)) / math.pi
+    return left, np.clip(0.5 * (1.0 + beside / height), 0.0, 1.0)
+
+
+def carried(place: FloatArray, density: FloatArray, left: FloatArray, above: FloatArray) -> FloatArray:
+    """Places with the same shares of a spread to their left, and in their own column above them.
+
+    The map of a uniform disc to one of another size is the change of size (H. Knothe, Michigan Math. J. 4, 39, 1957).
+
+    Parameters
+    ----------
+    place, density
+        Of samples, even, along both axes; shape (n,) and (n, n), y along the rows.
+    left, above
+        Of `disc_quantiles`, shape (nodes,).
+
+    Returns
+    -------
+    FloatArray
+        Shape (nodes, 2).
+    """
+    step = place[1] - place[0]
+    edges = np.append(place, place[-1] + step) - step / 2.0
+    x = _place_of(left[None], density.sum(axis=0)[None], edges)[0]
+    column = np.clip((x - place[0]) / step, 0.0, place.size - 1.001)
+    first = column.astype(np.intp)
+    share = (column - first)[:, None]
+    columns = np.ascontiguousarray(density.T)
+    y = _place_of(above[:, None], (1.0 - share) * columns[first] + share * columns[first + 1], edges)[:, 0]
+    return np.stack([x, y], axis=-1)
+
+
+def _place_of(share: FloatArray, density: FloatArray, edges: FloatArray) -> FloatArray:
+    """Where rows of densities have shares of their sum to the left, shape (rows, shares)."""
+    total = np.cumsum(density, axis=1)
+    total = np.concatenate([np.zeros_like(total[:, :1]), total], axis=1)
+    return np.stack([np.interp(own * all_of[-1], all_of, edges) for own, all_of in zip(share, total, strict=True)])
+
+
+def filter_width(place: FloatArray, density: FloatArray, nodes: FloatArray, band: float) -> float:
+    """Standard deviation of the Gaussian that, put on nodes, comes closest to a spread.
+
+    Closest in the transfer along both axes, frequencies weighted by ν⁻² as textures and their number are, up to a band.
+
+    Parameters
+    ----------
+    place, density
+        As for `carried`.
+    nodes
+        Equal places that stand for the spread, shape (nodes, 2).
+    band
+        Highest frequency [1/unit of place].
+    """
+    frequency = band * (np.arange(_LAGS) + 0.5) / _LAGS
+    wave = np.exp(-2j * np.pi * np.multiply.outer(frequency, place))
+    whole = np.stack([(wave * density.sum(axis=axis)).sum(axis=1) for axis in (0, 1)])
+    by_nodes = np.exp(-2j * np.pi * frequency[:, None] * nodes.T[:, None]).mean(axis=-1)
+    widest = float(np.max(np.std(nodes, axis=0)))
+    widths = widest * np.linspace(0.0, 1.5, _WIDTHS)
+    gauss = np.exp(-2.0 * np.square(np.pi * np.multiply.outer(widths, frequency)))[:, None]
+    miss = np.sum(np.square(np.abs(whole - by_nodes * gauss)) / np.square(frequency), axis=(1, 2))
+    return float(widths[np.argmin(miss)])

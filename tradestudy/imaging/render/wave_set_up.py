@@ -1,0 +1,57 @@
+"""What waves of a picture are computed for: its types of lenses, and the depths that it shows."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.light_cones import Exposure, LightCones
+from tradestudy.imaging.render.nodes import LEAST_NODES, nodes
+from tradestudy.imaging.render.sight import sight
+from tradestudy.imaging.render.waves import LensWaves, Waves, paraxial_numbers
+from tradestudy.imaging.scenes.pattern import GREY
+from tradestudy.imaging.scenes.scene import SceneSource
+from tradestudy.optics.two_apertures import Stop, TwoApertures
+
+_GRID: Final = 33  # pixels along each side of a picture that are looked at
+_MORE: Final = 0.05  # of the range of depths between them
+
+
+def waves_of(exposure: Exposure, scene: SceneSource, wavelength: float) -> Waves:
+    """How a picture of a scene is rendered by waves [m]: one set of numbers for each type of lens.
+
+    Errors and the curvature of the field make lenses of one type differ; their mean is taken for what bends light, and
+    each lens's own for where it goes.
+    """
+    sensor = exposure.sensor
+    x, y = (
+        (np.linspace(0.0, size - 1.0, _GRID).round() + 0.5 - size / 2.0) * sensor.pixel_pitch
+        for size in (sensor.columns, sensor.rows)
+    )
+    places = np.meshgrid(x, y)
+    cones = exposure.cones(places[0].ravel(), places[1].ravel())
+    depth = sight(scene.build(), cones, exposure.pose, nodes(LEAST_NODES), sensor.pixel_pitch, GREY).depth
+    seen = depth[np.isfinite(depth)]
+    near, far = (float(np.min(seen)), float(np.max(seen))) if seen.size else scene.extent
+    ends = np.array([near, far]) * np.array([1.0 - _MORE, 1.0 + _MORE])
+    found, bent = [], 0.0
+    types = np.broadcast_to(cones.lens_type, cones.pixel.shape)
+    for one in range(int(np.max(types)) + 1):
+        own = cones.only(np.flatnonzero(types == one))
+        apertures = _apertures(own, wavelength)
+        curvature = np.array([float(np.mean(paraxial_numbers(own, end)[2])) for end in ends])
+        waves = np.sort((curvature - apertures.focused_curvature) * apertures.waves_per_curvature)
+        lens = LensWaves(apertures=apertures, defocus=(float(waves[0]), float(waves[-1])))
+        found.append(lens)
+        if (stop := own.stop) is not None:
+            bent = max(bent, lens.margin / abs(float(np.mean(stop.by_pixel))))
+    return Waves(lenses=tuple(found), beyond=bent)
+
+
+def _apertures(cones: LightCones, wavelength: float) -> TwoApertures:
+    if (stop := cones.stop) is None:
+        return TwoApertures(wavelength=wavelength, radius=cones.lens_radius)
+    reach = float(np.mean(-np.asarray(cones.image_distance) * stop.by_pixel))
+    own = Stop(scale=float(np.mean(stop.by_lens)), reach=reach, radius=stop.radius)
+    return TwoApertures(wavelength=wavelength, radius=cones.lens_radius, stop=own)

@@ -1,0 +1,335 @@
+"""Pictures by waves: where light of a pixel goes if it is bent by the apertures it passes, for every ray of a picture.
+
+The light of a place on a pixel is followed backwards through the lens and the stop (`TwoApertures`), for each type of
+lens, over the place of the stop before it (the field of the lens, and vignetting) and the depth. Each computed spread
+becomes a table of places that stand for it as the rays of a cone stand for the lit part of the lens; between computed
+spreads the places are interpolated. A ray still starts on the lens where it did, and is bent there so that it meets the
+depth of its cone where the spread has it. So surfaces hide each other as they do by rays, an edge before or behind that
+depth is blurred by its own defocus and the same kink, and in the limit of large apertures nothing changes.
+
+What it leaves out: light is paraxial and of one wavelength; that of several microlenses adds without interference,
+whose fringes on the object are far finer than a pixel sees; the kink of rays of one cone to another depth than that of
+its middle is that of the middle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.cameras.light_cones import LightCones
+from tradestudy.imaging.render.nodes import fewer, nodes
+from tradestudy.imaging.render.transport import carried, disc_quantiles, filter_width
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.two_apertures import TwoApertures
+
+_STEP: Final = 0.5  # of defocus between computed spreads [waves] near focus, less than linear beyond a wave
+_OFFSET_STEP: Final = 1.0  # between places of the stop, in widths of the edge of the shadow
+_MARGIN: Final = 2.0  # of the light that is followed beyond rays, in such widths
+_END: Final = 0.99
+_SHARES: Final = 257
+_NODES_OF_PIXEL: Final = 3
+
+
+def paraxial_numbers(cones: LightCones, depth: FloatArray | float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """``mₒ, β [m]`` and ``g [1/m]`` of `tradestudy.optics.two_apertures` for cones and depths [m] before the camera."""
+    image_distance = np.asarray(cones.image_distance)
+    scale = np.asarray(cones.start_by_lens + depth * np.asarray(cones.slope_by_lens))
+    reach = -image_distance * (cones.start_by_pixel + depth * np.asarray(cones.slope_by_pixel))
+    if (stop := cones.stop) is None:
+        return scale, reach, scale / reach
+    to_stop = -image_distance * stop.by_pixel
+    beta = stop.by_lens * reach - to_stop * scale
+    return scale, beta, reach / (to_stop * beta)
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensWaves:
+    """One type of lens of a picture, and what its light meets.
+
+    What light is bent farther than it is followed is shared out among the places that it is followed to.
+
+    Parameters
+    ----------
+    apertures
+        The lens and the stop.
+    defocus
+        Least and largest that is seen [waves].
+    """
+
+    apertures: TwoApertures
+    defocus: tuple[float, float]
+
+    @property
+    def margin(self) -> float:
+        """How far on the stop light is followed beyond the reach of rays [m]."""
+        return 0.0 if self.apertures.is_sharp else _MARGIN * self.apertures.blur
+
+    @property
+    def farthest(self) -> float:
+        """From the middle of the shadow of the lens to that of the stop, up to which light is followed [m]."""
+        stop = self.apertures.stop
+        if stop is None:
+            return 0.0
+        return stop.radius + abs(stop.scale) * self.apertures.radius + self.margin
+
+    @cached_property
+    def shares(self) -> FloatArray:
+        """Of the light of the lens that passes, over even offsets from 0 to the farthest."""
+        return self._passed / (1.0 - self.bent_farther)
+
+    @cached_property
+    def _passed(self) -> FloatArray:
+        return self.apertures.passed_share(np.linspace(0.0, self.farthest, _SHARES))
+
+    @cached_property
+    def bent_farther(self) -> float:
+        """Share of the light of the pupil that is not followed: ``1 − ∫ share(q) 2πq dq / πR²``, R the stop's radius.
+
+        All light of the lens goes through some place of the stop's plane, so that without an end it is 0.
+        """
+        if (stop := self.apertures.stop) is None:
+            return 0.0
+        offset = np.linspace(0.0, self.farthest, _SHARES)
+        return 1.0 - float(np.trapezoid(self._passed * 2.0 * offset, offset)) / stop.radius**2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Waves:
+    """How a picture is rendered by waves.
+
+    Parameters
+    ----------
+    lenses
+        By the type of lens.
+    beyond
+        Of `Exposure.cones` [m].
+    fineness
+        Factor on the number of spreads that are computed.
+    """
+
+    lenses: tuple[LensWaves, ...]
+    beyond: float
+    fineness: int = 1
+
+    @property
+    def bent_farther(self) -> float:
+        """Share of the light that is shared out; the most of any type of lens."""
+        return max(lens.bent_farther for lens in self.lenses)
+
+    def tables(self, samples: int) -> Mapping[int, Tables]:
+        """The computed spreads by so many rays each, and by those of dim lenses; made once for each process."""
+        return _tables(self, samples)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Tables:
+    """Computed spreads of all types of lenses, over places of the stop and defocus.
+
+    Parameters
+    ----------
+    waves
+        What they are of.
+    places
+        Over λβ [1/m]: of each node, and of its mirror image, shape (2, nodes, 2, types × offsets × defoci).
+    widths
+        Of the filter of a node over λβ [1/m], shape (types × offsets × defoci,).
+    shares
+        Of the light of a lens that passes, over offsets from 0 to the farthest, shape (types, 257).
+    offsets, defoci
+        How many of each there are.
+    knots
+        Defoci that are computed [waves], shape (types, defoci).
+    """
+
+    waves: Waves
+    places: NDArray[np.float32]
+    widths: NDArray[np.float32]
+    shares: NDArray[np.float32]
+    offsets: int
+    defoci: int
+    knots: NDArray[np.float32]
+
+    def passed(self, cones: LightCones, x: float, y: float) -> FloatArray:
+        """Share of the light of each lens that passes, seen from a place [m] on the pixel; 0 beyond the table."""
+        if cones.stop is None:
+            return np.ones(cones.start.shape[1], cones.start.dtype)
+        offset, _ = self.towards_stop(cones, x, y)
+        place = offset / self.of_type(cones, [one.farthest for one in self.waves.lenses]) * (_SHARES - 1)
+        first = np.minimum(place.astype(np.intp), _SHARES - 2)
+        row = np.asarray(cones.lens_type) * _SHARES + first
+        low, high = self.shares.reshape(-1)[row], self.shares.reshape(-1)[row + 1]
+        return np.where(place <= _SHARES - 1, low + (place - first) * (high - low), 0)
+
+    def passed_pixel(self, cones: LightCones, pixel_width: float) -> FloatArray:
+        """The same, the mean over a square pixel of a width [m]: Gauss–Legendre, as its edge is blurred."""
+        if cones.stop is None:
+            return self.passed(cones, 0.0, 0.0)
+        t, w = np.polynomial.legendre.leggauss(_NODES_OF_PIXEL)
+        total = np.zeros(cones.start.shape[1])
+        for x, wx in zip(t * pixel_width / 2.0, w, strict=True):
+            for y, wy in zip(t * pixel_width / 2.0, w, strict=True):
+                total += wx * wy / 4.0 * self.passed(cones, float(x), float(y))
+        return total
+
+    def bending(self, cones: LightCones, depth: FloatArray) -> Bending:
+        """Prepare cones whose middle rays meet depths [m] along the axis of the camera, finite."""
+        kind = cones.start.dtype.type
+        scale, beta, curvature = paraxial_numbers(cones, depth)
+        lenses = self.waves.lenses
+        focused = self.of_type(cones, [one.apertures.focused_curvature for one in lenses])
+        waves = (curvature - focused) * self.of_type(cones, [one.apertures.waves_per_curvature for one in lenses])
+        types = np.broadcast_to(cones.lens_type, waves.shape)
+        low, high = np.arcsinh(self.knots[types, 0]), np.arcsinh(self.knots[types, -1])
+        at = (np.arcsinh(waves) - low) / (high - low) * kind(self.defoci - 1)
+        first = np.clip(at.astype(np.intp), 0, self.defoci - 2)
+        before, behind = self.knots[types, first], self.knots[types, first + 1]
+        return Bending(
+            tables=self,
+            cones=cones,
+            depth=depth,
+            scale=scale,
+            beta=beta * kind(lenses[0].apertures.wavelength),
+            first=types * (self.offsets * self.defoci) + first,
+            share=np.clip((waves - before) / (behind - before), 0, 1).astype(kind),
+        )
+
+    def farthest(self, cones: LightCones, depth: float) -> float:
+        """How far from the middle ray of its cone light is bent at a depth [m]."""
+        _, beta, _ = paraxial_numbers(cones, depth)
+        widest = float(np.max(np.abs(self.places), initial=0.0)) * self.waves.lenses[0].apertures.wavelength
+        return math.sqrt(2.0) * widest * float(np.max(np.abs(beta)))
+
+    def of_type(self, cones: LightCones, values: Iterable[float]) -> FloatArray:
+        """Of each cone, from one number for each type of lens."""
+        return np.asarray(list(values), cones.start.dtype)[cones.lens_type]
+
+    def towards_stop(self, cones: LightCones, x: float, y: float) -> tuple[FloatArray, FloatArray]:
+        """From the middle of the shadow of the lens to that of the stop: how far [m], and where to (2, cones)."""
+        stop = cones.stop
+        assert stop is not None
+        towards = -(stop.place + np.stack(np.broadcast_arrays(stop.by_pixel * x, stop.by_pixel * y)).reshape(2, -1))
+        towards = towards.astype(cones.start.dtype)
+        distance = np.sqrt(towards[0] * towards[0] + towards[1] * towards[1])
+        return distance, towards / np.maximum(distance, cones.start.dtype.type(1e-12))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Bending:
+    """Cones and their spreads at the depths that their middle rays meet.
+
+    Parameters
+    ----------
+    tables, cones, depth
+        What it is of [m].
+    scale, beta
+        mₒ and λβ [m²] of `tradestudy.optics.two_apertures`.
+    first, share
+        The spread before each defocus in the tables, for a stop in the middle, and the share of the next one.
+    """
+
+    tables: Tables
+    cones: LightCones
+    depth: FloatArray
+    scale: FloatArray
+    beta: FloatArray
+    first: NDArray[np.intp]
+    share: FloatArray
+
+    def kink(self, node: int, x: float, y: float, eta: FloatArray) -> FloatArray:
+        """What is added to the slope of a ray of each cone from places η on the lens [m], shape (2, cones).
+
+        It meets the depth where the node of the spread of a place [m] on the pixel is.
+        """
+        tables = self.tables
+        first, along = self.first, None
+        if self.cones.stop is not None:
+            first, along, direction = self._place(x, y)
+        side = np.where(self.scale < 0, 1, 0)
+        found = []
+        for axis in (0, 1):
+            both = tables.places[:, node, axis]
+            found.append(self._between(both.reshape(-1), side * both.shape[1] + first, along))
+        across, beside = found
+        if self.cones.stop is not None:
+            ax, ay = direction
+            across, beside = across * ax - beside * ay, across * ay + beside * ax
+        return (np.stack([across, beside]) * self.beta - eta * self.scale) / self.depth
+
+    def filter_variance(self) -> FloatArray:
+        """Of the Gaussian that stands for what one node of a spread does not [m²]."""
+        first, along = self.first, None
+        if self.cones.stop is not None:
+            first, along, _ = self._place(0.0, 0.0)
+        return np.square(self._between(self.tables.widths, first, along) * self.beta)
+
+    def _place(self, x: float, y: float) -> tuple[NDArray[np.intp], FloatArray, FloatArray]:
+        tables = self.tables
+        offset, direction = tables.towards_stop(self.cones, x, y)
+        farthest = tables.of_type(self.cones, [one.farthest for one in tables.waves.lenses])
+        at = np.minimum(offset / farthest, 1) * (tables.offsets - 1)
+        row = np.minimum(at.astype(np.intp), tables.offsets - 2)
+        return self.first + row * tables.defoci, (at - row).astype(self.share.dtype), direction
+
+    def _between(self, table: NDArray[np.float32], first: NDArray[np.intp], along: FloatArray | None) -> FloatArray:
+        """Linear in the defocus and, where there is a stop, in its place."""
+        low = table.take(first)
+        low = low + self.share * (table.take(first + 1) - low)
+        if along is None:
+            return np.asarray(low)
+        step = self.tables.defoci
+        high = table.take(first + step)
+        high = high + self.share * (table.take(first + step + 1) - high)
+        return np.asarray(low + along * (high - low))
+
+
+@lru_cache(maxsize=64)  # pictures of a study, each with its own samples and those of its error; a megabyte each
+def _tables(waves: Waves, samples: int) -> Mapping[int, Tables]:
+    lenses, fine = waves.lenses, waves.fineness
+    ends = np.arcsinh([one.defocus for one in lenses])
+    defoci = max(2, math.ceil(fine * float(np.max(ends[:, 1] - ends[:, 0])) / _STEP) + 1)
+    knots = np.sinh(np.linspace(ends[:, 0], ends[:, 1], defoci, axis=-1))
+    offsets = 1
+    if lenses[0].apertures.stop is not None:
+        edges = max(one.farthest / one.apertures.blur for one in lenses)
+        offsets = math.ceil(fine * edges / _OFFSET_STEP) + 1
+    counts = sorted({samples, fewer(samples)})
+    shares = {count: _shares(count) for count in counts}
+    shape = (len(lenses), offsets, defoci)
+    places = {count: np.empty((2 * count, 2, *shape), np.float32) for count in counts}
+    widths = {count: np.empty(shape, np.float32) for count in counts}
+    for k, lens in enumerate(lenses):
+        # At the very end no light is left that could be spread.
+        for i, offset in enumerate(np.minimum(np.linspace(0.0, lens.farthest, offsets), _END * lens.farthest)):
+            for j, curvature in enumerate(lens.apertures.curvature(knots[k])):
+                place, density = lens.apertures.spread(float(offset), float(curvature))
+                for count in counts:
+                    found = carried(place, density, *shares[count])
+                    places[count][:, :, k, i, j] = found
+                    band = 2.0 * lens.apertures.lit_radius
+                    widths[count][k, i, j] = filter_width(place, density, found[:count], band)
+    passed = np.asarray([one.shares for one in lenses], np.float32)
+    return {
+        count: Tables(
+            waves=waves,
+            places=places[count].reshape(2, count, 2, -1),
+            widths=widths[count].reshape(-1),
+            shares=passed,
+            offsets=offsets,
+            defoci=defoci,
+            knots=knots.astype(np.float32),
+        )
+        for count in counts
+    }
+
+
+def _shares(count: int) -> tuple[FloatArray, FloatArray]:
+    """Of `disc_quantiles` for nodes and their mirror images."""
+    both = [disc_quantiles(side * nodes(count).disc) for side in (1.0, -1.0)]
+    return np.concatenate([one[0] for one in both]), np.concatenate([one[1] for one in both])

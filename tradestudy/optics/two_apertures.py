@@ -1,0 +1,280 @@
+"""How waves spread the light of a point behind a lens and a stop: what the stop passes, and where the rest goes.
+
+Between any two planes paraxial light is known by two numbers: a ray through the place η of the lens meets the other
+plane at x = m η, and a kink by an angle κ at the lens moves it by B κ. With (mₛ, Bₛ) at the stop, (mₒ, Bₒ) on the
+object and β = mₛ Bₒ − Bₛ mₒ from the stop to the object, Collins's integral over both apertures reads
+
+    U(x) ∝ ∬ dP dη exp{iπ/λ [mₛ η²/Bₛ − 2 η·P/Bₛ + g P² − 2 P·x/β]},    g = Bₒ/(Bₛ β),
+
+places counted from the ray through the middle of the lens. Without a stop the lens stands in its place: P = η,
+g = mₒ/Bₒ, β = Bₒ. By reciprocity, a place on a pixel gathers light of the object in just the way in which light of its
+own would spread over it.
+
+References
+----------
+S. A. Collins, "Lens-system diffraction integral written in terms of matrix optics", J. Opt. Soc. Am. 60, 1168 (1970).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tradestudy.errors import OutOfRangeError, UnaffordableError
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.quadrature import gauss_legendre
+
+_TAIL: Final = 16.0  # of a spread beyond its rays, over the radius of what limits it: 32 λN
+_SHADOW: Final = 8.0  # of light on the stop beyond the shadow of the lens, in radii of the diffraction there
+_PAD: Final = 3.0  # width of the periodic grid over that of the aperture: 2 leaves the spread without overlap
+_MOST_SAMPLES: Final = 4096
+_NODES_OF_ARC: Final = 400
+_SHARP: Final = 50.0  # Fresnel number of the shadow from which on its edge is sharp: a seventh of its radius wide
+_STEPS_OF_SHARP: Final = 8.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stop:
+    """A round aperture behind the lens.
+
+    Parameters
+    ----------
+    scale, reach
+        mₛ and Bₛ [m], ≠ 0.
+    radius
+        [m].
+    """
+
+    scale: float
+    reach: float
+    radius: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class TwoApertures:
+    """A lens that a point lights evenly, and perhaps a stop behind it; scalar, paraxial, of one wavelength.
+
+    Parameters
+    ----------
+    wavelength
+        λ [m].
+    radius
+        Of the lens [m].
+    stop
+        None: the lens alone.
+    """
+
+    wavelength: float
+    radius: float
+    stop: Stop | None = None
+
+    @cached_property
+    def _airy(self) -> float:
+        """λ Bₛ/2r: by how much diffraction at the lens widens its shadow on the stop [m]."""
+        return 0.0 if self.stop is None else self.wavelength * abs(self.stop.reach) / (2.0 * self.radius)
+
+    @cached_property
+    def is_sharp(self) -> bool:
+        """Whether the shadow of the lens on the stop is that of rays: ``|mₛ| r²/λ|Bₛ|`` of 50 or more.
+
+        Both apertures still spread light over the object, and only what the edge of the lens does to the light on the
+        stop is left out.
+        """
+        stop = self.stop
+        return stop is not None and abs(stop.scale) * self.radius**2 >= _SHARP * self.wavelength * abs(stop.reach)
+
+    @cached_property
+    def lit_radius(self) -> float:
+        """About how far light goes from the middle of the aperture that stands before the object [m]."""
+        if self.stop is None:
+            return self.radius
+        return min(self.stop.radius, abs(self.stop.scale) * self.radius + self._airy)
+
+    @cached_property
+    def blur(self) -> float:
+        """Width of the edge of the lens's shadow on the stop [m]: of a Fresnel zone, or of the Airy disc.
+
+        A sharp shadow has an eighth of its radius, for as much changes what the stop leaves of it.
+        """
+        if self.stop is None:
+            return 0.0
+        if self.is_sharp:
+            return abs(self.stop.scale) * self.radius / _STEPS_OF_SHARP
+        return max(math.sqrt(self.wavelength * abs(self.stop.reach * self.stop.scale)), self._airy)
+
+    @cached_property
+    def focused_curvature(self) -> float:
+        """g of the object that is in focus [1/m]."""
+        if (stop := self.stop) is None:
+            return 0.0
+        least = self._airy / self.radius  # as of a Gaussian beam, where the shadow itself is in focus
+        return stop.scale / (stop.reach * (stop.scale**2 + least**2))
+
+    @property
+    def waves_per_curvature(self) -> float:
+        """Path error [waves] at the edge of the lit part for each 1/m of g away from that in focus [m]."""
+        return self.lit_radius**2 / (2.0 * self.wavelength)
+
+    def curvature(self, defocus_waves: FloatArray) -> FloatArray:
+        """g [1/m] of objects so many waves out of focus."""
+        return np.asarray(self.focused_curvature + defocus_waves / self.waves_per_curvature)
+
+    def rays_slope(self, curvature: float) -> float:
+        """mₒ/β [1/m] of an object: rays through the lens at η spread over it by this times η β."""
+        if self.stop is None:
+            return curvature
+        return self.stop.scale * curvature - 1.0 / self.stop.reach
+
+    def amplitude(self, distance: FloatArray) -> FloatArray:
+        """Complex light in the plane of the stop at distances [m] from the middle of the shadow [1/m].
+
+        ``V = 2π ∫₀^r exp(iπ mₛ η²/λBₛ) J₀(2π η P/λBₛ) η dη / (√π r λ Bₛ)``: its square has the integral 1. Without a
+        stop, even light on the lens. Gauss–Legendre in η² with nodes for the largest phase.
+        """
+        from scipy.special import j0
+
+        r = self.radius
+        if self.stop is None:
+            return np.asarray((distance <= r) / (math.sqrt(math.pi) * r), np.complex128)
+        reach = self.wavelength * self.stop.reach
+        phase = math.pi * self.stop.scale * r * r / reach
+        turns = 2.0 * math.pi * r / abs(reach)
+        t, weight = gauss_legendre(32 * math.ceil((abs(phase) + turns * float(np.max(distance)) + 32.0) / 64.0))
+        bessel = j0(np.multiply.outer(distance, np.sqrt(t) * turns))
+        return np.asarray(math.sqrt(math.pi) * r / reach * (bessel @ (weight * np.exp(1j * phase * t))))
+
+    def passed_share(self, offset: FloatArray) -> FloatArray:
+        """Share of the light of the lens that the stop passes, its centre so far from that of the shadow [m]."""
+        if (stop := self.stop) is None:
+            return np.ones_like(offset)
+        t, weight = gauss_legendre(_NODES_OF_ARC)
+        first, last = np.maximum(offset - stop.radius, 0.0), offset + stop.radius
+        # Rings about the shadow; those that the stop does not cut are taken apart, so that no rule meets a corner.
+        whole = np.maximum(stop.radius - offset, 0.0)
+        total = np.zeros_like(offset, dtype=np.float64)
+        for low, high, cut in ((np.zeros_like(offset), whole, False), (np.maximum(first, whole), last, True)):
+            # The arc begins and ends upright: t → sin² makes the rule smooth there.
+            ring = low[:, None] + (high - low)[:, None] * np.square(np.sin(0.5 * math.pi * t))
+            step = (high - low)[:, None] * (0.5 * math.pi * np.sin(math.pi * t)) * weight
+            half = np.full_like(ring, math.pi)
+            if cut:
+                apart = np.maximum(2.0 * ring * offset[:, None], 1e-300)
+                cosine = (np.square(ring) + np.square(offset)[:, None] - stop.radius**2) / apart
+                half = np.arccos(np.clip(cosine, -1.0, 1.0))
+            total += np.sum(2.0 * half * ring * step * np.square(np.abs(self._shadow(ring))), axis=1)
+        return total
+
+    @cached_property
+    def _shadow(self) -> Callable[[FloatArray], NDArray[np.complex128]]:
+        """Light on the stop: cubic between amplitudes, eight to each period of its band, out to where the stop ends."""
+        from scipy.interpolate import CubicSpline
+
+        stop = self.stop
+        assert stop is not None
+        if self.is_sharp:
+            edge = abs(stop.scale) * self.radius
+            bend = -math.pi / (self.wavelength * stop.reach * stop.scale)
+            height = 1.0 / (math.sqrt(math.pi) * edge)
+            return lambda distance: np.where(distance <= edge, height, 0.0) * np.exp(1j * bend * np.square(distance))
+        far = 2.0 * (stop.radius + self._half_window)
+        radii = np.linspace(0.0, far, 8 * math.ceil(far / self._airy) + 33)
+        cubic = CubicSpline(radii, self.amplitude(radii))
+        # Farther away there is next to nothing.
+        return lambda distance: np.where(distance <= far, cubic(np.minimum(distance, far)), 0.0)
+
+    def spread(self, offset: float, curvature: float) -> tuple[FloatArray, FloatArray]:
+        """Density of light over the object, the stop's centre lying so far along x from the middle of the shadow [m].
+
+        Parameters
+        ----------
+        offset
+            [m]; 0 without a stop.
+        curvature
+            g [1/m].
+
+        Returns
+        -------
+        tuple
+            Places x/(λβ) along either axis [1/m], shape (n,), and |U|², shape (n, n), y along the rows, of sum 1; n
+            samples reach 16 over the radius of the lit part beyond the rays, and what lies farther is folded in.
+
+        Raises
+        ------
+        OutOfRangeError
+            Where no light passes.
+        UnaffordableError
+            For a defocus that takes more than 4096 samples along an axis.
+        """
+        low, high, half = self._window(offset)
+        farthest = self.radius * abs(self.rays_slope(curvature)) / self.wavelength
+        band = farthest + _TAIL / min(self.lit_radius, max(half, (high - low) / 2.0))
+        step = 1.0 / (2.0 * band)
+        count = _even_size(_PAD * 2.0 * max(half, (high - low) / 2.0) / step)
+        columns, rows = math.ceil((high - low) / step) + 3, 2 * (math.ceil(half / step) + 1) + 1
+        p_x = (low + high) / 2.0 + step * (np.arange(columns) - (columns - 1) / 2.0)
+        p_y = step * (np.arange(rows) - (rows - 1) / 2.0)
+        square = np.square(p_x) + np.square(p_y)[:, None]
+        phase = math.pi * curvature / self.wavelength * square
+        distance = np.sqrt(square)
+        if self.stop is None:
+            light = _edge(self.radius - distance, step) * np.exp(1j * phase)
+        else:
+            passed = _edge(self.stop.radius - np.hypot(p_x - offset, p_y[:, None]), step)
+            if self.is_sharp:
+                passed = passed * _edge(self._half_window - distance, step)
+                distance = np.minimum(distance, self._half_window)
+            light = passed * self._shadow(distance) * np.exp(1j * phase)
+        from scipy import fft
+
+        # Rows without light stay out of the first transform; single precision is finer than the edges are.
+        spectrum = fft.fft(fft.fft(light.astype(np.complex64), n=count, axis=1), n=count, axis=0)
+        density = np.square(spectrum.real) + np.square(spectrum.imag)
+        place = fft.fftshift(fft.fftfreq(count, step))
+        return place, fft.fftshift(density) / density.sum()
+
+    def _window(self, offset: float) -> tuple[float, float, float]:
+        """Along x from where to where light passes, and half of it along y [m]."""
+        if self.stop is None:
+            return -self.radius, self.radius, self.radius
+        half = self._half_window
+        low, high = max(-half, offset - self.stop.radius), min(half, offset + self.stop.radius)
+        if high <= low:
+            raise OutOfRangeError(
+                "from the middle of a lens's shadow to that of the stop",
+                value=f"{offset:g} m",
+                limit=f"less than {half + self.stop.radius:g} m, for no light passes there",
+            )
+        return low, high, min(half, self.stop.radius)
+
+    @cached_property
+    def _half_window(self) -> float:
+        """How far from the middle of the shadow light is followed [m]."""
+        assert self.stop is not None
+        if self.is_sharp:
+            return abs(self.stop.scale) * self.radius
+        return abs(self.stop.scale) * self.radius + _SHADOW * self._airy + 3.0 * self.blur
+
+
+def _edge(inside: FloatArray, step: float) -> FloatArray:
+    """About the share of a sample's square within an edge, by how far its middle lies in."""
+    return np.clip(inside / step + 0.5, 0.0, 1.0)
+
+
+def _even_size(least: float) -> int:
+    from scipy import fft
+
+    count = 2 * int(fft.next_fast_len(math.ceil(least / 2.0)))
+    if count > _MOST_SAMPLES:
+        raise UnaffordableError(
+            "samples along an axis of the spread of a point by waves",
+            value=str(count),
+            limit=f"at most {_MOST_SAMPLES}",
+            remedy="use rays: blur of hundreds of wavelengths leaves nothing for diffraction to change",
+        )
+    return count

@@ -1,0 +1,163 @@
+"""Pictures of the study's scene: whether diffraction shows in them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from tradestudy.accuracy import Quantity
+from tradestudy.analysis.scene_pictures import declared_image, recording_of, set_up, whole_pictures
+from tradestudy.effects.choice import Change, Changes, Piece, Slot
+from tradestudy.effects.models import LENSES, OFF, Models, models_of
+from tradestudy.errors import OutOfRangeError
+from tradestudy.execution.fingerprint import fingerprint
+from tradestudy.imaging.render.tiles import Tile, expected_electrons
+from tradestudy.imaging.render.wave_set_up import waves_of
+from tradestudy.study.definition import StudyDefinition
+
+_PATCHES: Final = 3  # along each side of a picture, where both models are rendered
+_SIDE: Final = 24  # pixels of a patch
+_SAMPLES: Final = 32  # so that what differs is the models
+# Of the trial, for a few places do not see all of a picture.
+_MARGIN: Final = 1.3
+_MOST_WAVES: Final = 60.0  # of defocus, beyond which the spot of rays is hundreds of wavelengths wide
+
+
+def name_of(camera: str) -> str:
+    """Of the piece that a camera's pictures are."""
+    return f"{camera}-pictures"
+
+
+def picture_pieces(definition: StudyDefinition, forced: Models) -> Iterator[ScenePicturesPiece]:
+    """One for each camera that takes pictures; each as designed, for its errors move what waves do and do not make it.
+
+    Raises
+    ------
+    StudyError
+        For a scene that cannot be rendered.
+    """
+    image, picture = declared_image(definition)
+    scene, cameras = set_up(definition, rig="as-designed")
+    recording = recording_of(image, picture)
+    for taken in cameras:
+        yield ScenePicturesPiece(
+            name=name_of(taken.name),
+            title=f"Pictures by {definition.file.cameras[taken.name].title}",
+            pictures=whole_pictures(definition, image, scene, taken, recording),
+            wavelength=definition.case.wavelength,
+            forced=forced,
+        )
+
+
+class ScenePicturesPiece(Piece):
+    """A camera's pictures of the scene, by rays or by waves on every leg of the way; a trial tells what rays change.
+
+    Parameters
+    ----------
+    name, title
+        Of the piece.
+    pictures
+        Each as one tile.
+    wavelength
+        Of the light [m].
+    forced
+        Models that the study insists on; those that pictures do not have are not for them.
+
+    Raises
+    ------
+    OutOfRangeError
+        If rays are forced on one leg and waves on the other.
+    """
+
+    def __init__(self, *, name: str, title: str, pictures: Sequence[Tile], wavelength: float, forced: Models) -> None:
+        self.name, self.title = name, title
+        self.asked: tuple[Quantity, ...] = ("pixel_intensity",)
+        self._pictures, self._wavelength = pictures, wavelength
+        middle = np.zeros(1)
+        microlenses = not isinstance(pictures[0].exposure.cones(middle, middle).lens_type, int)
+        self._legs = LENSES if microlenses else LENSES[:1]
+        self._forced = {leg: forced[leg] for leg in self._legs if forced.get(leg) in models_of(leg, "picture")}
+        reason = "" if self._forced or self._in_reach() else "blurred by hundreds of wavelengths, as rays are"
+        self.slots = tuple(
+            Slot(
+                name=leg,
+                models=models_of(leg, "picture") if leg in self._legs and not reason else (OFF,),
+                reason=reason if leg in self._legs else "no microlenses",
+            ).under(self._forced)
+            for leg in LENSES
+        )
+        if self._by_waves(self.complete) is None:
+            raise OutOfRangeError(
+                f"forced models of the pictures of {pictures[0].camera}",
+                value=", ".join(f"{leg}: {model}" for leg, model in self._forced.items()),
+                limit="rays on both legs, or waves on both",
+                remedy="force off on both legs, or fresnel on both",
+            )
+        self._done: list[tuple[float, float]] = []
+
+    def changes(self, models: Models) -> Changes:
+        """Relative L2 change of the pixels by rays in place of waves, over patches of every picture."""
+        if (by_waves := self._by_waves(models)) is None:
+            return {"pixel_intensity": Change(relative=math.inf, least=math.inf)}
+        if by_waves == self._by_waves(self.complete):
+            return {"pixel_intensity": Change(relative=0.0)}
+        if len(self._done) < len(self._pictures):
+            return {"pixel_intensity": Change(relative=math.inf, evidence="trial")}
+        changed, own = (math.fsum(one) for one in zip(*self._done, strict=True))
+        relative = _MARGIN * math.sqrt(changed / own) if own > 0.0 else 0.0
+        return {"pixel_intensity": Change(relative=relative, evidence="trial")}
+
+    def try_out(self, models: Models) -> bool:
+        """Render patches of one more picture both ways."""
+        by_waves = self._by_waves(models)
+        if by_waves is None or by_waves == self._by_waves(self.complete) or len(self._done) == len(self._pictures):
+            return False
+        tile = self._pictures[len(self._done)]
+        self._done.append(_changed(_Trial(told=fingerprint(tile, self._wavelength), tile=tile, line=self._wavelength)))
+        return True
+
+    def _by_waves(self, models: Models) -> bool | None:
+        """None for legs that cannot stand together; rays on one leg mean both, unless waves are forced."""
+        if all(models[leg] != OFF for leg in self._legs):
+            return True
+        return None if any(model != OFF for model in self._forced.values()) else False
+
+    def _in_reach(self) -> bool:
+        """Whether no picture shows anything so far out of focus that waves are as good as rays."""
+        found = (waves_of(one.exposure, one.scene, self._wavelength) for one in self._pictures)
+        return all(max(map(abs, lens.defocus)) < _MOST_WAVES for waves in found for lens in waves.lenses)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Trial:
+    """A picture that both models render parts of; equal where the same is rendered."""
+
+    told: bytes
+    tile: Tile = field(compare=False)
+    line: float
+
+
+@lru_cache(maxsize=64)  # a run comes to the pictures of its study again
+def _changed(trial: _Trial) -> tuple[float, float]:
+    """Sum of squares over patches of what rays change, and of the picture by waves [electrons²]."""
+    tile = replace(trial.tile, samples=_SAMPLES)
+    waves = waves_of(tile.exposure, tile.scene, trial.line)
+    changed = own = 0.0
+    for rows in _patches(tile.rows[1]):
+        for columns in _patches(tile.columns[1]):
+            patch = replace(tile, rows=rows, columns=columns)
+            rays, whole = (expected_electrons(replace(patch, waves=one))[0] for one in (None, waves))
+            changed += float(np.sum(np.square(rays - whole)))
+            own += float(np.sum(np.square(whole)))
+    return changed, own
+
+
+def _patches(size: int) -> list[tuple[int, int]]:
+    """First and last pixel of patches in the middle of as many equal parts."""
+    middles = [(2 * k + 1) * size // (2 * _PATCHES) for k in range(_PATCHES)]
+    return [(max(0, middle - _SIDE // 2), min(size, middle + _SIDE // 2)) for middle in middles]
