@@ -128,7 +128,7 @@ def write_pictures(rendering: Rendering, directory: Path) -> list[Path]:
     told: dict[str, dict[str, Any]] = {}
     for one in rendering.pictures:
         written.append(_write_picture(one, directory / one.camera, rendering.image.depth_format))
-        told.setdefault(one.camera, {})[one.name] = _picture_facts(one, written[-1], rendering.image)
+        told.setdefault(one.camera, {})[one.name] = _picture_facts(one, written[-1], rendering)
     for taken in rendering.cameras:
         facts = _camera_facts(rendering, taken, told[taken.name])
         text = json.dumps(facts, indent=2, ensure_ascii=False)
@@ -211,18 +211,20 @@ def _write_picture(one: TakenPicture, folder: Path, depth_format: str) -> Path:
     return path
 
 
-def _picture_facts(one: TakenPicture, path: Path, image: SceneImagePart) -> dict[str, Any]:
+def _picture_facts(one: TakenPicture, path: Path, rendering: Rendering) -> dict[str, Any]:
     """What is true of one picture."""
+    tolerance = rendering.definition.file.accuracy.asked().tolerances["pixel_intensity"]
     pose = one.tile.exposure.pose
     return {
         "file": path.name,
-        "depth_file": f"{one.name}_depth.{image.depth_format}",
+        "depth_file": f"{one.name}_depth.{rendering.image.depth_format}",
         "centre": list(pose.centre),
         "rotation": [list(row) for row in pose.rotation],
         "saturated_pixels": one.saturated,
         "model": "rays" if one.tile.waves is None else "waves",
         "sampling_error": round(one.sampling_error, 6),
         "model_error": round(one.model_error, 6),
+        "within_tolerance": math.hypot(one.sampling_error, one.model_error) <= tolerance,
         **one.tile.exposure.description(),
     }
 
@@ -266,6 +268,7 @@ def _camera_facts(rendering: Rendering, taken: Taken, pictures: Mapping[str, Any
         "all over each picture, noise apart; by waves also from twice as many computed spreads along each axis",
         "model_error": "by rays: relative change of pixel intensities (L2) that leaving out diffraction makes, by a "
         "trial; by waves: share of the light that is bent farther than it is followed, and shared out",
+        "within_tolerance": "whether both errors together, as squares, keep accuracy.pixel_intensity of the study",
         "rig": image.rig,
         "errors": {name: value.tolist() for name, value in taken.errors.items()},
         "properties": dict(taken.camera.properties()),

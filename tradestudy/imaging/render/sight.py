@@ -74,7 +74,7 @@ def sight(
     depth, _ = _nearest([one for one, _ in found])
     nearby = [beside for _, beside in found]
     along = _along_axis(pose, start, slope, depth)
-    bending = None if tables is None else tables.bending(cones, _finite(along))
+    bending = None if tables is None else tables.bending(cones, _as_beside(along))
     mixtures = _mixtures(scene, cones, _lens_variance(cones, middle, depth, nodes, bending), depth, nodes, pixel_width)
     total, weights = np.zeros(cones.pixel.size, REAL), np.zeros(cones.pixel.size, REAL)
     for node, ((x, y), (across, beside)) in enumerate(zip(nodes.pixel * pixel_width, nodes.disc, strict=True)):
@@ -175,6 +175,12 @@ def _spread(scene: Scene, cones: LightCones, pixel_width: float, tables: Tables 
         return float(np.max(by_pixel)) * pixel_width * math.sqrt(0.5) + max(by_rays, bent)
 
     return max(widest(min(ends)), widest(max(ends)))
+
+
+def _as_beside(depth: FloatArray) -> FloatArray:
+    """What meets nothing is bent as for the middle of all depths: some of its rays may meet the edge of a surface."""
+    seen = np.isfinite(depth)
+    return np.where(seen, depth, np.median(depth[seen]) if seen.any() else REAL(1)).astype(REAL)
 
 
 def _finite(depth: FloatArray) -> FloatArray:

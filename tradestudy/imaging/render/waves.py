@@ -9,7 +9,7 @@ depth is blurred by its own defocus and the same kink, and in the limit of large
 
 What it leaves out: light is paraxial and of one wavelength; that of several microlenses adds without interference,
 whose fringes on the object are far finer than a pixel sees; the kink of rays of one cone to another depth than that of
-its middle is that of the middle.
+its middle is that of the middle, and where the middle meets nothing, that for the median depth of the pixels around.
 """
 
 from __future__ import annotations
