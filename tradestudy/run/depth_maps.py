@@ -24,6 +24,8 @@ from tradestudy.imaging.estimation.flat_field import flat_picture, white_picture
 from tradestudy.imaging.estimation.matcher_fit import fit_matcher
 from tradestudy.imaging.estimation.score import DepthScore, score
 from tradestudy.imaging.render.sensor import Recording
+from tradestudy.imaging.render.wave_set_up import waves_of
+from tradestudy.imaging.render.waves import Waves
 from tradestudy.optics.arrays import FloatArray, Samples
 from tradestudy.optics.window_matching import REASONS
 from tradestudy.results.storage import replace_file, replacing
@@ -67,6 +69,8 @@ class PicturesToRead:
         How values came from light.
     values, depths
         Of the pictures and their true depth [m], by name.
+    waves
+        What bends light to each picture; None where it was taken by rays.
     way
         Which prediction the errors are held against; see `depth_uncertainty`.
     middle
@@ -77,6 +81,7 @@ class PicturesToRead:
     recording: Recording
     values: Mapping[str, NDArray[Any]]
     depths: Mapping[str, NDArray[np.float32]]
+    waves: Mapping[str, Waves | None]
     way: str
     middle: float
 
@@ -177,6 +182,7 @@ def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: 
             recording=rendering.recording,
             values={its.name: its.values for its in rendering.pictures if its.camera == one.taken.name},
             depths={its.name: its.depth for its in rendering.pictures if its.camera == one.taken.name},
+            waves=_waves(rendering, one),
             way="both" if rendering.image.rig == "drawn" else "noise",
             middle=sum(rendering.scene.extent) / 2.0,
         )
@@ -188,11 +194,22 @@ def measure_depth(rendering: Rendering, readers: Sequence[CameraReader], steps: 
     return replace(steps, checkpoints=None).map(STEP, read_depth, points, [one.taken.name for one in readers])
 
 
+def _waves(rendering: Rendering, reader: CameraReader) -> dict[str, Waves | None]:
+    """What bends light to the pictures of the camera as designed; None for those that were taken by rays."""
+    by_waves = {one.name: one.tile.waves is not None for one in rendering.pictures if one.camera == reader.taken.name}
+    wavelength = rendering.definition.case.wavelength
+    return {
+        one.name: waves_of(one, rendering.scene, wavelength) if by_waves[one.name] else None for one in reader.exposures
+    }
+
+
 def read_depth(point: PicturesToRead) -> MeasuredDepth:
     """One camera's depth map, how it compares with the truth, and what is made with it."""
     one, recording = point.reader, point.recording
     pictures = {
-        exposure.name: flat_picture(point.values[exposure.name], white_picture(exposure, recording), recording)
+        exposure.name: flat_picture(
+            point.values[exposure.name], white_picture(exposure, recording, point.waves[exposure.name]), recording
+        )
         for exposure in one.exposures
     }
     found = one.reader.read(pictures)

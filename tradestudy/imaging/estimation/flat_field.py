@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from tradestudy.cameras.depth_map import FlatPicture
 from tradestudy.cameras.light_cones import Exposure
-from tradestudy.imaging.render.nodes import lit_area
+from tradestudy.imaging.render.nodes import LEAST_NODES, lit_area
 from tradestudy.imaging.render.sensor import Recording
+from tradestudy.imaging.render.waves import Waves
 from tradestudy.optics.arrays import Samples
 
 _ROWS_AT_ONCE: Final = 16
@@ -35,8 +36,8 @@ class WhitePicture:
     share: Samples
 
 
-def white_picture(exposure: Exposure, recording: Recording) -> WhitePicture:
-    """As the camera was designed: what its calibration would measure."""
+def white_picture(exposure: Exposure, recording: Recording, waves: Waves | None = None) -> WhitePicture:
+    """As the camera was designed: what its calibration would measure, by waves where the picture is."""
     sensor = exposure.sensor
     gain = recording.electrons_at_f1(sensor)
     width = sensor.pixel_pitch * recording.pixel_fill
@@ -45,8 +46,12 @@ def white_picture(exposure: Exposure, recording: Recording) -> WhitePicture:
         rows, columns = np.mgrid[top : min(top + _ROWS_AT_ONCE, sensor.rows), : sensor.columns]
         x = (columns.ravel() + 0.5 - sensor.columns / 2.0) * sensor.pixel_pitch
         y = (rows.ravel() + 0.5 - sensor.rows / 2.0) * sensor.pixel_pitch
-        cones = exposure.cones(x, y)
-        lit = lit_area(cones, width) / (np.pi * cones.lens_radius**2) * cones.light
+        if waves is None:
+            cones = exposure.cones(x, y)
+            lit = lit_area(cones, width) / (np.pi * cones.lens_radius**2) * cones.light
+        else:
+            cones = exposure.cones(x, y, waves.beyond)
+            lit = waves.tables(LEAST_NODES)[LEAST_NODES].passed_pixel(cones, width) * cones.light
         total, most = np.bincount(cones.pixel, weights=lit, minlength=x.size), np.zeros(x.size)
         np.maximum.at(most, cones.pixel, lit)
         electrons[rows[:, 0]] = (gain * total).reshape(rows.shape)
