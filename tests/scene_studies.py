@@ -7,7 +7,7 @@ format: 2
 study: small
 title: Small pictures
 question: What do they show?
-effects: {{main_lens_diffraction: 'off', microlens_diffraction: 'off'}}  # by rays, which is quicker
+{effects}
 cameras:
 {cameras}
 scene:
@@ -24,6 +24,7 @@ scene:
     surfaces: [{surfaces}]
     {more}
 """
+BY_RAYS = "effects: {main_lens_diffraction: 'off', microlens_diffraction: 'off'}"
 PAIR = """
   {name}:
     kind: stereo
@@ -58,6 +59,7 @@ def scene_study(
     contrast: str = "15 %",
     length: str = "1 mm",
     more: str = "",
+    effects: str = BY_RAYS,
 ) -> str:
     """A study of cameras that take a scene."""
     return STUDY.format(
@@ -69,4 +71,5 @@ def scene_study(
         contrast=contrast,
         length=length,
         more=more,
+        effects=effects,
     )

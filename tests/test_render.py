@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
-from tests.scene_studies import PAIR, PLENOPTIC, scene_study
+from tests.scene_studies import BY_RAYS, PAIR, PLENOPTIC, scene_study
 from tradestudy import api, cli
 from tradestudy.errors import StudyError, UnaffordableError
 from tradestudy.execution import Checkpoints, Executor, Steps, Threads
@@ -34,7 +34,7 @@ PLANE = "{shape: plane, distance: 150 mm}"
 STEP = "{shape: step, near: 130 mm, far: 170 mm}"
 
 
-def study(folder: Path, surfaces: str = PLANE, *more: str) -> api.Study:
+def study(folder: Path, surfaces: str = PLANE, *more: str, effects: str = BY_RAYS) -> api.Study:
     path = folder / "small.yaml"
     text = scene_study(
         CAMERAS,
@@ -43,6 +43,7 @@ def study(folder: Path, surfaces: str = PLANE, *more: str) -> api.Study:
         window="7 px",
         light="at_f_number: 8, at_pixel_pitch: 10 um",
         more="\n    ".join(more),
+        effects=effects,
     )
     path.write_text(text, encoding="utf-8")
     return api.load(path)

@@ -179,15 +179,12 @@ def test_the_edge_of_a_surface_before_nothing_is_blurred_as_its_transfer_says() 
     assert np.max(np.abs((expected_electrons(cut)[0] / expected_electrons(tile)[0])[0] - expected)) > 0.05
 
 
-def small(folder: Path, *more: str, effects: str = "") -> api.Study:
-    loaded = study(folder, "[{shape: plane, distance: 150 mm}]", "cameras: [pair]", *more)
-    text = (folder / "small.yaml").read_text(encoding="utf-8")
-    (folder / "small.yaml").write_text(text + effects, encoding="utf-8")
-    return api.load(folder / "small.yaml") if effects else loaded
+def small(folder: Path, *more: str, effects: str) -> api.Study:
+    return study(folder, "{shape: plane, distance: 150 mm}", "cameras: [pair]", *more, effects=effects)
 
 
 def test_the_plan_says_why_rays_and_the_picture_what_they_leave_out(tmp_path: Path) -> None:
-    plain = small(tmp_path, effects="\naccuracy: {pixel_intensity: 10 %}\n")
+    plain = small(tmp_path, effects="accuracy: {pixel_intensity: 10 %}")
     (line,) = (line for line in str(plain.plan()).splitlines() if line.startswith("pair-pictures"))
     assert "no diffraction; leaving out diffraction at the main lens changes the pixel intensity" in line
     assert "estimated at a few places; 10 % allowed" in line
@@ -202,7 +199,7 @@ def test_a_study_can_insist_on_waves(tmp_path: Path) -> None:
     forced = small(
         tmp_path,
         "noise: 'off'",
-        effects="\neffects: {main_lens_diffraction: fresnel}\naccuracy: {pixel_intensity: 0.01 %}\n",
+        effects="effects: {main_lens_diffraction: fresnel}\naccuracy: {pixel_intensity: 0.01 %}",
     )
     (line,) = (line for line in str(forced.plan()).splitlines() if line.startswith("pair-pictures"))
     assert "Fresnel diffraction" in line
