@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.rational import Rational
 
 INTRINSIC_NAMES = (
     "focal_length_x_px",
@@ -18,10 +19,6 @@ INTRINSIC_NAMES = (
     "radial_distortion_k1",
     "radial_distortion_k2",
 )
-
-
-_MOST_NEWTON_STEPS = 20
-_RADIUS_TOLERANCE = 1e-13  # focal lengths: far below a thousandth of a pixel
 
 
 def project(intrinsics: FloatArray, points: FloatArray) -> FloatArray:
@@ -43,16 +40,8 @@ def project(intrinsics: FloatArray, points: FloatArray) -> FloatArray:
     -----
     D. C. Brown, "Close-range camera calibration", Photogrammetric Engineering 37 (1971) 855, radial terms only.
     """
-    x, y = _normalised(points)
-    radius_squared = x * x + y * y
-    factor = 1.0 + radius_squared * (intrinsics[..., 4, None] + radius_squared * intrinsics[..., 5, None])
-    return np.stack(
-        [
-            intrinsics[..., 0, None] * x * factor + intrinsics[..., 2, None],
-            intrinsics[..., 1, None] * y * factor + intrinsics[..., 3, None],
-        ],
-        axis=-1,
-    )
+    u, v = _lens(intrinsics).image(points[..., 0], points[..., 1], points[..., 2])
+    return _pixels(intrinsics, u, v)
 
 
 def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -74,37 +63,18 @@ def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[
     by_points : array (..., N, 2, 3)
         Derivatives by the points [px/m].
     """
-    x, y = _normalised(points)
-    focal_x, focal_y, centre_x, centre_y, k1, k2 = (intrinsics[..., i, None] for i in range(6))
-    r2 = x * x + y * y
-    factor = 1.0 + r2 * (k1 + r2 * k2)
-    slope = 2.0 * (k1 + 2.0 * r2 * k2)  # d factor / d x = slope * x
-    zero, one = np.zeros_like(factor), np.ones_like(factor)
-    image = np.stack([focal_x * x * factor + centre_x, focal_y * y * factor + centre_y], axis=-1)
-    by_intrinsics = np.stack(
-        [
-            np.stack([x * factor, zero, one, zero, focal_x * x * r2, focal_x * x * r2 * r2], axis=-1),
-            np.stack([zero, y * factor, zero, one, focal_y * y * r2, focal_y * y * r2 * r2], axis=-1),
-        ],
-        axis=-2,
-    )
-    u_x, u_y = focal_x * (factor + slope * x * x), focal_x * slope * x * y
-    v_x, v_y = focal_y * slope * x * y, focal_y * (factor + slope * y * y)
-    inverse_depth = 1.0 / np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
-    by_points = inverse_depth[..., None, None] * np.stack(
-        [
-            np.stack([u_x, u_y, -(u_x * x + u_y * y)], axis=-1),
-            np.stack([v_x, v_y, -(v_x * x + v_y * y)], axis=-1),
-        ],
-        axis=-2,
-    )
-    return image, by_intrinsics, by_points
+    lens = _lens(intrinsics)
+    u, v = lens.image(points[..., 0], points[..., 1], points[..., 2])
+    by_points, by_coefficients = lens.derivatives(points, ("k1", "k2"))
+    focal = np.stack([intrinsics[..., 0, None], intrinsics[..., 1, None]], axis=-1)[..., None]
+    zero, one = np.zeros_like(u), np.where(np.isnan(u), np.nan, 1.0)
+    by_camera = np.stack([np.stack([u, zero, one, zero], axis=-1), np.stack([zero, v, zero, one], axis=-1)], axis=-2)
+    by_intrinsics = np.concatenate([by_camera, focal * by_coefficients], axis=-1)
+    return _pixels(intrinsics, u, v), by_intrinsics, focal * by_points
 
 
 def ray_slopes(intrinsics: FloatArray, image: FloatArray) -> FloatArray:
     """Slopes (X/Z, Y/Z) of the ray that a camera images at a place: the inverse of ``project``.
-
-    Newton's method on the radius, r_d = r (1 + k1 r² + k2 r⁴).
 
     Parameters
     ----------
@@ -121,20 +91,8 @@ def ray_slopes(intrinsics: FloatArray, image: FloatArray) -> FloatArray:
     """
     x = (image[..., 0] - intrinsics[..., 2, None]) / intrinsics[..., 0, None]
     y = (image[..., 1] - intrinsics[..., 3, None]) / intrinsics[..., 1, None]
-    k1, k2 = intrinsics[..., 4, None], intrinsics[..., 5, None]
-    distorted = np.hypot(x, y)
-    radius = distorted
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # where there is no inverse, which ends as NaN
-        for _ in range(_MOST_NEWTON_STEPS):
-            r2 = radius * radius
-            slope = 1.0 + r2 * (3.0 * k1 + 5.0 * r2 * k2)
-            step = (radius * (1.0 + r2 * (k1 + r2 * k2)) - distorted) / slope
-            radius = radius - step
-            if not np.any(np.abs(step) > _RADIUS_TOLERANCE):
-                break
-        found = (np.abs(step) <= _RADIUS_TOLERANCE) & (slope > 0.0) & (radius >= 0.0)
-        scale = np.where(distorted > 0.0, radius / np.where(distorted > 0.0, distorted, 1.0), 1.0)
-    return np.stack([x, y], axis=-1) * np.where(found, scale, np.nan)[..., None]
+    a, b, _ = _lens(intrinsics).ray(x, y)
+    return np.stack([a, b], axis=-1)
 
 
 def cross_matrix(vector: FloatArray) -> FloatArray:
@@ -221,7 +179,12 @@ def move_jacobian(pose: FloatArray, points: FloatArray) -> FloatArray:
     return np.concatenate([by_rotation, identity], axis=-1)
 
 
-def _normalised(points: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Slopes of the rays to points; NaN at or behind the camera."""
-    depth = np.where(points[..., 2] > 0.0, points[..., 2], np.nan)
-    return points[..., 0] / depth, points[..., 1] / depth
+def _lens(intrinsics: FloatArray) -> Rational:
+    """The lens model of intrinsic parameters, which broadcasts with points."""
+    return Rational(k1=intrinsics[..., 4, None], k2=intrinsics[..., 5, None])
+
+
+def _pixels(intrinsics: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
+    """From the normalised picture to pixels."""
+    f_x, f_y, c_x, c_y = (intrinsics[..., i, None] for i in range(4))
+    return np.stack([f_x * u + c_x, f_y * v + c_y], axis=-1)

@@ -14,8 +14,8 @@ from tradestudy.cameras.parts import Lens, MicrolensArray, Sensor
 from tradestudy.cameras.plenoptic_geometry import ArrayGeometry, PlaceOnArray
 from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.microlens_coverage.lattice import lattice_of
-from tradestudy.optics.radial_distortion import undistort
 from tradestudy.optics.thin_lens import image_distance
 
 Indices = NDArray[np.intp]
@@ -164,7 +164,7 @@ class MicrolensExposure:
         k1, k2 = self._error("distortion_k1"), self._error("distortion_k2")
         if k1 or k2:
             chief = seen - on_lens / self.reference_distance
-            seen = seen + np.stack(undistort(chief[0], chief[1], k1, k2)[:2]) - chief
+            seen = seen + np.stack(Rational(k1=k1, k2=k2).ray(chief[0], chief[1])[:2]) - chief
         turned = 1.0 + z * bend
         numbers = np.stack(
             [

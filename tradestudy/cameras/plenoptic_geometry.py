@@ -13,7 +13,7 @@ from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.radial_distortion import distort, undistort
+from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.thin_lens import focus_shift
 
 Observation = tuple[FloatArray, FloatArray, FloatArray]
@@ -26,6 +26,11 @@ def disparity_error(errors: Errors) -> FloatArray:
     Coordinates count from the centre of their own microlens; the baseline is that of the regular grid.
     """
     return value_of(errors, PIXEL_NOISE) + math.sqrt(2.0) * value_of(errors, "microlens_center_scatter")
+
+
+def _distortion(errors: Errors) -> Rational:
+    """Radial distortion of the main lens."""
+    return Rational(k1=value_of(errors, "distortion_k1"), k2=value_of(errors, "distortion_k2"))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,8 +90,7 @@ class ArrayGeometry:
     def place_of(self, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> PlaceOnArray:
         """Where the ray from a point [m] through the centre of the main lens meets the array."""
         a = np.asarray(z, dtype=np.float64)
-        k1, k2 = value_of(errors, "distortion_k1"), value_of(errors, "distortion_k2")
-        slopes = distort(np.asarray(x) / a, np.asarray(y) / a, k1, k2)
+        slopes = _distortion(errors).image(x, y, a)
         distance = self.mla_distance + value_of(errors, "mla_distance")
         return PlaceOnArray(geometry=self, errors=errors, x=slopes[0] * distance, y=slopes[1] * distance)
 
@@ -173,7 +177,4 @@ class PlaceOnArray:
     def valid(self) -> BoolArray:
         """Where the lengths are positive and the distortion has an inverse."""
         valid = (self.geometry.focal_length_with(self.errors) > 0.0) & (self.gap > 0.0) & (self.distance > 0.0)
-        k1, k2 = value_of(self.errors, "distortion_k1"), value_of(self.errors, "distortion_k2")
-        if np.any(k1) or np.any(k2):
-            valid = valid & undistort(self.x / self.distance, self.y / self.distance, k1, k2)[2]
-        return np.asarray(valid)
+        return np.asarray(valid & _distortion(self.errors).has_ray(self.x / self.distance, self.y / self.distance))

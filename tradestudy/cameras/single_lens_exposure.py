@@ -9,7 +9,8 @@ import numpy as np
 from tradestudy.cameras.light_cones import AT_ORIGIN, Description, LightCones, Pose, Stop
 from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.optics.arrays import FloatArray
-from tradestudy.optics.radial_distortion import undistort
+from tradestudy.optics.lens_models.lens_model import LensModel, slopes
+from tradestudy.optics.lens_models.rational import IDEAL
 from tradestudy.optics.thin_lens import image_distance
 
 
@@ -30,7 +31,7 @@ class SingleLensExposure:
     principal_point
         Where the axis meets the sensor [m].
     distortion
-        k₁ and k₂ of the slopes; see `distort`.
+        Lens model of the slopes.
     stop_separation
         Of a second, equal stop before the pupil [m]; see `field_illumination`.
     """
@@ -42,7 +43,7 @@ class SingleLensExposure:
     pose: Pose = AT_ORIGIN
     principal_distance: float | None = None
     principal_point: tuple[float, float] = (0.0, 0.0)
-    distortion: tuple[float, float] = (0.0, 0.0)
+    distortion: LensModel = IDEAL
     stop_separation: float = 0.0
 
     @property
@@ -59,8 +60,7 @@ class SingleLensExposure:
         c, radius = self._scale, self.lens.pupil_diameter / 2.0
         across, down = (x - self.principal_point[0]) / c, (y - self.principal_point[1]) / c
         cosine_squared = 1.0 / (1.0 + across * across + down * down)
-        if any(self.distortion):
-            across, down, _ = undistort(across, down, *self.distortion)
+        across, down = slopes(*self.distortion.ray(across, down))
         slope = np.stack([across, down])
         stop = None
         if self.stop_separation > 0.0:
@@ -94,5 +94,6 @@ class SingleLensExposure:
             "lens_to_sensor": self.image_distance,
             "principal_distance": self._scale,
             "principal_point": list(self.principal_point),
-            "distortion_k1_k2": list(self.distortion),
+            "distortion_model": self.distortion.name,
+            **{f"distortion_{name}": value for name, value in self.distortion.coefficients().items()},
         }

@@ -13,7 +13,8 @@ from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.light_cones import Pose, pose_of
 from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
-from tradestudy.optics.radial_distortion import distort, undistort
+from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.triangulation import inverse_depth_on_ray, midpoint_depth
 
 SIDES: Final = ("left", "right")
@@ -75,8 +76,7 @@ def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: 
     rotation = tuple(zip(*_right_rotation(errors, t), strict=True))
     image = []
     for side, (a, b, c) in zip(SIDES, (_yaw(towards_left, t), _turn(rotation, towards_right)), strict=True):
-        depth = np.where(c > 0.0, c, np.nan)
-        u, v = distort(a / depth, b / depth, *_distortion(errors, side))
+        u, v = _distortion(errors, side).image(a, b, c)
         principal_distance, on_x, on_y = _interior(pair, errors, side)
         image += [principal_distance * u + on_x, principal_distance * v + on_y]
     return image[0], image[1], image[2], image[3]
@@ -115,11 +115,9 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
         valid = valid & (principal_distance > 0.0)
         inverse_distance = 1.0 / np.where(principal_distance > 0.0, principal_distance, np.nan)
         x, y = (u - on_x + moved) * inverse_distance, (v - on_y) * inverse_distance
-        k1, k2 = _distortion(errors, side)
-        if np.any(k1) or np.any(k2):
-            x, y, invertible = undistort(x, y, k1, k2)
-            valid = valid & invertible
-        rays.append((x, y, np.ones(())))
+        ray = _distortion(errors, side).ray(x, y)
+        valid = valid & ~(np.isnan(ray[0]) & np.isfinite(x) & np.isfinite(y))
+        rays.append(ray)
     left, right = _yaw(rays[0], -t), _turn(_right_rotation(errors, t), rays[1])
     if pair.triangulation == "midpoint":
         return _midpoint_inverse(left, right, half, direction), valid
@@ -145,11 +143,10 @@ def pair_poses(pair: Pair, errors: Errors) -> tuple[Pose, Pose]:
     return left, right
 
 
-def pair_interior(pair: Pair, errors: Errors, side: str) -> tuple[float, tuple[float, float], tuple[float, float]]:
-    """Principal distance [m], principal point [m] and distortion of one camera under single errors."""
+def pair_interior(pair: Pair, errors: Errors, side: str) -> tuple[float, tuple[float, float], LensModel]:
+    """Principal distance [m], principal point [m] and lens model of one camera under single errors."""
     principal_distance, x, y = (float(one) for one in _interior(pair, errors, side))
-    k1, k2 = (float(one) for one in _distortion(errors, side))
-    return principal_distance, (x, y), (k1, k2)
+    return principal_distance, (x, y), _distortion(errors, side)
 
 
 def _interior(pair: Pair, errors: Errors, side: str) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -162,9 +159,9 @@ def _interior(pair: Pair, errors: Errors, side: str) -> tuple[FloatArray, FloatA
     return principal_distance, on_x, value_of(errors, f"{side}_principal_point_y")
 
 
-def _distortion(errors: Errors, side: str) -> tuple[FloatArray, FloatArray]:
-    """k₁ and k₂ of one camera."""
-    return value_of(errors, f"{side}_distortion_k1"), value_of(errors, f"{side}_distortion_k2")
+def _distortion(errors: Errors, side: str) -> Rational:
+    """Lens model of one camera."""
+    return Rational(k1=value_of(errors, f"{side}_distortion_k1"), k2=value_of(errors, f"{side}_distortion_k2"))
 
 
 def _half_baseline(pair: Pair, errors: Errors) -> tuple[FloatArray, Ray]:

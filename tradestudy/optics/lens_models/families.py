@@ -1,0 +1,19 @@
+"""The families of lens models, by the names that studies and files use."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Final
+
+from tradestudy.optics.lens_models.double_sphere import DoubleSphere
+from tradestudy.optics.lens_models.extended_unified import ExtendedUnified
+from tradestudy.optics.lens_models.field_of_view import FieldOfView
+from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
+from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_models.omnidirectional import Omnidirectional
+from tradestudy.optics.lens_models.rational import Rational
+
+FAMILIES: Final[Mapping[str, type[LensModel]]] = {
+    family.name: family
+    for family in (Rational, KannalaBrandt, FieldOfView, Omnidirectional, DoubleSphere, ExtendedUnified)
+}

@@ -1,0 +1,220 @@
+"""What every lens model shares: projection, its inverse, its derivatives, and the field in which it is one-to-one."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import ClassVar, Final, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.optics.arrays import BoolArray, FloatArray
+
+Coefficient = float | FloatArray
+LEAST_SCALE: Final = 0.01
+"""Where the picture's radial scale has fallen to this share of that on the axis, the valid field ends: nearer to the
+fold the inverse loses digits."""
+_ANGLES: Final = 1024  # steps of the search for the end of the field
+_AZIMUTHS: Final = 72
+_BISECTIONS: Final = 50
+_STEP: Final = 1e-30  # of complex steps: derivatives are exact to rounding
+_ROUNDING: Final = 1e-12  # rad
+
+
+@dataclass(frozen=True, kw_only=True)
+class LensModel(ABC):
+    """A law that takes directions to places in the normalised picture.
+
+    Pixels are those places times the focal lengths, from the principal point. Coefficients are dimensionless (angles in
+    rad). Each is a number, or an array that broadcasts with the coordinates: draws of a calibration.
+    """
+
+    name: ClassVar[str]
+    """What studies and files call the family."""
+
+    @property
+    @abstractmethod
+    def widest(self) -> FloatArray:
+        """Angle from the axis [rad] beyond which the law has no meaning, whatever else its coefficients are."""
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the law is the same around the axis."""
+        return True
+
+    @abstractmethod
+    def image(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Place in the normalised picture [1] of directions, by the bare law: beyond the valid field it may fold.
+
+        Parameters
+        ----------
+        x, y, z
+            Components of the directions, of any length: right, down, along the axis; they broadcast.
+        """
+
+    @abstractmethod
+    def ray(self, u: ArrayLike, v: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Direction, of any positive length, that is imaged at a place: the inverse of `image`.
+
+        Returns
+        -------
+        x, y, z
+            NaN for places outside the picture of the valid field; for coefficients that are arrays, where no inverse is
+            found on the rising branch.
+        """
+
+    @classmethod
+    def coefficient_names(cls) -> tuple[str, ...]:
+        """Names of the coefficients, in order."""
+        return tuple(field.name for field in fields(cls))
+
+    def coefficients(self) -> dict[str, float]:
+        """Coefficients by name; of draws, only where they are single numbers."""
+        return {name: float(getattr(self, name)) for name in self.coefficient_names()}
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Places in the normalised picture [1], shape (..., 2), of points (..., 3) of any length.
+
+        NaN outside the valid field.
+        """
+        x, y, z = points[..., 0], points[..., 1], points[..., 2]
+        with np.errstate(all="ignore"):  # what the law is not made for ends as NaN
+            u, v = self.image(x, y, z)
+        seen = self.sees(x, y, z)
+        return np.stack(np.broadcast_arrays(np.where(seen, u, np.nan), np.where(seen, v, np.nan)), axis=-1)
+
+    def sees(self, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
+        """Whether directions lie in the valid field."""
+        return np.asarray(np.arctan2(np.hypot(x, y), z) <= self.valid_field)
+
+    def has_ray(self, u: FloatArray, v: FloatArray) -> BoolArray:
+        """False where `ray` finds none; true for places that are NaN themselves, which are no matter of the lens."""
+        return np.asarray(~np.isnan(self.ray(u, v)[0]) | np.isnan(u) | np.isnan(v))
+
+    def unproject(self, image: FloatArray) -> FloatArray:
+        """Unit directions (..., 3) of places (..., 2) in the normalised picture; NaN outside the valid field."""
+        rays = np.stack(np.broadcast_arrays(*self.ray(image[..., 0], image[..., 1])), axis=-1)
+        directions: FloatArray = rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+        return directions
+
+    def derivatives(self, points: FloatArray, names: Sequence[str]) -> tuple[FloatArray, FloatArray]:
+        """Derivatives of the image by the points, (..., 2, 3), and by the named coefficients, (..., 2, P).
+
+        By complex steps, W. Squire and G. Trapp, SIAM Review 40 (1998) 110: exact to rounding.
+        """
+        x, y, z = points[..., 0], points[..., 1], points[..., 2]
+        step = 1j * _STEP
+        moved = [self.image(x + step, y, z), self.image(x, y + step, z), self.image(x, y, z + step)]
+        changed = [replace(self, **{name: getattr(self, name) + step}).image(x, y, z) for name in names]
+        by_points, by_coefficients = (
+            np.stack([np.stack([np.imag(one) for one in pair], axis=-1) for pair in pairs], axis=-1) / _STEP
+            if pairs
+            else np.zeros((*x.shape, 2, 0))
+            for pairs in (moved, changed)
+        )
+        return by_points, by_coefficients
+
+    @cached_property
+    def valid_field(self) -> FloatArray:
+        """Largest angle from the axis [rad] up to which the map is one-to-one in every azimuth, and well so.
+
+        It ends where the picture's radial scale falls to `LEAST_SCALE` of that on the axis, where circles about the
+        axis no longer enclose its image, or at `widest`. Found by steps of a thousandth of `widest` and bisection: a
+        fold narrower than that is not seen. In shape that of the coefficients.
+        """
+        top = np.asarray(self.widest) * (1.0 - 1e-9)  # the widest directions themselves may be imaged at infinity
+        if self.symmetric:
+            return self._end_of_field(top, np.zeros(1))[1]
+        azimuth, _ = self._end_of_field(top, np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS, endpoint=False))
+        near = np.linspace(-1.0, 1.0, _AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
+        return self._end_of_field(top, azimuth[..., None] + near)[1]
+
+    def _end_of_field(self, top: FloatArray, azimuths: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The azimuth (...) in which the field ends first, and the angle at which it does."""
+        share = np.linspace(0.0, 1.0, _ANGLES + 1)[1:]
+        angles = top[..., None, None] * share
+        good = self._well_imaged(np.broadcast_to(angles, (*np.shape(top), 1, _ANGLES)), azimuths[..., None])
+        first = np.argmin(good, axis=-1)
+        whole = np.all(good, axis=-1)
+        step = top[..., None] / _ANGLES
+        low, high = first * step, (first + 1) * step
+        for _ in range(_BISECTIONS):
+            middle = (low + high) / 2.0
+            inside = self._well_imaged(middle[..., None], azimuths[..., None])[..., 0]
+            low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+        ends = np.where(whole, np.asarray(self.widest)[..., None], low)
+        least = np.argmin(ends, axis=-1)[..., None]
+        azimuth = np.take_along_axis(np.broadcast_to(azimuths, ends.shape), least, axis=-1)[..., 0]
+        return azimuth, np.take_along_axis(ends, least, axis=-1)[..., 0]
+
+    def _well_imaged(self, angle: FloatArray, azimuth: FloatArray) -> BoolArray:
+        """Whether directions, shape (..., azimuths, angles), are imaged outwards, upright and finely enough."""
+        lens = self._spread(2)
+        with np.errstate(all="ignore"):
+            out = np.array(lens._derivative(angle, azimuth, by=0))
+            around = np.array(lens._derivative(angle, azimuth, by=1))
+            place = np.array(np.broadcast_arrays(*lens.image(*_direction(angle, azimuth))))
+            on_axis = np.array(lens._derivative(np.full_like(angle, 1e-9), azimuth, by=0))
+            scale = (out[0] * around[1] - out[1] * around[0]) / np.hypot(*around)
+            turns = place[0] * around[1] - place[1] * around[0]
+            outward = place[0] * np.cos(azimuth) + place[1] * np.sin(azimuth)
+            return np.asarray((scale > LEAST_SCALE * np.hypot(*on_axis)) & (turns > 0.0) & (outward > 0.0))
+
+    def _derivative(self, angle: FloatArray, azimuth: FloatArray, *, by: int) -> list[FloatArray]:
+        step = 1j * _STEP
+        moved = self.image(*_direction(np.add(angle, step * (by == 0)), np.add(azimuth, step * (by == 1))))
+        return [np.imag(one) / _STEP for one in moved]
+
+    def _spread(self, axes: int) -> Self:
+        """The same model with as many axes behind those of its coefficients."""
+        values = {name: np.asarray(getattr(self, name)) for name in self.coefficient_names()}
+        wide = {name: value[(..., *[None] * axes)] for name, value in values.items() if value.ndim}
+        return replace(self, **wide) if wide else self
+
+    @property
+    def _single(self) -> bool:
+        """Whether every coefficient is one number."""
+        return all(np.ndim(getattr(self, name)) == 0 for name in self.coefficient_names())
+
+    def _inside(self, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
+        """Whether rays that an inverse has found lie in the valid field; of draws, the inverse itself says."""
+        if not self._single:
+            return np.ones(np.broadcast_shapes(np.shape(x), np.shape(y), np.shape(z)), dtype=bool)
+        return np.asarray(np.arctan2(np.hypot(x, y), z) <= self.valid_field + _ROUNDING)
+
+    def _require(self, name: str, *, above: float = -np.inf, low: float = -np.inf, high: float = np.inf) -> None:
+        """Refuse a coefficient outside its range, or one that is not finite."""
+        value = np.real(np.asarray(getattr(self, name)))
+        if not np.all(np.isfinite(value) & (value > above) & (value >= low) & (value <= high)):
+            ends = [f"above {above:g}"] if np.isfinite(above) else []
+            ends += [f"at least {low:g}"] if np.isfinite(low) else []
+            ends += [f"at most {high:g}"] if np.isfinite(high) else []
+            raise OutOfRangeError(
+                f"the coefficient {name} of the lens model {self.name}",
+                value=f"{value.ravel()[0]:g}",
+                limit=" and ".join(["finite", *ends]),
+                remedy="correct the coefficient",
+            )
+
+
+def angle_from_axis(distance: FloatArray, z: FloatArray) -> FloatArray:
+    """Angle [rad] whose tangent is distance over z, from 0 to π; analytic, so that complex steps go through."""
+    near = np.real(z) >= np.real(distance)
+    ratio = np.where(near, distance, z) / np.where(near, z, np.where(distance == 0.0, 1.0, distance))
+    turned = np.arctan(ratio)
+    return np.where(near, turned, np.pi / 2.0 - turned)
+
+
+def slopes(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """x/z and y/z of directions; NaN at or behind the camera."""
+    ahead = np.where(np.real(z) > 0.0, z, np.nan)
+    return np.asarray(np.asarray(x) / ahead), np.asarray(np.asarray(y) / ahead)
+
+
+def _direction(angle: FloatArray, azimuth: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    across = np.sin(angle)
+    return across * np.cos(azimuth), across * np.sin(azimuth), np.cos(angle) + 0.0 * np.real(azimuth)
