@@ -15,6 +15,9 @@ from tradestudy.cameras.parts import Lens, Sensor
 from tradestudy.cameras.stereo.pair import pair_observation
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.kannala_brandt import KannalaBrandt
+from tradestudy.optics.lens_models.lens_model import LensModel
+from tradestudy.optics.lens_models.rational import Rational
 
 ERRORS = {
     "baseline": 3e-4,
@@ -51,8 +54,11 @@ def miss(exposure: Exposure, x: FloatArray, y: FloatArray, point: FloatArray) ->
 
 @pytest.mark.parametrize("converging", [0.0, 0.1])
 @pytest.mark.parametrize("errors", [{}, ERRORS])
-def test_both_pictures_of_a_rig_show_points_where_it_images_them(converging: float, errors: dict[str, float]) -> None:
-    rig = stereo(convergence_angle=converging, principal_distance_rule="focused")
+@pytest.mark.parametrize("lens", [Rational(), KannalaBrandt(k1=-0.05), Rational(k1=-0.2, k4=0.1, p1=0.003, tau_y=0.05)])
+def test_both_pictures_of_a_rig_show_points_where_it_images_them(
+    converging: float, errors: dict[str, float], lens: LensModel
+) -> None:
+    rig = stereo(convergence_angle=converging, principal_distance_rule="focused", distortion=lens)
     world = points()
     image = pair_observation(rig.pair, errors, *world)
     left, right = rig.exposures(1.0, errors, None, 0.0)

@@ -61,7 +61,8 @@ class SingleLensExposure:
         across, down = (x - self.principal_point[0]) / c, (y - self.principal_point[1]) / c
         cosine_squared = 1.0 / (1.0 + across * across + down * down)
         across, down = slopes(*self.distortion.ray(across, down))
-        slope = np.stack([across, down])
+        dark = np.isnan(across)  # pixels beyond the field of the lens
+        slope = np.where(dark, 0.0, np.stack([across, down]))
         stop = None
         if self.stop_separation > 0.0:
             stop = Stop(
@@ -80,7 +81,7 @@ class SingleLensExposure:
             slope_by_lens=-1.0 / self.focus_distance,
             lens_radius=radius,
             stop=stop,
-            light=np.square(cosine_squared * 2.0 * radius / self.image_distance),
+            light=np.where(dark, 0.0, np.square(cosine_squared * 2.0 * radius / self.image_distance)),
             image_distance=-c,
             lens_type=0,
         )

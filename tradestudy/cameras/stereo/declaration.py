@@ -13,8 +13,10 @@ from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.declarations.lens_models import AnyLensModel
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.quantities import Baseline, ObjectDistanceOrInfinity
+from tradestudy.optics.lens_models.rational import IDEAL
 
 
 class StereoDepthPart(DisparityPart):
@@ -53,6 +55,9 @@ class StereoDeclaration(DepthCameraDeclaration):
         "pixels, or focused at infinity), or the image distance of focus_distance.",
     )
     depth: StereoDepthPart
+    distortion: AnyLensModel | None = Field(
+        default=None, description="Lens model of both cameras, without errors; left out: none."
+    )
     calibration: StereoCalibration = Field(default_factory=StereoCalibration)
 
     @model_validator(mode="after")
@@ -63,6 +68,22 @@ class StereoDeclaration(DepthCameraDeclaration):
                 "lenses that refocus on every object have no one distance to the sensor; give a focus_distance, or "
                 "focal_length here",
             )
+        return self
+
+    @model_validator(mode="after")
+    def _one_lens_model(self) -> Self:
+        if self.distortion is None:
+            return self
+        if self.lenses.field_of_view is not None:
+            raise MistakeAt(
+                ("lenses", "field_of_view"), "of lenses that distort it follows from distortion; give a focal_length"
+            )
+        known = {"k1", "k2"} <= {*self.distortion.family.coefficient_names()}
+        errors = {"errors": self.calibration.errors, "ageing": self.calibration.stability.ageing}
+        radial = [(where, name) for where, part in errors.items() for name in part.given() if "_distortion_k" in name]
+        if radial and not known:
+            where = ("calibration", *(("stability",) if radial[0][0] == "ageing" else ()), *radial[0])
+            raise MistakeAt(where, f"a lens of the model {self.distortion.model} has no k1 and k2; leave it out")
         return self
 
     def design(self, picture_law: DisparityErrorLaw | None) -> StereoRig:
@@ -76,6 +97,7 @@ class StereoDeclaration(DepthCameraDeclaration):
             baseline=self.baseline,
             convergence_angle=2.0 * math.atan(self.baseline / (2.0 * self.convergence_distance)),
             triangulation=self.depth.estimator,
+            distortion=IDEAL if self.distortion is None else self.distortion.lens_model(),
             disparity_error_px=self.depth.error(picture_law),
             discrimination_step_px=self.depth.discrimination_step,
         )

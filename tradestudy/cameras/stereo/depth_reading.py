@@ -14,6 +14,7 @@ from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.cameras.stereo.pair import SIDES, pair_poses
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, Samples
+from tradestudy.optics.lens_models.rational import IDEAL
 from tradestudy.optics.window_matching import (
     Matches,
     PairOfPictures,
@@ -35,7 +36,8 @@ _OPENCV_STEP: Final = 16  # parts of a pixel in the library's disparities, and w
 class PairReader(DepthReader):
     """A stereo rig as it was designed, and what depth is looked for; the map is in the pixels of the left picture.
 
-    Pictures of converging axes are turned parallel first, and the map is in the frame of the turned left picture.
+    Pictures of converging axes, or of lenses that distort, are first made those of parallel pinholes, and the map is in
+    the frame of the turned left picture.
 
     Parameters
     ----------
@@ -57,9 +59,6 @@ class PairReader(DepthReader):
 
     def _depth(self, disparity: Samples) -> Samples:
         """Of disparities of parallel pictures [px]."""
-        pitch = self.camera.sensor.pixel_pitch
-        if self.camera.convergence_angle == 0.0:
-            return self.camera.depth_of_disparity(disparity * pitch, self.search.far)
         with np.errstate(divide="ignore"):
             return np.asarray(np.where(disparity > 0.0, self._scale / disparity, np.inf))
 
@@ -151,15 +150,24 @@ class PairReader(DepthReader):
         found = np.asarray(matcher.compute(*greys), np.float32)[:, margin:] / _OPENCV_STEP
         return np.where(found >= steps[0], found, np.nan)
 
+    @property
+    def _as_taken(self) -> bool:
+        """Whether the pictures are those of parallel pinholes."""
+        return self.camera.convergence_angle == 0.0 and self.camera.distortion == IDEAL
+
     def _parallel(self, picture: Samples, side: str, order: Literal[1, 3] = 3) -> Samples:
-        """A picture as a camera with its axis at right angles to the baseline would take it."""
-        if self.camera.convergence_angle == 0.0:
+        """A picture as a pinhole camera with its axis at right angles to the baseline would take it."""
+        if self._as_taken:
             return picture
         from scipy.ndimage import map_coordinates
 
         sensor, c = self.camera.sensor, self.camera.principal_distance / self.camera.sensor.pixel_pitch
         x, y, z = self._turned(side)
-        place = np.stack([y / z * c + sensor.rows / 2.0 - 0.5, x / z * c + sensor.columns / 2.0 - 0.5])
+        u, v = np.moveaxis(self.camera.distortion.project(np.stack([x, y, z], axis=-1)), -1, 0)
+        outside = float(-sensor.columns - sensor.rows)  # where the lens shows nothing, as beside the picture
+        place = np.nan_to_num(
+            np.stack([v * c + sensor.rows / 2.0 - 0.5, u * c + sensor.columns / 2.0 - 0.5]), nan=outside
+        )
         missing = map_coordinates(np.isnan(picture).astype(np.float32), place, order=1, mode="constant", cval=1.0)
         found = map_coordinates(np.nan_to_num(picture).astype(np.float32), place, order=order, mode="nearest")
         return np.where(missing > 0.0, np.nan, found).astype(picture.dtype)
@@ -195,7 +203,7 @@ class PairReader(DepthReader):
 
     def _true_depth(self, depth: Samples, side: str) -> Samples:
         """Along the axis of a parallel camera [m]."""
-        if self.camera.convergence_angle == 0.0:
+        if self._as_taken:
             return depth
         # A point at depth Z along its own axis lies at Z/ray_z along the parallel one, for rays of unit z there.
         return np.asarray(self._parallel(depth, side, order=1) / self._turned(side)[2])

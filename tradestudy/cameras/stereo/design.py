@@ -12,11 +12,7 @@ from numpy.typing import ArrayLike
 
 from tradestudy.cameras.camera import Properties
 from tradestudy.cameras.contradictions import Contradiction, lens_contradictions, show
-from tradestudy.cameras.depth_camera import (
-    DepthCamera,
-    Limit,
-    UsableCriteria,
-)
+from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
@@ -37,9 +33,18 @@ from tradestudy.cameras.stereo.pair import (
     pair_observation,
     pair_poses,
 )
+from tradestudy.cameras.stereo.picture_field import (
+    edge_angle,
+    full_angle,
+    place_across,
+    properties_of_lens_model,
+    scale_across,
+)
 from tradestudy.cameras.through_lens import picture_through_lens
 from tradestudy.errors import OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.lens_models.lens_model import LensModel, slopes
+from tradestudy.optics.lens_models.rational import IDEAL
 from tradestudy.optics.thin_lens import blur_diameter, image_distance
 from tradestudy.optics.triangulation import stereo_depth, stereo_disparity
 from tradestudy.units import ANGLE, FRACTION, LENGTH, pretty
@@ -73,6 +78,8 @@ class StereoRig(DepthCamera):
     triangulation
         ``disparity`` measures along the baseline in rectified pictures; ``midpoint`` takes the middle of the shortest
         segment between the two lines of sight. They agree unless the rays are skew.
+    distortion
+        Lens model of both cameras; places in their pictures are principal distance times those of the model.
     disparity_error_px
         Standard deviation of one measured disparity [px], or the law it follows from.
     discrimination_step_px
@@ -98,6 +105,7 @@ class StereoRig(DepthCamera):
     baseline: float
     convergence_angle: float
     triangulation: Literal["disparity", "midpoint"]
+    distortion: LensModel = IDEAL
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)
@@ -163,11 +171,15 @@ class StereoRig(DepthCamera):
     @property
     def field_of_view(self) -> float:
         """Across, of one camera as it is focused [rad]."""
-        return self.view_of(self.sensor.width)
+        return self.view_of(self.sensor.width, 0.0)
 
-    def view_of(self, extent: float) -> float:
-        """Full angle [rad] that an extent [m] of the sensor covers: ``2 atan(extent / 2c)``."""
-        return 2.0 * math.atan(extent / (2.0 * self.principal_distance))
+    def view_of(self, width: float, height: float) -> float:
+        """Full angle [rad] between the opposite corners of a part of the sensor about its middle [m].
+
+        ``2 atan(extent/2c)`` without distortion; never beyond the valid field of the lens.
+        """
+        twice = 2.0 * self.principal_distance
+        return full_angle(self.distortion, width / twice, height / twice)
 
     @property
     def gathering_lens(self) -> Lens:
@@ -191,31 +203,50 @@ class StereoRig(DepthCamera):
             principal_distance=self.principal_distance,
             convergence_angle=self.convergence_angle,
             triangulation=self.triangulation,
+            distortion=self.distortion,
         )
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
-        """The disparity on the sensor [m]; see `stereo_disparity`."""
-        return stereo_disparity(
-            distance, self.baseline, self.principal_distance, convergence_angle=self.convergence_angle
-        )
+        """The disparity on the sensor [m]; see `stereo_disparity`, which holds without distortion."""
+        left, right = self._seen_midway(distance)
+        return np.asarray(left[..., 0] - right[..., 0])
+
+    def _seen_midway(self, distance: ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Where both pictures show a point midway between the cameras [m], shape (..., 2)."""
+        slope = stereo_disparity(distance, self.baseline, 1.0, convergence_angle=self.convergence_angle) / 2.0
+        angle = np.arctan(slope)
+        left, right = (self.principal_distance * place_across(self.distortion, side * angle) for side in (1.0, -1.0))
+        return left, right
 
     def disparity_of_infinity(self, distance: ArrayLike) -> FloatArray:
         """The disparity of infinity [m]: 0 for parallel axes."""
         return np.broadcast_to(self.disparity(np.inf), np.shape(distance))
 
-    def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:  # noqa: ARG002 - the same at every distance
-        """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`."""
-        return stereo_depth(disparity, self.baseline, self.principal_distance, convergence_angle=self.convergence_angle)
+    def depth_of_disparity(self, disparity: ArrayLike, distance: ArrayLike) -> FloatArray:
+        """``Z = c B / d`` [m] or its converging counterpart; see `stereo_depth`.
+
+        Where the lenses distort, both pictures share the change of disparity against that at the distance.
+        """
+        c, d = self.principal_distance, np.asarray(disparity, dtype=np.float64)
+        left, right = self._seen_midway(distance)
+        half = (d - (left - right)[..., 0]) / 2.0
+        tangents = []
+        for place, moved in ((left, half), (right, -half)):
+            x, _, z = self.distortion.ray((place[..., 0] + moved) / c, place[..., 1] / c)
+            tangents.append(np.where(z > 0.0, x / z, np.nan))
+        return stereo_depth(tangents[0] - tangents[1], self.baseline, 1.0, convergence_angle=self.convergence_angle)
 
     def equivalent_baseline(self, distance: ArrayLike) -> FloatArray:
         """Baseline [m] of the parallel rig of this principal distance that measures as well; B for parallel axes."""
         inverse = 1.0 / np.asarray(distance, dtype=np.float64)
-        x2 = (self.disparity(distance) / (2.0 * self.principal_distance)) ** 2
-        return np.asarray(self.baseline * (1.0 + x2) / (1.0 + (self.baseline * inverse / 2.0) ** 2))
+        x = stereo_disparity(distance, self.baseline, 1.0, convergence_angle=self.convergence_angle) / 2.0
+        scale = (scale_across(self.distortion, x) + scale_across(self.distortion, -x)) / 2.0
+        return np.asarray(self.baseline * scale * (1.0 + x * x) / (1.0 + (self.baseline * inverse / 2.0) ** 2))
 
     def overlap(self, distance: ArrayLike) -> FloatArray:
         """Share of each picture's width at a distance that the other camera sees too; see `shared_view`."""
-        return shared_view(distance, self.baseline, self.field_of_view, self.convergence_angle)
+        half = self.sensor.width / 2.0 / self.principal_distance
+        return shared_view(distance, self.baseline, half, self.convergence_angle, self.distortion)
 
     def estimator_blur_px(self, distance: FloatArray) -> FloatArray:
         """That of both lenses; see `blur_px`."""
@@ -248,7 +279,8 @@ class StereoRig(DepthCamera):
     def field_angle(self, field: float) -> float:
         """In the view midway between the cameras; in each of them it differs by the angle between the axes."""
         require_field(field)
-        return math.atan(field * self.sensor.diagonal / 2.0 / self.principal_distance)
+        twice = 2.0 * self.principal_distance
+        return edge_angle(self.distortion, field * self.sensor.width / twice, field * self.sensor.height / twice)
 
     def read(
         self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None = None
@@ -263,7 +295,7 @@ class StereoRig(DepthCamera):
         c, sensor = self.principal_distance, self.sensor
         z = np.asarray(distance, dtype=np.float64)
         changed = self._changed(errors, environment)
-        right, down = field * sensor.width / 2.0 / c, field * sensor.height / 2.0 / c
+        right, down = slopes(*self.distortion.ray(field * sensor.width / 2.0 / c, field * sensor.height / 2.0 / c))
         image = self.observe(changed, right * z, down * z, z)
         left_x, left_y, right_x, right_y = (
             np.abs(place) <= extent / 2.0
@@ -333,8 +365,9 @@ class StereoRig(DepthCamera):
             ),
             ("pupil diameter", pretty(lens.pupil_diameter, LENGTH, 4)),
             ("field of view across", pretty(self.field_of_view, ANGLE, 4)),
-            ("field of view on the diagonal", pretty(self.view_of(self.sensor.diagonal), ANGLE, 4)),
+            ("field of view on the diagonal", pretty(self.view_of(self.sensor.width, self.sensor.height), ANGLE, 4)),
             ("baseline", pretty(self.baseline, LENGTH, 4)),
+            *properties_of_lens_model(self.distortion),
         )
 
     def contradictions(self, stated: StatedPart | None, tolerance: float) -> Sequence[Contradiction]:

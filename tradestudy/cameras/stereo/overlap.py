@@ -7,14 +7,20 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tradestudy.cameras.stereo.picture_field import edge_angle, place_across
 from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.lens_model import LensModel
+
+_BESIDE = math.pi / 2.0
 
 
-def shared_view(distance: ArrayLike, baseline: float, field_of_view: float, convergence_angle: float) -> FloatArray:
-    """Share of each picture's width at a distance that the other camera sees too; ``1 − B/W`` for parallel axes.
+def shared_view(
+    distance: ArrayLike, baseline: float, half_width: float, convergence_angle: float, lens: LensModel
+) -> FloatArray:
+    """Share of each picture's width at a distance that the other camera sees too; ``1 − B/W`` for parallel pinholes.
 
-    W = 2 Z tan(FOV/2). Zero where the views do not meet. Converging axes map a plane unevenly; the share is that of the
-    picture, not of the plane.
+    W = 2 Z w with w half the picture's width. Zero where the views do not meet. Converging axes and lenses that distort
+    map a plane unevenly; the share is that of the picture, not of the plane.
 
     Parameters
     ----------
@@ -22,22 +28,27 @@ def shared_view(distance: ArrayLike, baseline: float, field_of_view: float, conv
         Z [m] from the baseline.
     baseline
         B [m].
-    field_of_view, convergence_angle
-        Full angles [rad]: across one picture, and between the axes.
+    half_width
+        Of the normalised picture [1].
+    convergence_angle
+        Full angle between the axes [rad].
+    lens
+        Of both cameras.
     """
     z = np.asarray(distance, dtype=np.float64)
-    half, t = field_of_view / 2.0, convergence_angle / 2.0
+    t = convergence_angle / 2.0
+    first, last = -edge_angle(lens, -half_width, 0.0), edge_angle(lens, half_width, 0.0)
 
-    def mirrored(edge: float) -> FloatArray:
-        """Direction from the left camera to where the right camera's edge of view meets the plane."""
-        if abs(edge) >= math.pi / 2.0:  # that edge never meets the plane: the view has no end on this side
-            return np.full(z.shape, -math.copysign(math.pi / 2.0, edge))
-        return np.arctan(baseline / z - math.tan(edge))
+    def met(edge: float) -> FloatArray:
+        """Direction from the left camera to where an edge of the right camera's view meets the plane."""
+        if abs(edge) >= _BESIDE:  # that edge never meets the plane: the view has no end on this side
+            return np.full(z.shape, math.copysign(_BESIDE, edge))
+        return np.arctan(baseline / z + math.tan(edge))
 
-    if abs(t) - half >= math.pi / 2.0:
-        return np.zeros_like(z)
-    low = np.maximum(max(t - half, -math.pi / 2.0), mirrored(t + half))
-    high = np.minimum(min(t + half, math.pi / 2.0), mirrored(t - half))
+    low = np.maximum(max(t + first, -_BESIDE), met(first - t))
+    high = np.minimum(min(t + last, _BESIDE), met(last - t))
     # From directions to the picture, where a direction beyond the picture's own edges does not occur.
-    shared = np.tan(np.clip(high - t, -half, half)) - np.tan(np.clip(low - t, -half, half))
-    return np.asarray(np.clip(shared / (2.0 * math.tan(half)), 0.0, 1.0))
+    places = place_across(
+        lens, np.clip([high - t, low - t, np.full(z.shape, last), np.full(z.shape, first)], first, last)
+    )[..., 0]
+    return np.asarray(np.clip((places[0] - places[1]) / (places[2] - places[3]), 0.0, 1.0))

@@ -14,7 +14,7 @@ from tradestudy.cameras.light_cones import Pose, pose_of
 from tradestudy.cameras.reading import Errors, value_of
 from tradestudy.optics.arrays import BoolArray, FloatArray
 from tradestudy.optics.lens_models.lens_model import LensModel
-from tradestudy.optics.lens_models.rational import Rational
+from tradestudy.optics.lens_models.rational import IDEAL
 from tradestudy.optics.triangulation import inverse_depth_on_ray, midpoint_depth
 
 SIDES: Final = ("left", "right")
@@ -40,12 +40,15 @@ class Pair:
     triangulation
         ``disparity`` measures along the baseline; ``midpoint`` takes the middle of the shortest segment between the two
         lines of sight. They agree unless the rays are skew.
+    distortion
+        Lens model of both cameras.
     """
 
     baseline: float
     principal_distance: float
     convergence_angle: float
     triangulation: Literal["disparity", "midpoint"]
+    distortion: LensModel = IDEAL
 
 
 def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Image:
@@ -63,7 +66,7 @@ def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: 
     Returns
     -------
     Image
-        Exact; NaN for a point behind a camera.
+        Exact; NaN for a point outside the valid field of the lens of a camera.
     """
     x, y, z = (np.asarray(value, dtype=np.float64) for value in (x, y, z))
     t = pair.convergence_angle / 2.0
@@ -76,7 +79,9 @@ def pair_observation(pair: Pair, errors: Errors, x: ArrayLike, y: ArrayLike, z: 
     rotation = tuple(zip(*_right_rotation(errors, t), strict=True))
     image = []
     for side, (a, b, c) in zip(SIDES, (_yaw(towards_left, t), _turn(rotation, towards_right)), strict=True):
-        u, v = _distortion(errors, side).image(a, b, c)
+        u, v = _distortion(pair, errors, side).image(a, b, c)
+        seen = pair.distortion.sees(a, b, c)
+        u, v = np.where(seen, u, np.nan), np.where(seen, v, np.nan)
         principal_distance, on_x, on_y = _interior(pair, errors, side)
         image += [principal_distance * u + on_x, principal_distance * v + on_y]
     return image[0], image[1], image[2], image[3]
@@ -115,7 +120,7 @@ def pair_inverse_depth(pair: Pair, errors: Errors, image: Image) -> tuple[FloatA
         valid = valid & (principal_distance > 0.0)
         inverse_distance = 1.0 / np.where(principal_distance > 0.0, principal_distance, np.nan)
         x, y = (u - on_x + moved) * inverse_distance, (v - on_y) * inverse_distance
-        ray = _distortion(errors, side).ray(x, y)
+        ray = _distortion(pair, errors, side).ray(x, y)
         valid = valid & ~(np.isnan(ray[0]) & np.isfinite(x) & np.isfinite(y))
         rays.append(ray)
     left, right = _yaw(rays[0], -t), _turn(_right_rotation(errors, t), rays[1])
@@ -146,7 +151,7 @@ def pair_poses(pair: Pair, errors: Errors) -> tuple[Pose, Pose]:
 def pair_interior(pair: Pair, errors: Errors, side: str) -> tuple[float, tuple[float, float], LensModel]:
     """Principal distance [m], principal point [m] and lens model of one camera under single errors."""
     principal_distance, x, y = (float(one) for one in _interior(pair, errors, side))
-    return principal_distance, (x, y), _distortion(errors, side)
+    return principal_distance, (x, y), _distortion(pair, errors, side)
 
 
 def _interior(pair: Pair, errors: Errors, side: str) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -159,9 +164,10 @@ def _interior(pair: Pair, errors: Errors, side: str) -> tuple[FloatArray, FloatA
     return principal_distance, on_x, value_of(errors, f"{side}_principal_point_y")
 
 
-def _distortion(errors: Errors, side: str) -> Rational:
+def _distortion(pair: Pair, errors: Errors, side: str) -> LensModel:
     """Lens model of one camera."""
-    return Rational(k1=value_of(errors, f"{side}_distortion_k1"), k2=value_of(errors, f"{side}_distortion_k2"))
+    k1, k2 = (value_of(errors, f"{side}_distortion_{name}") for name in ("k1", "k2"))
+    return pair.distortion.with_radial_error(k1, k2)
 
 
 def _half_baseline(pair: Pair, errors: Errors) -> tuple[FloatArray, Ray]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
 from functools import cached_property
 from typing import ClassVar, Final, Self
 
@@ -71,6 +71,30 @@ class LensModel(ABC):
     def coefficient_names(cls) -> tuple[str, ...]:
         """Names of the coefficients, in order."""
         return tuple(field.name for field in fields(cls))
+
+    @classmethod
+    def optional_names(cls) -> tuple[str, ...]:
+        """Names of those that may be left out, which are then zero."""
+        return tuple(field.name for field in fields(cls) if field.default is not MISSING)
+
+    def with_radial_error(self, k1: FloatArray, k2: FloatArray) -> LensModel:
+        """The same lens with its k₁ and k₂ changed by these.
+
+        Raises
+        ------
+        OutOfRangeError
+            The family has no such coefficients, and the changes are not zero.
+        """
+        if not (np.any(k1) or np.any(k2)):
+            return self
+        if not {"k1", "k2"} <= {*self.coefficient_names()}:
+            raise OutOfRangeError(
+                "errors of radial distortion",
+                value=f"a lens of the model {self.name}, which has no k1 and k2",
+                remedy="leave them out, or declare the lens by a model that has them",
+            )
+        changed = {name: np.asarray(getattr(self, name)) + by for name, by in (("k1", k1), ("k2", k2))}
+        return replace(self, **changed)
 
     def coefficients(self) -> dict[str, float]:
         """Coefficients by name; of draws, only where they are single numbers."""

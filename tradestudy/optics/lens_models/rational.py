@@ -100,6 +100,14 @@ class Rational(LensModel):
         u, v = self._distorted(a, b)
         return self._on_tilted(u, v) if self._tilted else (u, v)
 
+    def sees(self, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
+        """See `LensModel.sees`, by slopes."""
+        end = np.asarray(self.valid_field)
+        whole = end >= np.pi / 2.0
+        if np.all(whole):
+            return np.asarray(z > 0.0)
+        return np.asarray((z > 0.0) & (whole | (np.hypot(x, y) <= np.tan(end) * z)))
+
     def _distorted(self, a: FloatArray, b: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Places before the tilt."""
         square = a * a + b * b
