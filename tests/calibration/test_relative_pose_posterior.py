@@ -38,7 +38,7 @@ def test_the_posterior_converges_and_holds_at_exact_points(posterior):
     diagnostics = posterior.sample.diagnostics
     assert posterior.converged, (diagnostics.failures, posterior.check)
     assert diagnostics.lengths >= 50.0
-    assert posterior.check.efficiency > 0.985  # so no mean is off by more than 0.13 standard deviations
+    assert posterior.check.efficiency > 0.975  # so no mean is off by more than 0.16 standard deviations
     assert posterior.sample.names == POSTERIOR_NAMES
 
 

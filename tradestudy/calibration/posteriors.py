@@ -14,6 +14,7 @@ from tradestudy.calibration.corners.corner_file import read_corners
 from tradestudy.calibration.corners.pair_residual import sample_relative_pose
 from tradestudy.calibration.corners.real_rig import RigFit, fit_rig
 from tradestudy.calibration.corners.rig_geometry import check_geometry, check_inside
+from tradestudy.calibration.corners.trust import CalibrationTrust, examine
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posterior.laplace import LaplaceCheck, LaplaceFit
 from tradestudy.calibration.posterior.sampling import PosteriorSample
@@ -62,8 +63,8 @@ class InferredCalibration:
         Standard deviations of the normal approximation beside it, in the order of the sample, and its cost [s].
     prior_deviation
         Standard deviations of the priors; infinite where flat without bounds.
-    fit
-        Bundle adjustment and the left–right term, of corners.
+    fit, trust
+        Bundle adjustment, left–right term and noise of corners, and how far they are to be trusted.
     """
 
     calibration: Calibration
@@ -74,6 +75,7 @@ class InferredCalibration:
     laplace_seconds: float
     prior_deviation: FloatArray
     fit: RigFit | None = None
+    trust: CalibrationTrust | None = None
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -220,9 +222,11 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
     draws = normal.draw(np.random.default_rng(0), _CHECKED_DRAWS)
     check_geometry(asked.name, rig, normal.mean, draws, says="corners say")
     rng = point_generator(seed=asked.seed, point=f"corners/{asked.name}", replicate=0)
-    found = sample_relative_pose(fit.explained, corners, rng=rng, maximum_steps=asked.part.max_steps)
+    found = sample_relative_pose(fit.explained, fit.corners, rng=rng, maximum_steps=asked.part.max_steps)
+    draws_kept = propagated(SHARED_NAMES, found.sample)
     posterior = replace(
-        propagated(SHARED_NAMES, found.sample),
+        draws_kept,
+        draws=with_square_size(draws_kept.draws, asked.part.square_size_uncertainty, rng),
         best=found.sample.draws[:, : len(SHARED_NAMES)].mean(axis=0),
         pixels=(rig.sensor.columns, rig.sensor.rows),
     )
@@ -235,7 +239,27 @@ def infer_from_corners(asked: CornersToInfer) -> InferredCalibration:
         laplace_seconds=fit.explained.seconds,
         prior_deviation=np.full(len(found.sample.names), np.inf),
         fit=fit,
+        trust=examine(fit, (rig.sensor.columns, rig.sensor.rows)),
     )
+
+
+def with_square_size(draws: FloatArray, uncertainty: float, rng: np.random.Generator) -> FloatArray:
+    """Draws of a rig, shape (n, 18), whose lengths all share the relative error of the board's squares.
+
+    Parameters
+    ----------
+    draws
+        In the order of ``SHARED_NAMES``.
+    uncertainty
+        Relative standard deviation of the size of the squares: no corner reveals it.
+    rng
+        Randomness.
+    """
+    if uncertainty == 0.0:
+        return draws
+    scaled = draws.copy()
+    scaled[:, 15:18] *= 1.0 + uncertainty * rng.standard_normal((len(draws), 1))
+    return scaled
 
 
 def propagated(names: tuple[str, ...], sample: PosteriorSample) -> CalibrationDraws:

@@ -73,7 +73,7 @@ def project_with_jacobians(intrinsics: FloatArray, points: FloatArray) -> tuple[
     return _pixels(intrinsics, u, v), by_intrinsics, focal * by_points
 
 
-def ray_slopes(intrinsics: FloatArray, image: FloatArray) -> FloatArray:
+def ray_slopes(intrinsics: FloatArray, image: FloatArray, lens: Rational | None = None) -> FloatArray:
     """Slopes (X/Z, Y/Z) of the ray that a camera images at a place: the inverse of ``project``.
 
     Parameters
@@ -82,6 +82,8 @@ def ray_slopes(intrinsics: FloatArray, image: FloatArray) -> FloatArray:
         As for ``project``.
     image : array (..., N, 2)
         Image coordinates [px].
+    lens
+        A lens model instead of that of the intrinsic parameters.
 
     Returns
     -------
@@ -91,7 +93,7 @@ def ray_slopes(intrinsics: FloatArray, image: FloatArray) -> FloatArray:
     """
     x = (image[..., 0] - intrinsics[..., 2, None]) / intrinsics[..., 0, None]
     y = (image[..., 1] - intrinsics[..., 3, None]) / intrinsics[..., 1, None]
-    a, b, _ = _lens(intrinsics).ray(x, y)
+    a, b, _ = (lens or _lens(intrinsics)).ray(x, y)
     return np.stack([a, b], axis=-1)
 
 

@@ -38,6 +38,7 @@ from tradestudy.uncertainty.error_class import ErrorClass
 
 Correlation = Annotated[float, *quantity(units.NUMBER, at_least=-1.0, at_most=1.0)]
 HalfFieldAngle = Annotated[float, *quantity(units.ANGLE, above=0.0, at_most=80.0 * units.DEGREE)]
+SquareSizeUncertainty = Annotated[float, *quantity(units.FRACTION, at_least=0.0, at_most=0.1)]
 MostSteps = Annotated[int, Field(ge=100, le=1_000_000, strict=True)]
 
 _OF_UNIT: Final = {"m": LengthDistribution, "rad": AngleDistribution, "1": NumberDistribution}
@@ -146,6 +147,9 @@ class CornersPart(Part):
     """A measured calibration: corners of a board that both cameras of the rig saw."""
 
     file: Text = Field(description="CSV of corners, beside the file that holds this.")
+    square_size_uncertainty: SquareSizeUncertainty = Field(
+        default=0.0, description="Relative standard deviation of the size of the squares, which no corner reveals."
+    )
     max_steps: MostSteps = Field(default=20_000, description="Most steps of each sampler of the posterior.")
 
 

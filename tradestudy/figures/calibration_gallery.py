@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import xarray as xr
 
-from tradestudy.figures import posterior, ranks, sensitivity
+from tradestudy.figures import calibration_trust, posterior, ranks, sensitivity
 from tradestudy.figures.drawing import Drawing
 from tradestudy.results.views.depth import largest_source
 from tradestudy.results.views.groups import camera_titles, titles_in
@@ -24,6 +24,8 @@ def calibration_drawings(tree: xr.DataTree) -> Iterator[Drawing]:
     if "calibration" in tree.children and "posterior_draw" in tree["calibration"].data_vars:
         for name in tree["calibration"].to_dataset()["posterior"].values:
             yield from _posterior(tree, str(name))
+            if "rig_claimed" in tree["calibration"].data_vars:
+                yield from _trust(tree, str(name))
 
 
 def _sensitivity(tree: xr.DataTree) -> Iterator[Drawing]:
@@ -99,4 +101,22 @@ def _posterior(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
             else "The chains did not converge."
         ),
         draw=partial(posterior.draw_trace, tree, name),
+    )
+
+
+def _trust(tree: xr.DataTree, name: str) -> Iterator[Drawing]:
+    data = tree["calibration"].to_dataset().sel(posterior=name)
+    if not np.isfinite(data["rig_claimed"].values).any():
+        return
+    ratio = data["rig_halves_difference"].values / data["rig_halves_claim"].values
+    distances = [pretty(float(one), LENGTH) for one in data["rig_distance"].values]
+    yield Drawing(
+        name=f"trust-{name}",
+        caption=f"How far to trust the corners of {camera_titles(tree)[name]}. Above: mean residuals of each camera "
+        "fitted alone, in cells of its picture; what points the same way in neighbouring cells is left of the lens or "
+        "of the board. Below: depth midway between the axes by random halves of the views.",
+        alt="Two maps of arrows, and a chart in which the halves differ by these times what they claim: "
+        + ", ".join(f"{significant(float(one), 2)} at {where}" for one, where in zip(ratio, distances, strict=True))
+        + ".",
+        draw=partial(calibration_trust.draw_trust, tree, name),
     )

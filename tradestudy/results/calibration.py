@@ -85,6 +85,27 @@ CALIBRATION: Final[Mapping[str, Variable]] = {
     "rig_quantity": Variable(dims=("rig_row",), units="", long_name="what was found of a real rig"),
     "rig_camera": Variable(dims=("rig_row",), units="", long_name="the rig"),
     "rig_value": Variable(dims=("rig_row",), units="", long_name="the value, with its unit"),
+    "rig_claimed": Variable(
+        dims=("posterior", "rig_distance"),
+        units="m",
+        long_name="standard deviation of depth that the fit to corners states, midway between the axes",
+    ),
+    "rig_halves_difference": Variable(
+        dims=("posterior", "rig_distance"),
+        units="m",
+        long_name="root mean square difference of depth by random halves of the views",
+    ),
+    "rig_halves_claim": Variable(
+        dims=("posterior", "rig_distance"),
+        units="m",
+        long_name="what the halves state for that difference",
+        symbol="√(C_A + C_B)",
+    ),
+    "rig_residual": Variable(
+        dims=("posterior", "rig_side", "rig_cell_row", "rig_cell_column", "rig_axis"),
+        units="px",
+        long_name="mean residual of the corners in a cell of the left and right picture; NaN where there are none",
+    ),
     "rig_overconfidence": Variable(
         dims=("posterior", "parameter"),
         units="1",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,10 +20,11 @@ from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, 
 from tradestudy.errors import NotConvergedError, OutOfRangeError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
-
 RESIDUAL_LIMIT_PX = 2.0  # a corner detector is ten times better; more means wrong correspondences
+_MOST_EVALUATIONS = 200
+_FIRST_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-14, 1e12
+_ROUNDING = 1e-13  # of the square sum: a promised decrease of less cannot be told from rounding
+_NO_NOISE = 1e-11  # px
 _ROTATION_LIMIT = np.radians(10.0)  # a rigid pair does not turn between views
 
 
@@ -96,7 +96,9 @@ class PairFit(_Fit):
         return float(np.linalg.norm(self.shared[15:18]))
 
 
-def fit_camera(board: FloatArray, image: FloatArray, present: BoolArray) -> CameraFit:
+def fit_camera(
+    board: FloatArray, image: FloatArray, present: BoolArray, weights: FloatArray | None = None
+) -> CameraFit:
     """Fit one camera to a flat board seen in several poses.
 
     Parameters
@@ -105,6 +107,8 @@ def fit_camera(board: FloatArray, image: FloatArray, present: BoolArray) -> Came
         Corners on the board [m] and in the image [px].
     present : bool array (V, N)
         Which corners exist.
+    weights : array (V, N)
+        Of the corners, to keep outliers down; None: all alike.
 
     Returns
     -------
@@ -118,18 +122,19 @@ def fit_camera(board: FloatArray, image: FloatArray, present: BoolArray) -> Came
     CornerFileError
         The corners are off by more than ``RESIDUAL_LIMIT_PX``.
     """
+    roots = present if weights is None else np.sqrt(weights)
     start = first_intrinsics(board, image, present)
     poses = first_poses(start, board, image, present)
     intrinsics, poses, blocks = _minimise(
-        lambda shared, poses: camera_blocks(shared, poses, board, image, present), start, poses
+        lambda shared, poses: camera_blocks(shared, poses, board, image, roots), start, poses
     )
-    corner_rms, noise = _residual_sizes(blocks, int(present.sum()))
+    corner_rms, noise = _residual_sizes(blocks, int(np.count_nonzero(roots)))
     return CameraFit(
         intrinsics=intrinsics,
         poses=poses,
         covariance=noise**2 * covariance_from_information(marginal_information(blocks), INTRINSIC_NAMES),
         noise_px=noise,
-        residuals_px=blocks.residuals,
+        residuals_px=camera_blocks(intrinsics, poses, board, image, present).residuals,
         corner_rms_px=corner_rms,
     )
 
@@ -213,48 +218,52 @@ def marginal_information(blocks: ViewBlocks) -> FloatArray:
 def _minimise(
     evaluate: Callable[[FloatArray, FloatArray], ViewBlocks], shared: FloatArray, poses: FloatArray
 ) -> tuple[FloatArray, FloatArray, ViewBlocks]:
-    """Least squares over shared parameters and poses with a sparse Jacobian."""
-    from scipy.optimize import least_squares  # it takes long to import, and only corners need it
+    """Least squares over shared parameters and poses by damped Gauss–Newton steps, poses eliminated view by view.
 
-    count, views = len(shared), len(poses)
-
-    def split(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return vector[:count], vector[count:].reshape(views, 6)
-
-    def residuals(vector: FloatArray) -> FloatArray:
-        values = evaluate(*split(vector)).residuals.ravel()
-        return np.where(np.isfinite(values), values, 1e6)  # a board behind the camera: a step to be refused
-
-    def jacobian(vector: FloatArray) -> csr_array:
-        return _sparse_jacobian(evaluate(*split(vector)))
-
-    start = np.concatenate([shared, poses.ravel()])
-    fit = least_squares(
-        residuals, start, jac=jacobian, x_scale="jac", ftol=1e-15, xtol=1e-12, gtol=1e-12, max_nfev=200,
-        tr_solver="lsmr", tr_options={"atol": 1e-14, "btol": 1e-14, "maxiter": 20 * len(start)},
-    )  # fmt: skip
-    shared, poses = split(fit.x)
-    if not fit.success:
-        raise NotConvergedError(
-            "the bundle adjustment did not settle",
-            value=f"{fit.nfev} evaluations",
-            limit="200 evaluations",
-            remedy="check the order of the corners, or add views with the board tilted differently",
-        )
-    return shared, poses, evaluate(shared, poses)
+    D. Marquardt, SIAM J. Appl. Math. 11 (1963) 431.
+    """
+    blocks, damping = evaluate(shared, poses), _FIRST_DAMPING
+    cost = float(np.sum(blocks.residuals**2))
+    for _ in range(_MOST_EVALUATIONS):
+        step, pose_step, expected = _damped_step(blocks, damping)
+        tried = evaluate(shared + step, poses + pose_step)
+        tried_cost = float(np.sum(tried.residuals**2))
+        if tried_cost <= cost:  # NaN, of a board behind the camera, is not
+            shared, poses, blocks = shared + step, poses + pose_step, tried
+        if expected <= _ROUNDING * cost + _NO_NOISE**2 * blocks.residuals.size:
+            return shared, poses, blocks
+        better = tried_cost <= cost
+        cost = min(cost, tried_cost) if better else cost
+        damping = max(damping / 10.0, _LEAST_DAMPING) if better else 10.0 * damping
+        if damping > _MOST_DAMPING:
+            break
+    raise NotConvergedError(
+        "the bundle adjustment did not settle",
+        value=f"{_MOST_EVALUATIONS} evaluations",
+        limit="a step that changes the residuals by no more than rounding",
+        remedy="check the order of the corners, or add views with the board tilted differently",
+    )
 
 
-def _sparse_jacobian(blocks: ViewBlocks) -> csr_array:
-    """Derivatives of all residuals: dense in the shared columns, block diagonal in the poses."""
-    from scipy.sparse import csr_array
-
-    views, rows, count = blocks.by_shared.shape
-    shared_columns = np.broadcast_to(np.arange(count), (views, rows, count))
-    pose_columns = count + 6 * np.arange(views)[:, None, None] + np.arange(6)
-    columns = np.concatenate([shared_columns, np.broadcast_to(pose_columns, (views, rows, 6))], axis=-1)
-    values = -np.concatenate([blocks.by_shared, blocks.by_pose], axis=-1)
-    starts = np.arange(views * rows + 1) * (count + 6)
-    return csr_array((values.ravel(), columns.ravel(), starts), shape=(views * rows, count + 6 * views))
+def _damped_step(blocks: ViewBlocks, damping: float) -> tuple[FloatArray, FloatArray, float]:
+    """Steps of the shared parameters and of the poses, and the decrease of the square sum that they promise [px²]."""
+    views, _, count = blocks.by_shared.shape
+    root = np.sqrt(damping)
+    held = root * np.linalg.norm(blocks.by_pose, axis=1)[:, None] * np.eye(6)
+    basis, factor = np.linalg.qr(np.concatenate([blocks.by_pose, held], axis=1))
+    table = np.concatenate([blocks.by_shared, blocks.residuals[..., None]], axis=-1)
+    table = np.concatenate([table, np.zeros((views, 6, count + 1))], axis=1)
+    inner = np.swapaxes(basis, -1, -2) @ table
+    free = (table - basis @ inner).reshape(-1, count + 1)
+    size = np.linalg.norm(blocks.by_shared.reshape(-1, count), axis=0)
+    below = np.concatenate([root * np.diag(size), np.zeros((count, 1))], axis=1)
+    triangle = np.linalg.qr(np.concatenate([free, below]))[1]
+    scale = np.where(size > 0.0, size, 1.0)
+    step = np.linalg.lstsq(triangle[:count, :count] / scale, triangle[:count, count], rcond=1e-15)[0] / scale
+    right = inner[..., count] - inner[..., :count] @ step
+    pose_step = np.linalg.solve(factor, right[..., None])[..., 0]
+    promised = np.sum(inner[..., count] ** 2) + np.sum(triangle[:count, count] ** 2)
+    return step, pose_step, float(promised)
 
 
 def _residual_sizes(blocks: ViewBlocks, corner_count: int) -> tuple[float, float]:

@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from tradestudy.errors import TradestudyError
+from tradestudy.calibration.corners.corner_noise import CornerNoise
+from tradestudy.errors import TradestudyError, UnaffordableError
 from tradestudy.optics.arrays import BoolArray, FloatArray
 
 MINIMUM_CORNERS = 6  # four fix the pose of a plane; two more let a wrong corner show
+MOST_ROWS = 50_000
 MINIMUM_VIEWS = 3  # two conditions per view for four intrinsic parameters, and one view to spare
 
 _IMAGE_COLUMNS = ("left_x_px", "left_y_px", "right_x_px", "right_y_px")
@@ -27,7 +29,7 @@ class CornerFileError(TradestudyError):
 
 @dataclass(frozen=True, kw_only=True)
 class StereoCorners:
-    """Corners of a flat board in both images of every view, padded to the fullest view.
+    """Corners of a board in both images of every view, padded to the fullest view.
 
     Parameters
     ----------
@@ -39,6 +41,10 @@ class StereoCorners:
         Corners in the images [px].
     present : bool array (V, N)
         False where a view has no such corner; coordinates are zero there.
+    heights : array (V, N)
+        How far the corners lie behind the board's plane, away from who looks at it [m]; None: it is flat.
+    noise
+        How the noise of the corners varies and correlates, by which residuals are whitened; None: independent, equal.
     """
 
     views: tuple[int, ...]
@@ -46,6 +52,14 @@ class StereoCorners:
     left: FloatArray
     right: FloatArray
     present: BoolArray
+    heights: FloatArray | None = None
+    noise: CornerNoise | None = None
+
+    @property
+    def points(self) -> FloatArray:
+        """Corners of the board in its own frame, shape (V, N, 3) [m]."""
+        heights = np.zeros(self.present.shape) if self.heights is None else self.heights
+        return np.concatenate([self.board, heights[..., None]], axis=-1)
 
     @property
     def corner_count(self) -> int:
@@ -75,9 +89,12 @@ def read_corners(path: str | Path) -> StereoCorners:
         or all in a line; there are too few views; the board is mirrored, an image is mirrored, or x and y columns are
         swapped. Left and right exchanged need a fit: see ``bundle_adjustment.check_rig``; what contradicts the declared
         rig: see ``rig_geometry``.
+    UnaffordableError
+        It has more than `MOST_ROWS` rows.
     """
     path = Path(path)
     try:
+        _require_affordable(path)
         table, scale = _read_table(path)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise CornerFileError(
@@ -98,6 +115,19 @@ def read_corners(path: str | Path) -> StereoCorners:
     _check_counts(corners)
     _check_handedness(corners)
     return corners
+
+
+def _require_affordable(path: Path) -> None:
+    """Refuse more rows than a fit takes minutes for, before any is read as numbers."""
+    with path.open("rb") as stream:
+        rows = sum(block.count(b"\n") for block in iter(lambda: stream.read(1 << 20), b"")) - 1
+    if rows > MOST_ROWS:
+        raise UnaffordableError(
+            f"{path.name} has too many rows to fit",
+            value=f"{rows:,} rows",
+            limit=f"{MOST_ROWS:,}",
+            remedy=f"keep one view in {-(-rows // MOST_ROWS)}: depth gains little from more",
+        )
 
 
 def _read_table(path: Path) -> tuple[FloatArray, float]:

@@ -8,6 +8,7 @@ rotations N(0, (τ/lever)²) with the board's radius of gyration as lever, so th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from tradestudy.calibration.corners.view_blocks import (
     pair_blocks,
 )
 from tradestudy.errors import NotConvergedError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import FloatArray, IndexArray
 
 _MOST_STEPS = 20
 
@@ -50,17 +51,38 @@ class CompressedViews:
         Rows in which the motion shows: derivatives by the shared parameters, then the residual.
     motion_gains : array (V, 6)
         Variance that a unit motion scale gives each of these rows [px²/m²].
-    rest : array (19, 19)
-        Triangular factor of all the other rows, columns likewise.
-    rest_count : int
-        How many other rows there are.
+    view_rests : array (V, 19, 19)
+        Triangular factor of all the other rows of each view, columns likewise.
+    view_counts : int array (V,)
+        How many other rows each view has.
     """
 
     centre: FloatArray
     motion_rows: FloatArray
     motion_gains: FloatArray
-    rest: FloatArray
-    rest_count: int
+    view_rests: FloatArray
+    view_counts: IndexArray
+
+    @cached_property
+    def rest(self) -> FloatArray:
+        """Triangular factor of the other rows of all views, shape (19, 19)."""
+        triangle: FloatArray = np.linalg.qr(self.view_rests.reshape(-1, self.view_rests.shape[-1]))[1]
+        return triangle
+
+    @cached_property
+    def rest_count(self) -> int:
+        """How many other rows all views have."""
+        return int(self.view_counts.sum())
+
+    def of(self, views: IndexArray) -> CompressedViews:
+        """Some of the views alone."""
+        return CompressedViews(
+            centre=self.centre,
+            motion_rows=self.motion_rows[views],
+            motion_gains=self.motion_gains[views],
+            view_rests=self.view_rests[views],
+            view_counts=self.view_counts[views],
+        )
 
     def log_likelihood(self, shared: FloatArray, noise_px: FloatArray, motion_scale: FloatArray) -> FloatArray:
         """Logarithm of the marginal likelihood, up to a constant.
@@ -116,7 +138,14 @@ def gyration_radius(corners: StereoCorners) -> float:
     return float(np.sqrt(((corners.board - centre) ** 2 * weight).sum() / len(corners.views)))
 
 
-def compress_views(shared: FloatArray, states: ViewStates, corners: StereoCorners, lever: float) -> CompressedViews:
+def compress_views(
+    shared: FloatArray,
+    states: ViewStates,
+    corners: StereoCorners,
+    lever: float,
+    *,
+    extra: FloatArray | None = None,
+) -> CompressedViews:
     """Linearise the views and reduce them by orthogonal transformations, view by view.
 
     Parameters
@@ -129,6 +158,8 @@ def compress_views(shared: FloatArray, states: ViewStates, corners: StereoCorner
         What was seen.
     lever : float
         Radius that turns rotations into displacements [m].
+    extra : array (V, 4 N, E)
+        Derivatives by more parameters, which are zero where the views are linearised; None: none.
 
     Returns
     -------
@@ -139,17 +170,19 @@ def compress_views(shared: FloatArray, states: ViewStates, corners: StereoCorner
     residuals, by_shared, by_states = _state_blocks(shared, states, corners, lever)
     # at zero motion of the linearised model
     residuals = residuals + np.einsum("vmk,vk->vm", by_states[..., 6:], states.motions)
+    if extra is not None:
+        by_shared = np.concatenate([by_shared, extra], axis=-1)
+        shared = np.concatenate([shared, np.zeros(extra.shape[-1])])
     table = np.concatenate([by_states, by_shared, residuals[..., None]], axis=-1)
     triangle = np.linalg.qr(table)[1]
     motion, rows = triangle[:, 6:12, 6:12], triangle[:, 6:12, 12:]
     left, gains, _ = np.linalg.svd(motion)
-    coordinates = 4 * corners.corner_count
     return CompressedViews(
         centre=shared,
         motion_rows=np.swapaxes(left, -1, -2) @ rows,
         motion_gains=gains**2,
-        rest=np.linalg.qr(triangle[:, 12:, 12:].reshape(-1, rows.shape[-1]))[1],
-        rest_count=coordinates - 12 * len(corners.views),
+        view_rests=triangle[:, 12:, 12:],
+        view_counts=4 * corners.present.sum(axis=1) - 12,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -66,7 +66,7 @@ class PairResidualFit:
     covariance : array (18, 18)
         Of the shared parameters, poses and motions marginalised, given both scales.
     noise_px : float
-        Standard deviation of one coordinate [px].
+        Standard deviation of one coordinate [px]; root mean square over the views where these differ.
     motion_scale : float
         Standard deviation of the motion between the exposures, as displacement of corners per axis [m].
     lever : float
@@ -159,6 +159,33 @@ def fit_pair_residual(fit: PairFit, corners: StereoCorners) -> PairResidualFit:
     )
 
 
+def extended_step(fit: PairResidualFit, corners: StereoCorners, columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Generalised least-squares step of the shared parameters and of more, which are zero at the fit; its covariance.
+
+    Parameters
+    ----------
+    fit, corners
+        The fit and what it was made to.
+    columns : array (V, 4 N, E)
+        Derivatives by the additional parameters, whitened as the residuals are.
+
+    Returns
+    -------
+    step : array (18 + E,)
+    covariance : array (18 + E, 18 + E)
+    """
+    extended = compress_views(fit.shared, fit.states, corners, fit.lever, extra=columns)
+    information, gradient = extended.information(fit.noise_px, fit.motion_scale)
+    covariance = inverse_information(information)
+    return covariance @ gradient, covariance
+
+
+def inverse_information(information: FloatArray) -> FloatArray:
+    """Inverse of an information matrix that is known to have one, scaled to a unit diagonal first."""
+    size = 1.0 / np.sqrt(np.diag(information))
+    return np.asarray(size[:, None] * np.linalg.inv(information * np.outer(size, size)) * size)
+
+
 def _result(
     fit: PairFit,
     corners: StereoCorners,
@@ -172,8 +199,9 @@ def _result(
 ) -> PairResidualFit:
     """Gather the fit and what it leaves unexplained."""
     covariance = covariance_from_information(compressed.information(noise, scale)[0], SHARED_NAMES)
-    motion = motion_columns(compressed.centre, states.poses, corners, lever)
-    left_over = pair_blocks(compressed.centre, states.poses, corners).residuals
+    as_seen = replace(corners, noise=None)
+    motion = motion_columns(compressed.centre, states.poses, as_seen, lever)
+    left_over = pair_blocks(compressed.centre, states.poses, as_seen).residuals
     left_over = left_over - np.einsum("vmk,vk->vm", motion, states.motions)
     left, right = np.split(left_over, 2, axis=1)
     return PairResidualFit(

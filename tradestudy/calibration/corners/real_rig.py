@@ -13,19 +13,26 @@ from tradestudy.calibration.corners.bundle_adjustment import (
     fit_camera,
     fit_pair,
 )
-from tradestudy.calibration.corners.corner_file import CornerFileError, StereoCorners
+from tradestudy.calibration.corners.corner_file import MINIMUM_CORNERS, CornerFileError, StereoCorners
+from tradestudy.calibration.corners.corner_noise import CornerNoise, equal_noise, estimate_noise, outlier_weights
+from tradestudy.calibration.corners.model_columns import warp_columns, warp_shapes
 from tradestudy.calibration.corners.pair_residual import (
     PairResidualFit,
     ViewMeans,
+    extended_step,
     fit_pair_residual,
     view_means,
 )
-from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT
+from tradestudy.calibration.corners.view_blocks import LEFT, RELATIVE, RIGHT, motion_columns, pair_blocks
 from tradestudy.calibration.projection import move, project, ray_slopes, rotation_matrix
 from tradestudy.errors import TradestudyError
-from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.arrays import BoolArray, FloatArray
+from tradestudy.optics.lens_models.rational import Rational
 from tradestudy.optics.triangulation import inverse_depth_on_ray
 
+_MOST_WEIGHTINGS = 10
+_WEIGHTS_SETTLED = 1e-2
+_ROUNDS = 2  # of noise, fit and warp: each knows of the others
 _BETTER = 0.9  # an exchange of columns must lower the residuals by a tenth to be believed
 
 
@@ -49,7 +56,16 @@ def observe_pair(shared: FloatArray, points: FloatArray) -> FloatArray:
     return np.concatenate(np.broadcast_arrays(left, right), axis=-1)
 
 
-def inverse_depth(shared: FloatArray, seen: FloatArray) -> FloatArray:
+def points_midway(shared: FloatArray, z: FloatArray) -> FloatArray:
+    """Points at distances z [m] in the left camera's frame, midway between the cameras and their axes, (D, 3)."""
+    axis = rotation_matrix(shared[12:15])[2] + np.array([0.0, 0.0, 1.0])  # of the right camera, and of the left one
+    centre = -rotation_matrix(shared[12:15]).T @ shared[15:18]
+    return np.concatenate([0.5 * centre[:2] + z[:, None] * axis[:2] / axis[2], z[:, None]], axis=-1)
+
+
+def inverse_depth(
+    shared: FloatArray, seen: FloatArray, lenses: tuple[Rational | None, Rational | None] = (None, None)
+) -> FloatArray:
     """Inverse depth of points from their coordinates in both images, by disparity only.
 
     The left ray Z d is Z R d in the axes of the right camera; see `inverse_depth_on_ray`. The right y coordinate takes
@@ -61,6 +77,8 @@ def inverse_depth(shared: FloatArray, seen: FloatArray) -> FloatArray:
         In the order of ``view_blocks.SHARED_NAMES``; draws of a calibration as leading axes.
     seen : array (..., N, 4)
         Left x, y and right x, y [px].
+    lenses
+        Lens models of left and right instead of those that the parameters have.
 
     Returns
     -------
@@ -68,8 +86,8 @@ def inverse_depth(shared: FloatArray, seen: FloatArray) -> FloatArray:
         1/Z in the left camera's frame [1/m]; zero or negative where the rays do not meet in front of the pair, which
         stands for infinity.
     """
-    left = ray_slopes(shared[..., LEFT], seen[..., :2])
-    right = ray_slopes(shared[..., RIGHT], seen[..., 2:])[..., 0]
+    left = ray_slopes(shared[..., LEFT], seen[..., :2], lenses[0])
+    right = ray_slopes(shared[..., RIGHT], seen[..., 2:], lenses[1])[..., 0]
     ray = np.concatenate([left, np.ones_like(left[..., :1])], axis=-1)
     turned = ray @ np.swapaxes(rotation_matrix(shared[..., 12:15]), -1, -2)
     moved_x, moved_z = shared[..., 15, None], shared[..., 17, None]
@@ -83,27 +101,40 @@ class RigFit:
     Parameters
     ----------
     corners : StereoCorners
-        What was seen.
+        What was seen and counts, without outliers, with the noise that was found.
+    present : bool array (V, N)
+        Corners of the file.
+    weights : array (V, 2, N)
+        Of the corners of the file in the left and the right picture: 1 for most, 0 for outliers and absent ones.
     left, right : CameraFit
         Each camera alone.
     pair : PairFit
         Both cameras with one relative pose and independent noise.
     means : ViewMeans
         Mean residuals of the views of that fit.
+    warp, warp_deviation : array (3,)
+        How the board is bent [m], and how well that is known; see `warp_columns`.
     explained : PairResidualFit
         The pair with a left–right term per view: the calibration to use.
     """
 
     corners: StereoCorners
+    present: BoolArray
+    weights: FloatArray
     left: CameraFit
     right: CameraFit
     pair: PairFit
     means: ViewMeans
+    warp: FloatArray
+    warp_deviation: FloatArray
     explained: PairResidualFit
 
 
 def fit_rig(corners: StereoCorners) -> RigFit:
-    """Fit a pair: cameras, bundle adjustment, left–right term.
+    """Fit a pair: cameras, outliers, bundle adjustment, left–right term, noise, and warp of the board.
+
+    Each corner counts by its weight, a view by the noise found in it; see `CornerNoise`. The covariance of
+    ``explained`` is that of generalised least squares under this noise.
 
     Parameters
     ----------
@@ -125,16 +156,71 @@ def fit_rig(corners: StereoCorners) -> RigFit:
     left = fit_camera(corners.board, corners.left, corners.present)
     right = fit_camera(corners.board, corners.right, corners.present)
     _check_columns(corners, left, right)
+    left, right, weights = _weighted(corners, left, right)
+    present, corners = corners.present, _without_outliers(corners, weights)
     pair = fit_pair(corners, left, right)
     check_rig(pair)
+    means = view_means(pair, corners)
+    explained = fit_pair_residual(pair, corners)
+    warp, deviations = np.zeros(3), np.zeros(3)
+    for _ in range(_ROUNDS):
+        corners = replace(corners, noise=_noise_of(corners, explained, weights))
+        explained = fit_pair_residual(replace(pair, shared=explained.shared, poses=explained.states.poses), corners)
+        columns = warp_columns(explained.shared, explained.states.poses, corners, explained.lever)
+        step, covariance = extended_step(explained, corners, columns)
+        warp, deviations = warp + step[-3:], np.sqrt(np.diag(covariance)[-3:])
+        corners = replace(corners, heights=warp_shapes(corners, explained.lever) @ warp)
+    corners = replace(corners, noise=_noise_of(corners, explained, weights))
     return RigFit(
         corners=corners,
+        present=present,
+        weights=weights,
         left=left,
         right=right,
         pair=pair,
-        means=view_means(pair, corners),
-        explained=fit_pair_residual(pair, corners),
+        means=means,
+        warp=warp,
+        warp_deviation=deviations,
+        explained=fit_pair_residual(replace(pair, shared=explained.shared, poses=explained.states.poses), corners),
     )
+
+
+def _noise_of(corners: StereoCorners, fit: PairResidualFit, weights: FloatArray) -> CornerNoise:
+    """The noise of corners about a fit, pose and motion of every view left free."""
+    as_seen = replace(corners, noise=None)
+    blocks = pair_blocks(fit.shared, fit.states.poses, as_seen)
+    motions = motion_columns(fit.shared, fit.states.poses, as_seen, fit.lever)
+    free = np.concatenate([blocks.by_pose, motions], axis=-1)
+    return estimate_noise(blocks.residuals, free, corners.board, weights * corners.present[:, None])
+
+
+def _weighted(corners: StereoCorners, left: CameraFit, right: CameraFit) -> tuple[CameraFit, CameraFit, FloatArray]:
+    """Both cameras fitted again until the weights of the corners, shape (V, 2, N), have settled."""
+    weights = np.repeat(corners.present[:, None].astype(np.float64), 2, axis=1)
+    for _ in range(_MOST_WEIGHTINGS):
+        found = np.stack([outlier_weights(fit.residuals_px, corners.present) for fit in (left, right)], axis=1)
+        if np.max(np.abs(found - weights)) < _WEIGHTS_SETTLED:
+            break
+        weights = found
+        left = fit_camera(corners.board, corners.left, corners.present, weights[:, 0])
+        right = fit_camera(corners.board, corners.right, corners.present, weights[:, 1])
+    return left, right, weights
+
+
+def _without_outliers(corners: StereoCorners, weights: FloatArray) -> StereoCorners:
+    """Corners that count in both pictures, each with its weight."""
+    if np.all(weights[np.repeat(corners.present[:, None], 2, axis=1)] == 1.0):
+        return corners
+    present = np.all(weights > 0.0, axis=1)
+    if np.any(few := present.sum(axis=1) < MINIMUM_CORNERS):
+        view = int(np.argmax(few))
+        raise CornerFileError(
+            f"view {corners.views[view]} has too few corners that fit",
+            value=str(int(present[view].sum())),
+            limit=f">= {MINIMUM_CORNERS}",
+            remedy="remove the view, or find its corners anew",
+        )
+    return replace(corners, present=present, noise=equal_noise(weights * present[:, None], corners.board))
 
 
 def _check_columns(corners: StereoCorners, left: CameraFit, right: CameraFit) -> None:

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair
+from tradestudy.calibration.corners.real_rig import inverse_depth, observe_pair, points_midway
 from tradestudy.calibration.corners.view_blocks import RELATIVE_POSE_NAMES, SHARED_NAMES
 from tradestudy.calibration.projection import INTRINSIC_NAMES, rotation_matrix, rotation_vector
 from tradestudy.cameras.environment import Environment
@@ -94,11 +94,10 @@ class RigReading:
 
     def _points(self, z: FloatArray, field: float) -> FloatArray:
         """Points at distances z [m] in the left camera's frame, shape (distances, 3)."""
-        to_right = rotation_matrix(self.best[12:15])
-        axis = to_right[2] + np.array([0.0, 0.0, 1.0])  # the right camera's axis in the left frame, and the left one's
         corner = np.array([self.pixels[0] / 2.0 / self.best[0], self.pixels[1] / 2.0 / self.best[1]])
-        across = 0.5 * _right_centre(self.best)[:2] + z[:, None] * (axis[:2] / axis[2] + field * corner)
-        return np.concatenate([across, z[:, None]], axis=-1)
+        points = points_midway(self.best, z)
+        points[:, :2] += field * z[:, None] * corner
+        return points
 
     def _grown(self, errors: Errors, environment: Environment | None) -> FloatArray:
         """The rig as it is at the temperature of the reading, shape (18,) or (draws, 18)."""

@@ -40,7 +40,8 @@ class ViewBlocks:
     Parameters
     ----------
     residuals : array (V, M)
-        Observed minus predicted coordinates [px]; zero where a corner is absent.
+        Observed minus predicted coordinates [px]; zero where a corner is absent; whitened, as are the derivatives,
+        where the corners say how their noise correlates.
     by_shared : array (V, M, P)
         Derivatives of the prediction by the shared parameters.
     by_pose : array (V, M, 6)
@@ -58,7 +59,7 @@ def board_points(board: FloatArray) -> FloatArray:
 
 
 def camera_blocks(
-    intrinsics: FloatArray, poses: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray
+    intrinsics: FloatArray, poses: FloatArray, board: FloatArray, image: FloatArray, present: BoolArray | FloatArray
 ) -> ViewBlocks:
     """Blocks of one camera.
 
@@ -70,8 +71,8 @@ def camera_blocks(
         Board to camera [rad, m].
     board, image : array (V, N, 2)
         Corners on the board [m] and in the image [px].
-    present : bool array (V, N)
-        Which corners exist.
+    present : array (V, N)
+        Which corners exist; numbers are square roots of their weights.
 
     Returns
     -------
@@ -106,7 +107,7 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     ViewBlocks
         With M = 4 N (left corners, then right corners) and P = 18.
     """
-    points = board_points(corners.board)
+    points = corners.points
     seen_left = move(poses, points)
     seen_right = move(shared[RELATIVE], seen_left)
     left, left_by_intrinsics, left_by_points = project_with_jacobians(shared[LEFT], seen_left)
@@ -115,15 +116,20 @@ def pair_blocks(shared: FloatArray, poses: FloatArray, corners: StereoCorners) -
     right_by_relative = right_by_points @ move_jacobian(shared[RELATIVE], seen_left)
     right_by_pose = right_by_points @ rotation_matrix(shared[12:15]) @ left_pose
     there = corners.present
+    whiten = (lambda values: values) if corners.noise is None else corners.noise.whiten
     by_shared_left = np.concatenate([left_by_intrinsics, np.zeros((*left_by_intrinsics.shape[:-1], 12))], axis=-1)
     by_shared_right = np.concatenate(
         [np.zeros_like(right_by_intrinsics), right_by_intrinsics, right_by_relative], axis=-1
     )
     return ViewBlocks(
-        residuals=np.concatenate([_flat(corners.left - left, there), _flat(corners.right - right, there)], axis=1),
-        by_shared=np.concatenate([_flat_rows(by_shared_left, there), _flat_rows(by_shared_right, there)], axis=1),
-        by_pose=np.concatenate(
-            [_flat_rows(left_by_points @ left_pose, there), _flat_rows(right_by_pose, there)], axis=1
+        residuals=whiten(
+            np.concatenate([_flat(corners.left - left, there), _flat(corners.right - right, there)], axis=1)
+        ),
+        by_shared=whiten(
+            np.concatenate([_flat_rows(by_shared_left, there), _flat_rows(by_shared_right, there)], axis=1)
+        ),
+        by_pose=whiten(
+            np.concatenate([_flat_rows(left_by_points @ left_pose, there), _flat_rows(right_by_pose, there)], axis=1)
         ),
     )
 
@@ -143,7 +149,7 @@ def motion_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners
     array (V, 4 N, 6)
         Derivatives by rotation × lever about the board's centre [m], then by translation [m]; zero in the left rows.
     """
-    seen = move(shared[RELATIVE], move(poses, board_points(corners.board)))
+    seen = move(shared[RELATIVE], move(poses, corners.points))
     weight = corners.present[..., None] / corners.present.sum(axis=1)[:, None, None]
     centre = (seen * weight).sum(axis=1, keepdims=True)
     twist = np.concatenate(
@@ -151,15 +157,18 @@ def motion_columns(shared: FloatArray, poses: FloatArray, corners: StereoCorners
     )
     by_points = project_with_jacobians(shared[RIGHT], seen)[2]
     right = _flat_rows(by_points @ twist, corners.present)
-    return np.concatenate([np.zeros_like(right), right], axis=1)
+    both = np.concatenate([np.zeros_like(right), right], axis=1)
+    return both if corners.noise is None else corners.noise.whiten(both)
 
 
-def _flat(values: FloatArray, present: BoolArray) -> FloatArray:
-    """Coordinates of all corners in one row per view, zero where absent."""
-    return np.where(present[..., None], values, 0.0).reshape(*values.shape[:-2], -1)
+def _flat(values: FloatArray, present: BoolArray | FloatArray) -> FloatArray:
+    """Coordinates of all corners in one row per view, weighted; zero where absent."""
+    weight = present[..., None]
+    return np.where(weight > 0.0, values * weight, 0.0).reshape(*values.shape[:-2], -1)
 
 
-def _flat_rows(values: FloatArray, present: BoolArray) -> FloatArray:
-    """Derivatives of all corners in one block per view, zero where absent."""
-    blanked = np.where(present[..., None, None], values, 0.0)
+def _flat_rows(values: FloatArray, present: BoolArray | FloatArray) -> FloatArray:
+    """Derivatives of all corners in one block per view, weighted; zero where absent."""
+    weight = present[..., None, None]
+    blanked = np.where(weight > 0.0, values * weight, 0.0)
     return blanked.reshape(len(present), -1, values.shape[-1])

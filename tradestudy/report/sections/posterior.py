@@ -38,7 +38,7 @@ def describe_posteriors(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> I
     yield _chains(data, titles)
     for name in map(str, data["posterior"].values):
         yield _parameters(data.sel(posterior=name), name, titles[name])
-        yield from pictures_of(drawings, f"corner-{name}", f"trace-{name}")
+        yield from pictures_of(drawings, f"corner-{name}", f"trace-{name}", f"trust-{name}")
     if "rig_value" in data:
         yield _rig(data, titles)
 
@@ -147,5 +147,9 @@ def _rig(data: xr.Dataset, titles: Mapping[str, str]) -> Table:
             "Residuals are root mean square lengths per corner. Without the term the residual of the pair is taken "
             "for noise of its corners, and the standard deviations of the relative pose are too small by the factors "
             "in the table above.",
+            "Standard deviations are those of generalised least squares: the noise differs from view to view and "
+            "neighbours on the board share it, both estimated by restricted likelihood; corners far off count less or "
+            "not at all, and the board is fitted as bent. Good to: what is claimed, times the ratio of the halves "
+            "where that is above 1. Corners cannot reveal the size of the squares: 0.1 % of it is 0.3 mm at 0.3 m.",
         ),
     )

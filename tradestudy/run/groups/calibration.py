@@ -9,11 +9,12 @@ import numpy as np
 import xarray as xr
 
 from tradestudy.calibration.calibration_file import CalibrationDraws
+from tradestudy.calibration.corners.trust import DISTANCES
 from tradestudy.calibration.corners.view_blocks import SHARED_NAMES
 from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.results import dataset
-from tradestudy.run.groups.real_rig import rig_rows
+from tradestudy.run.groups.real_rig import rig_rows, rig_trust
 
 _SHOWN_STEPS = 300
 
@@ -21,8 +22,9 @@ _SHOWN_STEPS = 300
 def calibration_group(inferred: Mapping[str, InferredCalibration]) -> xr.Dataset:
     """/calibration: the posterior of every camera whose calibration was inferred, and what the fits found."""
     posterior, names = _posteriors(inferred)
-    values = posterior | rig_rows(inferred)
-    return dataset("calibration", values, {"posterior": list(inferred), "parameter": names})
+    values = posterior | rig_rows(inferred) | rig_trust(inferred)
+    distances = {"rig_distance": list(DISTANCES)} if "rig_claimed" in values else {}
+    return dataset("calibration", values, {"posterior": list(inferred), "parameter": names, **distances})
 
 
 def _posteriors(calibrations: Mapping[str, InferredCalibration]) -> tuple[dict[str, Any], list[str]]:

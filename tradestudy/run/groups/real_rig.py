@@ -2,23 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from tradestudy.calibration.corners.real_rig import RigFit
+from tradestudy.calibration.corners.trust import CalibrationTrust
 from tradestudy.calibration.posteriors import InferredCalibration
 from tradestudy.calibration.projection import INTRINSIC_NAMES
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.units import ANGLE, LENGTH, PIXELS, pretty, significant
 
 
 def rig_rows(inferred: Mapping[str, InferredCalibration]) -> dict[str, list[str]]:
     """Rows of camera, quantity and value of those that were calibrated from corners; none without."""
-    rows = [(name, *row) for name, one in inferred.items() if one.fit is not None for row in _rows(one.fit)]
+    rows = [
+        (name, *row)
+        for name, one in inferred.items()
+        if one.fit is not None and one.trust is not None
+        for row in (*_rows(one.fit), *_trust_rows(one.fit, one.trust))
+    ]
     if not rows:
         return {}
     cameras, quantities, values = (list(column) for column in zip(*rows, strict=True))
     return {"rig_camera": cameras, "rig_quantity": quantities, "rig_value": values}
+
+
+def rig_trust(inferred: Mapping[str, InferredCalibration]) -> dict[str, FloatArray]:
+    """What halves of the views and residuals over the pictures say, NaN for what no corners calibrated; or nothing."""
+    known = {name: one.trust for name, one in inferred.items() if one.trust is not None}
+    if not known:
+        return {}
+
+    def of_each(get: Callable[[CalibrationTrust], FloatArray]) -> FloatArray:
+        nothing = np.full_like(get(next(iter(known.values()))), np.nan)
+        return np.stack([get(known[name]) if name in known else nothing for name in inferred])
+
+    return {
+        "rig_claimed": of_each(lambda one: one.claimed),
+        "rig_halves_difference": of_each(lambda one: one.halves_difference),
+        "rig_halves_claim": of_each(lambda one: one.halves_claim),
+        "rig_residual": of_each(lambda one: one.residual_map),
+    }
 
 
 def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
@@ -47,6 +72,54 @@ def _rows(fit: RigFit) -> Iterator[tuple[str, str]]:
     for name, k in (("pitch", 12), ("yaw", 13), ("roll", 14)):
         spread = float(np.sqrt(covariance[k, k]))
         yield f"relative {name}", f"{pretty(float(shared[k]), ANGLE)} ± {pretty(spread, ANGLE)}"
+
+
+def _trust_rows(fit: RigFit, trust: CalibrationTrust) -> Iterator[tuple[str, str]]:
+    for z, good, claimed in zip(trust.distances, trust.good_to, trust.claimed, strict=True):
+        where, to, says = (pretty(float(length), LENGTH, digits=3) for length in (z, good, claimed))
+        yield f"this calibration is good to, at {where}", f"{to}; it claims {says}"
+    yield (
+        f"random halves of the views: difference over √(C_A + C_B), {trust.halves} splits",
+        ", ".join(
+            f"{ratio:.2f} at {pretty(float(z), LENGTH)}" for z, ratio in zip(trust.distances, trust.ratio, strict=True)
+        ),
+    )
+    rms = trust.view_rms
+    yield "residual of the views, smallest and largest", f"{pretty(rms.min(), PIXELS)}, {pretty(rms.max(), PIXELS)}"
+    along = trust.neighbour_correlation.mean(axis=0)
+    yield "correlation of residuals of neighbours, along rows and columns", f"{along[0]:.2f}, {along[1]:.2f}"
+    noise = fit.corners.noise
+    assert noise is not None
+    yield (
+        "noise that neighbours share, and over which length",
+        f"{100.0 * noise.share:.0f} %, {pretty(noise.length, LENGTH)}",
+    )
+    yield "largest noise of a view over the smallest", f"{noise.deviation.max() / noise.deviation.min():.2g}"
+    yield from _outlier_rows(fit)
+    names = ("bowl", "saddle along the edges", "saddle along the diagonals")
+    for name, value, deviation in zip(names, fit.warp, fit.warp_deviation, strict=True):
+        yield f"warp of the board, {name}", f"{pretty(float(value), LENGTH)} ± {pretty(float(deviation), LENGTH)}"
+    yield (
+        "synchrony of the cameras",
+        f"views differ as if the board moved {pretty(fit.explained.motion_scale, LENGTH)} between the exposures",
+    )
+    for name, other in trust.lenses.items():
+        change = float(other.depth_change[0]), float(other.depth_change[-1])
+        yield (
+            f"lens model with {name} too: change of depth at {pretty(float(trust.distances[0]), LENGTH)} and "
+            f"{pretty(float(trust.distances[-1]), LENGTH)}",
+            f"{pretty(change[0], LENGTH)}, {pretty(change[1], LENGTH)} "
+            f"(χ² {other.chi_square:.2g} of {other.values.size})",
+        )
+
+
+def _outlier_rows(fit: RigFit) -> Iterator[tuple[str, str]]:
+    """Corners that count for nothing, and how many count for less than one."""
+    there = fit.present
+    low = (fit.weights < 1.0) & there[:, None]
+    yield "corners of one picture with a weight below 1", f"{int(low.sum())} of {2 * int(there.sum())}"
+    for view, side, corner in zip(*np.nonzero((fit.weights == 0.0) & there[:, None]), strict=True):
+        yield f"outlier, left out: view {fit.corners.views[view]}, {('left', 'right')[side]}", f"corner {corner + 1}"
 
 
 def _digits(value: float, deviation: float) -> str:

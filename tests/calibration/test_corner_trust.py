@@ -1,0 +1,120 @@
+"""How far corners are trusted: noise that neighbours share, outliers, a bent board, halves of the views."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from tests.calibration import noisy_corners
+from tests.calibration.cameras import MEASURED, corners, webcams
+from tradestudy.calibration.corners.corner_file import read_corners
+from tradestudy.calibration.corners.corner_noise import equal_noise, estimate_noise, outlier_weights
+from tradestudy.calibration.corners.real_rig import fit_rig
+from tradestudy.calibration.posteriors import infer, with_square_size
+from tradestudy.errors import UnaffordableError
+from tradestudy.figures.calibration_trust import draw_trust
+from tradestudy.run.groups.calibration import calibration_group
+
+
+@pytest.fixture(scope="module")
+def measured():
+    return infer(corners(webcams(), MEASURED, steps=100))
+
+
+def test_halves_of_the_measured_views_differ_as_they_claim(measured):
+    trust = measured.trust
+    assert np.all((trust.ratio[1:] > 0.8) & (trust.ratio[1:] < 1.25))
+    assert trust.ratio[0] == pytest.approx(1.16, abs=0.1)  # at 0.3 m something is left
+    np.testing.assert_allclose(trust.good_to, trust.claimed * np.maximum(trust.ratio, 1.0))
+    # As published of these corners: 0.54 and 0.37 along rows (with p1 p2), 0.067 to 0.246 px a coordinate.
+    assert trust.neighbour_correlation[:, 0] == pytest.approx(0.49, abs=0.08)
+    assert trust.view_rms.max() / trust.view_rms.min() > 3.0
+    assert max(abs(one.depth_change[0]) for one in trust.lenses.values()) < 0.3e-3
+
+
+def test_the_report_has_what_the_figure_needs(measured):
+    group = calibration_group({"webcams": measured})
+    values = dict(zip(group["rig_quantity"].values, group["rig_value"].values, strict=True))
+    assert "it claims" in values["this calibration is good to, at 300 mm"]
+    assert group["rig_residual"].shape == (1, 2, 6, 8, 2)
+    assert np.nanmax(np.abs(group["rig_residual"].values)) < 0.3
+    assert draw_trust(xr.DataTree.from_dict({"/calibration": group}), "webcams").svg().startswith(b"<?xml")
+
+
+def test_one_wild_corner_counts_for_nothing():
+    """5 px are 50 standard deviations; what is left moves nothing by a tenth of its own."""
+    clean = noisy_corners.corners(8, np.random.default_rng(3), white=True, motion=0.0)
+    left = clean.left.copy()
+    left[2, 17, 0] += 5.0
+    spoilt = fit_rig(replace(clean, left=left))
+    assert spoilt.weights[2, 0, 17] == 0.0
+    assert not spoilt.corners.present[2, 17]
+    assert np.count_nonzero(spoilt.weights < 0.5) == 1
+    fit = fit_rig(clean).explained
+    moved = (spoilt.explained.shared - fit.shared) / np.sqrt(np.diag(fit.covariance))
+    assert np.max(np.abs(moved)) < 0.3
+
+
+def test_weights_fall_in_three_parts():
+    length = np.array([*np.full(41, 0.1 * np.sqrt(2.0 * np.log(2.0))), 0.34, 0.5, 0.8, 1.1])
+    weights = outlier_weights(np.stack([length, np.zeros(45)], axis=-1).reshape(1, -1), np.ones((1, 45), dtype=bool))
+    np.testing.assert_allclose(weights[0, 41:], [1.0, 3.5 / 5.0, 3.5 / 8.0 / 2.0, 0.0], rtol=1e-12)
+
+
+def test_whitening_makes_the_declared_covariance_white():
+    rng = np.random.default_rng(0)
+    board = rng.uniform(0.0, 0.2, (2, 7, 2))
+    weights = np.ones((2, 2, 7))
+    weights[1, 0, 3], weights[0, 1, 5] = 0.25, 0.0
+    values = rng.standard_normal((2, 28))
+    values.reshape(2, 2, 7, 2)[0, 1, 5] = 0.0
+    noise = estimate_noise(values, rng.standard_normal((2, 28, 12)), board, weights)
+    typical = np.sqrt(np.mean(noise.deviation**2))
+    for view, side in ((0, 0), (0, 1), (1, 0)):
+        matrix = np.zeros((7, 7))
+        for i in range(7):
+            for j in range(7):
+                square = np.sum((board[view, i] - board[view, j]) ** 2)
+                own = (1.0 - noise.share) / weights[view, side, i] if i == j and weights[view, side, i] else 0.0
+                there = weights[view, side, i] * weights[view, side, j] > 0.0
+                matrix[i, j] = there * noise.share / (1.0 + square / noise.length**2) + own
+        known = weights[view, side] > 0.0
+        whitening = noise.whitening[view, side][np.ix_(known, known)]
+        covariance = matrix[np.ix_(known, known)] * noise.deviation[view] ** 2
+        np.testing.assert_allclose(whitening @ covariance @ whitening.T, typical**2 * np.eye(known.sum()), atol=1e-10)
+    np.testing.assert_allclose(equal_noise(weights, board).whiten(values)[0], values[0], atol=1e-14)
+
+
+def test_a_bent_board_is_found():
+    """A bowl of 0.4 mm at the radius of gyration, and a board that is flat, by the same noise."""
+    flat = noisy_corners.corners(10, np.random.default_rng(5), white=True, motion=0.0)
+    bent = noisy_corners.corners(10, np.random.default_rng(5), white=True, motion=0.0, bowl=0.4e-3)
+    none, found = fit_rig(flat), fit_rig(bent)
+    assert np.all(np.abs(none.warp) < 4.0 * none.warp_deviation)
+    assert np.all(np.abs(found.warp - [0.4e-3, 0.0, 0.0]) < 4.0 * found.warp_deviation)
+    assert found.warp_deviation[0] < 0.1e-3
+
+
+def test_the_size_of_the_squares_scales_depth():
+    """0.1 % of the squares is 0.3 mm at 0.3 m: baseline and depth scale with the board."""
+    draws = np.broadcast_to(noisy_corners.TRUTH, (20_000, 18))
+    scaled = with_square_size(draws, 1e-3, np.random.default_rng(0))
+    baseline = np.linalg.norm(scaled[:, 15:18], axis=1)
+    assert 0.3 * baseline.std() / baseline.mean() == pytest.approx(0.3e-3, rel=0.03)
+    np.testing.assert_array_equal(scaled[:, :15], draws[:, :15])
+
+
+def test_more_rows_than_can_be_fitted_are_refused_before_they_are_read(tmp_path):
+    path = tmp_path / "many.csv"
+    path.write_text("view\n" + "no number\n" * 50_001)
+    with pytest.raises(UnaffordableError, match=r"50,001 rows .allowed: 50,000.; keep one view in 2"):
+        read_corners(path)
+
+
+def test_the_posterior_is_that_of_the_noise_that_was_found(measured):
+    """Draws are as wide as the generalised least squares say, even from chains that are short."""
+    spread = measured.sample.draws[:, :18].std(axis=0) / measured.laplace_deviation[:18]
+    np.testing.assert_allclose(spread, 1.0, atol=0.2)

@@ -1,0 +1,225 @@
+"""How far to trust a pair fitted to corners: what its views, its residuals and other models say of its depths.
+
+All depths are of points midway between the cameras and between their axes. Everything is linear about the fit, in
+inverse depth, with the noise and the left–right term that the fit found.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from tradestudy.calibration.corners.marginal_views import CompressedViews, compress_views
+from tradestudy.calibration.corners.model_columns import LENS_EXTENSIONS, lens_columns
+from tradestudy.calibration.corners.pair_residual import extended_step, inverse_information
+from tradestudy.calibration.corners.real_rig import RigFit, inverse_depth, observe_pair, points_midway
+from tradestudy.calibration.corners.view_blocks import LEFT, RIGHT
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.optics.lens_models.rational import Rational
+
+DISTANCES: Final = (0.3, 0.5, 1.0, 2.0, 5.0)
+_HALVES: Final = 200
+_CELLS: Final = (8, 6)  # of the map of residuals, across and down
+_STEP: Final = 1e-2  # standard deviations of a parameter
+
+
+@dataclass(frozen=True, kw_only=True)
+class Alternative:
+    """What a lens model with more coefficients would change.
+
+    Parameters
+    ----------
+    values, deviations : array (E,)
+        Its additional coefficients, of the left then of the right lens.
+    depth_change : array (D,)
+        Of depth [m].
+    chi_square
+        Of the additional coefficients against zero, with E degrees of freedom; more freedom only where it is large.
+    """
+
+    values: FloatArray
+    deviations: FloatArray
+    depth_change: FloatArray
+    chi_square: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationTrust:
+    """How far to trust a calibration.
+
+    Parameters
+    ----------
+    distances : array (D,)
+        Where [m].
+    claimed : array (D,)
+        Standard deviation of depth that the covariance of the fit states [m].
+    halves_difference, halves_claim : array (D,)
+        Depths by random halves of the views: root mean square of their difference, and of ``√(C_A + C_B)`` [m].
+    halves
+        How many random splits.
+    view_rms : array (V, 2)
+        Root mean square length of the residuals of the views, left and right [px].
+    neighbour_correlation : array (2, 2)
+        Of residuals of neighbours on the board, along its rows and columns, left and right.
+    residual_map : array (2, 6, 8, 2)
+        Mean residuals in cells of the left and right picture, rows before columns, x and y [px]; NaN where there are
+        no corners.
+    lenses
+        Lens models with more coefficients, by name.
+    """
+
+    distances: FloatArray
+    claimed: FloatArray
+    halves_difference: FloatArray
+    halves_claim: FloatArray
+    halves: int
+    view_rms: FloatArray
+    neighbour_correlation: FloatArray
+    residual_map: FloatArray
+    lenses: Mapping[str, Alternative]
+
+    @property
+    def ratio(self) -> FloatArray:
+        """Differences of the halves over what they claim, shape (D,): 1 for an honest covariance."""
+        return self.halves_difference / self.halves_claim
+
+    @property
+    def good_to(self) -> FloatArray:
+        """Standard deviation of depth [m] that the halves bear out, shape (D,): never less than is claimed."""
+        return self.claimed * np.maximum(self.ratio, 1.0)
+
+
+def examine(fit: RigFit, pixels: tuple[int, int], distances: tuple[float, ...] = DISTANCES) -> CalibrationTrust:
+    """Examine a fitted pair.
+
+    Parameters
+    ----------
+    fit
+        From `fit_rig`.
+    pixels
+        Columns and rows of the pictures.
+    distances
+        Where depth is compared [m].
+    """
+    z = np.array(distances)
+    explained, corners = fit.explained, fit.corners
+    shared = explained.shared
+    seen = observe_pair(shared, points_midway(shared, z))
+    compressed = compress_views(shared, explained.states, corners, explained.lever)
+    slopes = _slopes(fit, seen)
+    difference, claim = _halves(fit, compressed, slopes)
+    return CalibrationTrust(
+        distances=z,
+        claimed=z**2 * np.sqrt(np.einsum("di,ij,dj->d", slopes, explained.covariance, slopes)),
+        halves_difference=z**2 * difference,
+        halves_claim=z**2 * claim,
+        halves=_HALVES,
+        view_rms=_view_rms(fit),
+        neighbour_correlation=_neighbour_correlation(fit),
+        residual_map=_residual_map(fit, pixels),
+        lenses={
+            name: _alternative(fit, slopes, _slopes_by_lens(shared, seen, names), names, z)
+            for name, names in LENS_EXTENSIONS.items()
+        },
+    )
+
+
+def _alternative(
+    fit: RigFit, slopes: FloatArray, by_extra: FloatArray, names: tuple[str, ...], z: FloatArray
+) -> Alternative:
+    """More coefficients of both lenses, by one generalised least-squares step, which is nearly exact."""
+    columns = lens_columns(fit.explained.shared, fit.explained.states.poses, fit.corners, names)
+    step, covariance = extended_step(fit.explained, fit.corners, columns)
+    count = slopes.shape[1]
+    values, own = step[count:], covariance[count:, count:]
+    return Alternative(
+        values=values,
+        deviations=np.sqrt(np.diag(own)),
+        depth_change=-(z**2) * (np.concatenate([slopes, by_extra], axis=1) @ step),
+        chi_square=float(values @ np.linalg.solve(own, values)),
+    )
+
+
+def _slopes(fit: RigFit, seen: FloatArray) -> FloatArray:
+    """Derivatives of inverse depth by the shared parameters, shape (D, 18)."""
+    step = _STEP * np.sqrt(np.diag(fit.explained.covariance))
+    up, down = (inverse_depth(fit.explained.shared + sign * np.diag(step), seen) for sign in (1.0, -1.0))
+    return np.asarray(((up - down) / (2.0 * step[:, None])).T)
+
+
+def _slopes_by_lens(shared: FloatArray, seen: FloatArray, names: tuple[str, ...]) -> FloatArray:
+    """Derivatives of inverse depth by more coefficients of the left, then of the right lens, shape (D, 2 n)."""
+    step = 1e-5
+    radial = [{"k1": shared[side][4:5], "k2": shared[side][5:6]} for side in (LEFT, RIGHT)]
+    columns = []
+    for side in range(2):
+        for name in names:
+            read = []
+            for sign in (1.0, -1.0):
+                changed = {name: np.full(1, sign * step)}
+                left, right = (Rational(**one, **(changed if side == k else {})) for k, one in enumerate(radial))
+                read.append(inverse_depth(shared, seen, (left, right)))
+            columns.append((read[0] - read[1]) / (2.0 * step))
+    return np.stack(columns, axis=-1)
+
+
+def _halves(fit: RigFit, compressed: CompressedViews, slopes: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Root mean square difference of inverse depth between random halves of the views, and what they claim, (D,)."""
+    rng = np.random.default_rng(0)
+    count = len(fit.corners.views)
+    squares, claims = [], []
+    for _ in range(_HALVES):
+        order = rng.permutation(count)
+        steps, variances = [], []
+        for views in (order[: count // 2], order[count // 2 :]):
+            half = compressed.of(views)
+            information, gradient = half.information(fit.explained.noise_px, fit.explained.motion_scale)
+            covariance = inverse_information(information)
+            steps.append(slopes @ covariance @ gradient)
+            variances.append(np.einsum("di,ij,dj->d", slopes, covariance, slopes))
+        squares.append((steps[0] - steps[1]) ** 2)
+        claims.append(variances[0] + variances[1])
+    return np.sqrt(np.mean(squares, axis=0)), np.sqrt(np.mean(claims, axis=0))
+
+
+def _residuals(fit: RigFit) -> FloatArray:
+    """Of both cameras fitted alone [px], shape (2, V, N, 2); NaN where a corner does not count."""
+    present = fit.corners.present
+    both = np.stack([one.residuals_px.reshape(*present.shape, 2) for one in (fit.left, fit.right)])
+    return np.where(present[None, ..., None], both, np.nan)
+
+
+def _residual_map(fit: RigFit, pixels: tuple[int, int]) -> FloatArray:
+    cells, size = np.array(_CELLS), np.array(pixels)
+    sums, counts = np.zeros((2, cells[1], cells[0], 2)), np.zeros((2, cells[1], cells[0], 1))
+    for side, image in enumerate((fit.corners.left, fit.corners.right)):
+        there = fit.corners.present
+        column, row = np.clip(image[there] / size * cells, 0, cells - 1).astype(int).T
+        np.add.at(sums, (side, row, column), _residuals(fit)[side][there])
+        np.add.at(counts, (side, row, column), 1.0)
+    return np.asarray(np.where(counts > 0.0, sums / np.maximum(counts, 1.0), np.nan))
+
+
+def _view_rms(fit: RigFit) -> FloatArray:
+    return np.asarray(np.sqrt(np.nanmean(np.sum(_residuals(fit) ** 2, axis=-1), axis=-1)).T)
+
+
+def _neighbour_correlation(fit: RigFit) -> FloatArray:
+    """Mean product of residuals of neighbours over the mean square, along x and y of the board, shape (2 sides, 2)."""
+    residuals, board = _residuals(fit), fit.corners.board
+    apart = board[:, None] - board[:, :, None]
+    there = fit.corners.present
+    both = there[:, None] & there[:, :, None]
+    length = np.where(both, np.linalg.norm(apart, axis=-1), np.inf)
+    length = np.where(length > 0.0, length, np.inf)
+    nearest = 1.2 * length.min(axis=(1, 2), keepdims=True)
+    products = np.nan_to_num(np.einsum("svnk,svmk->svnm", residuals, residuals)) / 2.0
+    found = []
+    for along in (0, 1):
+        neighbours = (length < nearest) & (np.abs(apart[..., along]) > 0.7 * length)
+        mean = np.sum(products * neighbours, axis=(1, 2, 3)) / max(int(neighbours.sum()), 1)
+        found.append(mean / (np.nanmean(residuals**2, axis=(1, 2, 3))))
+    return np.stack(found, axis=-1)
