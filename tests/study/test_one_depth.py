@@ -168,7 +168,7 @@ def test_declared_geometry_that_contradicts_the_corners_is_refused(folder: Path,
     )
     assert told.exit_code == 2
     assert told.output == (
-        f"--set:12:1: cameras.{RIG}.calibration.corners: declared baseline 60 mm, corners say 99.99 ± 0.01 mm; "
+        f"--set:12:1: cameras.{RIG}.calibration.corners: declared baseline 60 mm, corners say 99.98 ± 0.02 mm; "
         f"correct cameras.{RIG}.baseline or take another corner file\n"
     )
     assert not (tmp_path / "out").exists()
