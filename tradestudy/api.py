@@ -86,6 +86,11 @@ class Study:
         return tuple(map(str, implausible(self.definition)))
 
     @property
+    def imported(self) -> tuple[str, ...]:
+        """What was read of calibration files, a line for each camera that comes from some."""
+        return self.definition.document.imported
+
+    @property
     def folder_name(self) -> str:
         """Of the report: the study's name, and what was set for this run, so that no variant overwrites the study."""
         document, tolerance = self.definition.document, self.definition.tolerance

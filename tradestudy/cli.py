@@ -301,7 +301,9 @@ def schema(debug: DebugOption = False) -> None:
 
 
 def _warned(study: Study) -> Study:
-    """The same study, after its warnings have been told."""
+    """The same study, after what was read of calibration files and its warnings have been told."""
+    for line in study.imported:
+        typer.echo(f"read: {line}", err=True)
     for warning in study.warnings:
         typer.echo(f"warning: {warning}", err=True)
     return study

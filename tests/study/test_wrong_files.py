@@ -63,7 +63,7 @@ def test_files_that_are_no_text(tmp_path: Path) -> None:
         "nothing": (b"", "1:1: it is empty; a study is expected, and `tradestudy new NAME` writes one to start from"),
         "binary": (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "1:1: it is a binary file; a study is text in YAML"),
         "latin": (b"format: 2\ntitle: Gr\xf6\xdfe\n", "2:10: the byte 0xf6 is not UTF-8; save it as UTF-8"),
-        "utf16": ("format: 2".encode("utf-16"), "1:1: it is a binary file; a study is text in YAML"),
+        "utf16": ("format: 2".encode("utf-16"), "1:1: it is text in UTF-16; save it as UTF-8"),
         "control": (
             b"format: 2\nstudy: a\x07b\n",
             "2:9: the character U+0007 is not allowed in YAML; this may be no text",

@@ -23,6 +23,7 @@ from tradestudy.cameras.calibration import Calibration, SourceName
 from tradestudy.cameras.depth_camera import DepthCamera
 from tradestudy.cameras.error_vocabulary import PIXEL_NOISE
 from tradestudy.cameras.pair_geometry import PairGeometry
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.uncertainty.error_class import ErrorClass
 from tradestudy.uncertainty.joint import JointNormal
 from tradestudy.uncertainty.sources import Group
@@ -90,15 +91,41 @@ def rig_calibration(camera: PairGeometry, posterior: CalibrationDraws, *, source
     """
     assert posterior.best is not None
     assert posterior.pixels is not None
-    vocabulary = {**RIG_PARAMETERS, **camera.error_vocabulary}
-    reading = RigReading(
-        best=posterior.best,
-        pixels=posterior.pixels,
-        pixel_pitch=camera.sensor.pixel_pitch,
-        vocabulary=vocabulary,
-    )
+    reading = reading_of_rig(camera, posterior.best, posterior.pixels)
     group = group_of_draws(CALIBRATION, posterior.names, posterior.draws)
-    return Calibration(groups=(group,), source=source, reading=reading, vocabulary=vocabulary)
+    return Calibration(groups=(group,), source=source, reading=reading, vocabulary=reading.vocabulary)
+
+
+def reading_of_rig(camera: PairGeometry, best: FloatArray, pixels: tuple[int, int]) -> RigReading:
+    """The exact model of a calibrated pair.
+
+    Parameters
+    ----------
+    camera
+        The design.
+    best : array (18,)
+        Its parameters, in the order of ``SHARED_NAMES`` [px, 1, rad, m].
+    pixels
+        Columns and rows of its pictures.
+    """
+    return RigReading(
+        best=best,
+        pixels=pixels,
+        pixel_pitch=camera.sensor.pixel_pitch,
+        vocabulary={**RIG_PARAMETERS, **camera.error_vocabulary},
+    )
+
+
+def as_calibrated(calibration: Calibration, camera: DepthCamera) -> Calibration:
+    """A calibration that reads depth with the geometry that the camera was calibrated with, where it has one.
+
+    What a source brings with a reading of its own stays as it is.
+    """
+    if camera.calibrated_pair is None or calibration.reading is not None or not calibration.inferred:
+        return calibration
+    pair, sensor = cast(PairGeometry, camera), camera.sensor
+    reading = reading_of_rig(pair, np.array(camera.calibrated_pair), (sensor.columns, sensor.rows))
+    return replace(calibration, reading=reading, vocabulary=reading.vocabulary)
 
 
 def _of_rig(path: Path, name: str, camera: DepthCamera, found: CalibrationDraws) -> Calibration:

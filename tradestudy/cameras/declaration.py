@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -12,6 +13,7 @@ from tradestudy.cameras.calibration_declaration import CalibrationPart
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.depth_camera import DepthCamera, DisparityError, DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
+from tradestudy.cameras.imported import Imported, Stated
 from tradestudy.cameras.parts import Lens, Sensor, focal_length_of_field_of_view
 from tradestudy.cameras.stated_declaration import StatedPart
 from tradestudy.declarations.matcher import MatcherPart
@@ -20,7 +22,8 @@ from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     Count,
     FNumber,
-    FocalLength,
+    FocalLengthOrPixels,
+    InPixels,
     PixelPitch,
     PositiveAngle,
     PositiveCount,
@@ -28,6 +31,7 @@ from tradestudy.declarations.quantities import (
     PositivePixels,
     QuantityText,
 )
+from tradestudy.declarations.words import Text
 from tradestudy.errors import OutOfRangeError
 
 AttributeName = Annotated[str, Field(pattern=r"^[a-z][\w -]*$", max_length=60)]
@@ -37,28 +41,39 @@ PixelCount = Annotated[int, Field(ge=1, le=1_000_000, strict=True)]
 class LensPart(Part):
     """A lens: its focal length, or the field of view that gives it, and its f-number."""
 
-    focal_length: FocalLength | None = Field(default=None, description="Focal length f.")
+    ways: ClassVar[tuple[int, ...]] = (1,)
+    """How many ways to its focal length a lens may give."""
+
+    focal_length: FocalLengthOrPixels | None = Field(
+        default=None, description="Focal length f; in px, as calibrations give it, it counts pixel pitches."
+    )
     field_of_view: PositiveAngle | None = Field(
         default=None, description="Full angle when focused at infinity, instead of a focal length."
     )
-    across: Literal["width", "diagonal"] | None = Field(
-        default=None, description="What of the sensor the field of view covers."
+    across: Literal["width", "diagonal"] = Field(
+        default="width", validate_default=True, description="What of the sensor the field of view covers."
     )
     f_number: FNumber = Field(description="Focal length over pupil diameter.")
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        if (self.focal_length is None) == (self.field_of_view is None):
+        if (self.focal_length is not None) + (self.field_of_view is not None) not in self.ways:
             raise MistakeAt((), "give exactly one of focal_length and field_of_view (null takes an inherited one back)")
-        if (self.field_of_view is None) != (self.across is None):
-            raise MistakeAt((), "field_of_view and across (width or diagonal) belong together")
+        if self.field_of_view is None and "across" in self.model_fields_set:
+            raise MistakeAt(("across",), "belongs to field_of_view; leave it out (null takes an inherited one back)")
         if self.field_of_view is not None and not self.field_of_view < math.pi:
             raise MistakeAt(("field_of_view",), "a flat sensor sees less than 180°")
         return self
 
+    def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """As of every part; what the field of view covers is assumed only where there is one."""
+        yield from (one for one in super().assumed() if one[0] != ("across",) or self.field_of_view is not None)
+
     def lens(self, sensor: Sensor) -> Lens:
         """In SI, its focal length given or from the field of view on a sensor."""
         focal_length = self.focal_length
+        if isinstance(focal_length, InPixels):
+            focal_length = focal_length.pixels * sensor.pixel_pitch
         if focal_length is None:
             assert self.field_of_view is not None  # one of the two is given
             extent = sensor.diagonal if self.across == "diagonal" else sensor.width
@@ -163,12 +178,22 @@ class CameraDeclaration(Part, ABC):
     """What it declares: it tells what is true of every camera of the kind."""
     reader: ClassVar[DepthReaderOfKind | None] = None
     """What measures depth in the pictures of such a camera; None: nothing does."""
+    imports: ClassVar[tuple[type, ...]] = ()
+    """What of a calibration file becomes such a camera."""
 
-    title: str = Field(min_length=1, max_length=80, description="Name in figures and tables.")
+    title: str = Field(default="", max_length=80, description="Name in figures and tables; default: that of its key.")
     note: str | None = Field(default=None, max_length=2000, description="What a reader should know about it.")
     stated: StatedPart | None = None
     attributes: AttributesPart = AttributesPart()
+    read_as: dict[AttributeName, Text] = Field(
+        default={}, description="How a calibration file was read that this camera comes from: what, and how."
+    )
     kind: str
+
+    @classmethod
+    def stated_by(cls, imported: Imported) -> Iterator[Stated]:
+        """The values of such a camera that a calibration file gives; `imports` says of what."""
+        raise NotImplementedError(imported)
 
     @abstractmethod
     def design(self, picture_law: DisparityErrorLaw | None) -> Camera:

@@ -140,6 +140,11 @@ class DepthCamera(Camera):
         require_positive("discrimination step", self.discrimination_step_px, "px")
 
     @property
+    def calibrated_pair(self) -> tuple[float, ...] | None:
+        """The 18 parameters of a calibrated pair that depth is read with; None: those of the design."""
+        return None
+
+    @property
     def sample_pitch(self) -> float:
         """Distance of neighbouring samples that disparities count in [m]: the pixel pitch unless the kind differs."""
         return self.sensor.pixel_pitch

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -19,3 +19,15 @@ class Part(BaseModel):
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:  # noqa: ARG003 - for parts that refer to names
         """Names that refer to nothing, looked for in the plain values, so that other mistakes do not hide them."""
         return []
+
+    def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """What was left out and stands at a value that somebody has to have assumed: its path here, and the value.
+
+        Such a default is written as text with its unit and validated as if it stood in the file.
+        """
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if isinstance(value, Part):
+                yield from (((name, *path), text) for path, text in value.assumed())
+            elif field.validate_default and isinstance(field.default, str) and name not in self.model_fields_set:
+                yield (name,), field.default

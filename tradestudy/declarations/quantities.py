@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
-from pydantic import BeforeValidator, Field, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
 
 from tradestudy import units
 from tradestudy.units import Dimension, UnitError, parse, pretty
@@ -109,8 +110,34 @@ PixelPitch = Annotated[
     float,
     *quantity(units.LENGTH, above=0.0, known=Known(name="pixel pitch of a sensor", smallest=1e-8, largest=5e-3)),
 ]
-FocalLength = Annotated[
-    float, *quantity(units.LENGTH, above=0.0, known=Known(name="focal length of a lens", smallest=1e-6, largest=1e4))
+_FOCAL_LENGTH = quantity(
+    units.LENGTH, above=0.0, known=Known(name="focal length of a lens", smallest=1e-6, largest=1e4)
+)
+FocalLength = Annotated[float, *_FOCAL_LENGTH]
+
+
+@dataclass(frozen=True, kw_only=True)
+class InPixels:
+    """A length on a sensor, counted in its pixel pitches [px]."""
+
+    pixels: float
+
+
+def _length_or_pixels(value: object) -> float | InPixels:
+    """A focal length in either unit; what is neither is told as a length."""
+    try:
+        number = parse(value, units.PIXELS)
+    except UnitError:
+        return cast(Callable[[object], float], _FOCAL_LENGTH[0].func)(value)
+    if not 1.0 <= number <= 1e7:
+        raise UnitError(f"'{value}' is no focal length of a camera, check its unit; 1 px to 10⁷ px is expected")
+    return InPixels(pixels=number)
+
+
+FocalLengthOrPixels = Annotated[
+    float | InPixels,
+    PlainValidator(_length_or_pixels),
+    WithJsonSchema({**_FOCAL_LENGTH[1].json_schema, "examples": ["30.5 mm", "882.5 px"]}),
 ]
 MicrolensPitch = Annotated[
     float, *quantity(units.LENGTH, above=0.0, known=Known(name="size of a microlens", smallest=1e-7, largest=10.0))
@@ -134,6 +161,7 @@ FNumber = Annotated[
 Angle = Annotated[float, *quantity(units.ANGLE)]
 PositiveAngle = Annotated[float, *quantity(units.ANGLE, above=0.0)]
 NonNegativeAngle = Annotated[float, *quantity(units.ANGLE, at_least=0.0)]
+Pixels = Annotated[float, *quantity(units.PIXELS)]
 PositivePixels = Annotated[float, *quantity(units.PIXELS, above=0.0)]
 PositiveElectrons = Annotated[float, *quantity(units.ELECTRONS, above=0.0)]
 NonNegativeElectrons = Annotated[float, *quantity(units.ELECTRONS, at_least=0.0)]

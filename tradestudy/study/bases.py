@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from tradestudy.cameras.declaration import DepthCameraDeclaration
 from tradestudy.imaging.derived_error import PictureDisparityError
 from tradestudy.imaging.matcher import AT_BOUND
 from tradestudy.study.definition import StudyDefinition
@@ -28,13 +29,16 @@ def input_words(definition: StudyDefinition, camera: str, parameter: str) -> str
     title = definition.file.cameras[camera].title
     if parameter == "noise":
         path: Path = ("cameras", camera, "depth", "disparity_error")
-        declared = definition.document.entry(path)
-        if declared is None or not isinstance(declared, ScalarEntry) or declared.value == "derived":
+        part, declared = definition.file.cameras[camera], definition.document.entry(path)
+        if isinstance(part, DepthCameraDeclaration) and part.depth.declared_error_px is None:
             law = definition.case.cameras[camera].disparity_error_px
             real = isinstance(law, PictureDisparityError) and law.matcher != AT_BOUND
             return f"matching noise of {title}, derived from the picture" + (
                 " and the declared matcher" if real else ""
             )
+        if not isinstance(declared, ScalarEntry):
+            default = next(text for where, text in part.assumed() if where == ("depth", "disparity_error"))
+            return f"matching noise of {title}, assumed {default}"
         return f"matching noise of {title}{_rests(definition, path, declared.text)}"
     name = parameter.replace("_", " ")
     for path in (

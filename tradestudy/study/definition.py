@@ -262,6 +262,10 @@ class StudyDefinition:
             wavelength=self._wavelength,
             posterior=posterior,
         )
+        if design.calibrated_pair is not None:
+            from tradestudy.calibration.posterior_file import as_calibrated
+
+            calibration = as_calibrated(calibration, design)
         return replace(design, calibration=calibration, propagation=propagation)
 
     @property

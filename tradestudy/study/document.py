@@ -117,12 +117,15 @@ class Document:
         Paths whose content could not be put together; what a schema says about them is not worth repeating.
     overrides
         Values that are not the study's own, in the order in which they were given.
+    imported
+        What was read of calibration files, a line for each camera.
     """
 
     root: MappingEntry
     problems: tuple[Problem, ...] = ()
     broken: frozenset[Path] = field(default_factory=frozenset)
     overrides: tuple[Override, ...] = ()
+    imported: tuple[str, ...] = ()
 
     @cached_property
     def tree(self) -> dict[str, Any]:

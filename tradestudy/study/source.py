@@ -54,7 +54,7 @@ class UnreadableError(Exception):
         self.problems = problems
 
 
-def compose(text: str, start: Place) -> tuple[Entry, list[Problem]]:
+def compose(text: str, start: Place, *, tags: bool = False) -> tuple[Entry, list[Problem]]:
     """Turn YAML text into entries.
 
     Parameters
@@ -63,6 +63,8 @@ def compose(text: str, start: Place) -> tuple[Entry, list[Problem]]:
         One YAML document.
     start
         The place of its first character.
+    tags
+        Whether values may have tags, which then mean nothing.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def compose(text: str, start: Place) -> tuple[Entry, list[Problem]]:
     UnreadableError
         When nothing stands: empty text, broken syntax, too many or too deeply nested values.
     """
-    composer = _Composer(start=start, last=start)
+    composer = _Composer(start=start, last=start, may_have_tags=tags)
     if tag := _ENDLESS_TAG.search(text):
         composer.fail(composer.place_in(text, tag.start()), "tags ('!…') have no meaning in a study; leave it out")
     try:
@@ -135,6 +137,7 @@ class _Composer:
 
     start: Place
     last: Place
+    may_have_tags: bool = False
     root: Any = None
     problems: list[Problem] = field(default_factory=list)
     frames: list[_Frame] = field(default_factory=list)
@@ -290,7 +293,7 @@ class _Composer:
 
     def tags(self, tag: Any, place: Place) -> None:
         """Refuse tags: the schema knows what each value is."""
-        if tag is not None:
+        if tag is not None and not self.may_have_tags:
             self.note(place, "tags ('!…') have no meaning in a study; leave it out")
 
     def count_values(self, place: Place, count: int) -> None:

@@ -81,6 +81,9 @@ class RigReading:
         """
         require_known(errors, self.vocabulary, "a rig calibrated from corners")
         require_field(field)
+        rigs = [np.shape(error) for name, error in errors.items() if name != PIXEL_NOISE]
+        if any(len(shape) == 2 and shape[1] > 1 for shape in rigs):
+            return self._at_each(distance, field, errors, environment)
         points = self._points(np.asarray(distance, dtype=np.float64), field)
         seen = observe_pair(self._grown(errors, environment), points)
         size = np.array([*self.pixels, *self.pixels], dtype=np.float64)
@@ -90,6 +93,26 @@ class RigReading:
         inverse = inverse_depth(self._believed(errors), measured)
         return InverseDepthReading(
             inverse_depth=inverse, no_overlap=np.atleast_2d(~inside), out_of_range=inside & np.isnan(inverse)
+        )
+
+    def _at_each(
+        self, distance: FloatArray, field: float, errors: Errors, environment: Environment | None
+    ) -> InverseDepthReading:
+        """Rigs that differ from distance to distance, errors of shape (draws, distances): one distance at a time."""
+        found = []
+        for k in range(len(distance)):
+            values = {name: value_of(errors, name) for name in errors}
+            here = {
+                name: one[:, k : k + 1] if one.shape[-1:] == distance.shape else one for name, one in values.items()
+            }
+            found.append(self(distance[k : k + 1], field, here, environment))
+        columns = np.broadcast_arrays(*(one.inverse_depth for one in found))
+        return InverseDepthReading(
+            inverse_depth=np.concatenate(columns, axis=-1),
+            no_overlap=np.concatenate([np.broadcast_to(one.no_overlap, columns[0].shape) for one in found], axis=-1),
+            out_of_range=np.concatenate(
+                [np.broadcast_to(one.out_of_range, columns[0].shape) for one in found], axis=-1
+            ),
         )
 
     def _points(self, z: FloatArray, field: float) -> FloatArray:

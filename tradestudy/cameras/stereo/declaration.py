@@ -3,27 +3,50 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from tradestudy.cameras.calibration_declaration import CalibrationPart, calibration_part
 from tradestudy.cameras.declaration import DepthCameraDeclaration, DisparityPart, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
+from tradestudy.cameras.imported import Imported, ImportedCorners, ImportedRig, Stated
+from tradestudy.cameras.parts import Lens
 from tradestudy.cameras.stereo.depth_reading import PairReader
 from tradestudy.cameras.stereo.design import StereoRig
+from tradestudy.cameras.stereo.geometry import GeometryPart
+from tradestudy.cameras.stereo.imported import stated_by
 from tradestudy.declarations.lens_models import AnyLensModel
 from tradestudy.declarations.mistakes import MistakeAt
-from tradestudy.declarations.quantities import Baseline, ObjectDistanceOrInfinity
+from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistanceOrInfinity, PositivePixels
 from tradestudy.optics.lens_models.rational import IDEAL
+
+
+class StereoLensPart(LensPart):
+    """The lenses of both cameras; those of a calibrated pair have their focal length from its geometry."""
+
+    ways: ClassVar[tuple[int, ...]] = (0, 1)
+
+    f_number: FNumber = Field(default="2.8", validate_default=True, description="Focal length over pupil diameter.")
 
 
 class StereoDepthPart(DisparityPart):
     """Depth by two cameras."""
 
     estimator: Literal["disparity", "midpoint"] = Field(
-        description="Depth from the disparity along the baseline, or from the midpoint between both rays."
+        default="disparity",
+        validate_default=True,
+        description="Depth from the disparity along the baseline, or from the midpoint between both rays.",
+    )
+    disparity_error: PositivePixels | Literal["derived"] = Field(
+        default="0.1 px", validate_default=True, description=DisparityPart.model_fields["disparity_error"].description
+    )
+    discrimination_step: PositivePixels = Field(
+        default="0.1 px",
+        validate_default=True,
+        description=DisparityPart.model_fields["discrimination_step"].description,
     )
 
 
@@ -40,25 +63,63 @@ class StereoDeclaration(DepthCameraDeclaration):
     reader: ClassVar[DepthReaderOfKind | None] = PairReader
 
     kind: Literal["stereo"]
-    lenses: LensPart
+    imports: ClassVar[tuple[type, ...]] = (ImportedRig, ImportedCorners)
+
+    lenses: StereoLensPart = Field(default_factory=StereoLensPart)
     sensor: SensorPart
-    baseline: Baseline = Field(description="Distance between the two centres of projection.")
+    geometry: GeometryPart | None = Field(
+        default=None,
+        description="Both cameras as calibrated, in place of a focal length and a baseline: depth is read with it.",
+    )
+    baseline: Baseline | None = Field(
+        default=None, validate_default=True, description="Distance between the two centres of projection."
+    )
     convergence_distance: ObjectDistanceOrInfinity = Field(
-        description="Where the optical axes meet; infinity is parallel."
+        default="infinity", validate_default=True, description="Where the optical axes meet; infinity is parallel."
     )
     focus_distance: ObjectDistanceOrInfinity | Literal["autofocus"] = Field(
-        description="Where the lenses are focused; autofocus: a mechanism focuses them on every object."
+        default="autofocus",
+        validate_default=True,
+        description="Where the lenses are focused; autofocus: a mechanism focuses them on every object.",
     )
     principal_distance: Literal["focal_length", "focused"] = Field(
         default="focal_length",
         description="Lens to sensor, which turns disparity into depth: the focal length (as of a calibration in "
         "pixels, or focused at infinity), or the image distance of focus_distance.",
     )
-    depth: StereoDepthPart
+    depth: StereoDepthPart = Field(default_factory=StereoDepthPart)
     distortion: AnyLensModel | None = Field(
         default=None, description="Lens model of both cameras, without errors; left out: none."
     )
     calibration: StereoCalibration = Field(default_factory=StereoCalibration)
+
+    @field_validator("baseline")
+    @classmethod
+    def _has_a_baseline(cls, baseline: float | None, info: ValidationInfo) -> float | None:
+        if baseline is None and "geometry" in info.data and info.data["geometry"] is None:
+            raise MistakeAt((), "this key is missing")
+        return baseline
+
+    @model_validator(mode="after")
+    def _one_geometry(self) -> Self:
+        if mistakes := [*self._mistakes_of_geometry()]:
+            raise MistakeAt.several(mistakes)
+        return self
+
+    def _mistakes_of_geometry(self) -> Iterator[MistakeAt]:
+        has_lens = self.lenses.focal_length is not None or self.lenses.field_of_view is not None
+        if self.geometry is None:
+            if not has_lens:
+                yield MistakeAt(("lenses",), "give exactly one of focal_length and field_of_view")
+            return
+        given = "the geometry of the calibrated pair gives it; leave it out, or take that back (geometry: null)"
+        if has_lens:
+            name = "focal_length" if self.lenses.focal_length is not None else "field_of_view"
+            yield MistakeAt(("lenses", name), given)
+        if self.baseline is not None:
+            yield MistakeAt(("baseline",), given)
+        if self.principal_distance == "focused":
+            yield MistakeAt(("principal_distance",), "focal lengths of a calibration in pixels are principal distances")
 
     @model_validator(mode="after")
     def _one_focus(self) -> Self:
@@ -74,6 +135,8 @@ class StereoDeclaration(DepthCameraDeclaration):
     def _one_lens_model(self) -> Self:
         if self.distortion is None:
             return self
+        if self.geometry is not None:
+            raise MistakeAt(("distortion",), "the geometry of the calibrated pair holds the lenses; leave it out")
         if self.lenses.field_of_view is not None:
             raise MistakeAt(
                 ("lenses", "field_of_view"), "of lenses that distort it follows from distortion; give a focal_length"
@@ -86,16 +149,32 @@ class StereoDeclaration(DepthCameraDeclaration):
             raise MistakeAt(where, f"a lens of the model {self.distortion.model} has no k1 and k2; leave it out")
         return self
 
+    @classmethod
+    def stated_by(cls, imported: Imported) -> Iterator[Stated]:
+        """See `stereo.imported.stated_by`."""
+        assert isinstance(imported, ImportedRig | ImportedCorners)
+        return stated_by(imported)
+
     def design(self, picture_law: DisparityErrorLaw | None) -> StereoRig:
-        """The rig in SI; axes that meet at Z₀ converge by ``2 atan(B / 2Z₀)``."""
-        sensor = self.sensor.sensor()
+        """The rig in SI; axes that meet at Z₀ converge by ``2 atan(B / 2Z₀)``.
+
+        A calibrated pair is designed with the mean of its focal lengths, and read with its geometry.
+        """
+        sensor, geometry = self.sensor.sensor(), self.geometry
+        if geometry is None:
+            assert self.baseline is not None  # the validator's promise
+            lens, baseline = self.lenses.lens(sensor), self.baseline
+        else:
+            focal_length = geometry.focal_length_px * sensor.pixel_pitch
+            lens, baseline = Lens(focal_length=focal_length, f_number=self.lenses.f_number), geometry.baseline
         return StereoRig(
-            lens=self.lenses.lens(sensor),
+            lens=lens,
             sensor=sensor,
             focus_distance=None if self.focus_distance == "autofocus" else self.focus_distance,
             principal_distance_rule=self.principal_distance,
-            baseline=self.baseline,
-            convergence_angle=2.0 * math.atan(self.baseline / (2.0 * self.convergence_distance)),
+            baseline=baseline,
+            convergence_angle=2.0 * math.atan(baseline / (2.0 * self.convergence_distance)),
+            calibrated_pair=None if geometry is None else tuple(geometry.shared),
             triangulation=self.depth.estimator,
             distortion=IDEAL if self.distortion is None else self.distortion.lens_model(),
             disparity_error_px=self.depth.error(picture_law),

@@ -84,6 +84,9 @@ class StereoRig(DepthCamera):
         Standard deviation of one measured disparity [px], or the law it follows from.
     discrimination_step_px
         The disparity step [px] of the depth discrimination.
+    calibrated_pair
+        The 18 parameters of `calibration.projection` that depth is read with, where a calibration gave them; the
+        rest of the rig, such as its overlap, is that of two equal cameras like these.
 
     Raises
     ------
@@ -106,6 +109,7 @@ class StereoRig(DepthCamera):
     convergence_angle: float
     triangulation: Literal["disparity", "midpoint"]
     distortion: LensModel = IDEAL
+    calibrated_pair: tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
         require_positive("baseline", self.baseline)

@@ -48,7 +48,7 @@ def assumptions_group(definition: StudyDefinition) -> xr.Dataset:
     What was set for this run stands there as such, with what it stands in place of.
     """
     document = definition.under_tolerance
-    rows = [*_set_for_this_run(document), *_declared(document)]
+    rows = [*_set_for_this_run(document), *_declared(document), *_defaults(definition)]
     values: dict[str, Sequence[str | None]] = {
         name: [row[name] for row in rows] for name in ("value", "basis", "note", "cameras")
     }
@@ -83,6 +83,22 @@ def _declared(document: Document) -> Iterator[dict[str, str | None]]:
             "value": document.text_of(paths[0]),
             "basis": annotation.basis,
             "note": annotation.note,
+        }
+
+
+def _defaults(definition: StudyDefinition) -> Iterator[dict[str, str | None]]:
+    """What no camera declares and every one of its kind needs, once for all that leave it out."""
+    left_out: dict[tuple[tuple[str, ...], str], list[str]] = {}
+    for name, part in definition.file.cameras.items():
+        for path, text in part.assumed():
+            left_out.setdefault((path, text), []).append(name)
+    for (path, text), cameras in left_out.items():
+        yield {
+            "path": ".".join(path),
+            "cameras": ", ".join(cameras),
+            "value": text,
+            "basis": "assumed",
+            "note": "default; the study declares none",
         }
 
 

@@ -90,6 +90,14 @@ class StudyFile(Part):
             raise MistakeAt((), "'true' stands here; the number 2 is expected")
         return value
 
+    @field_validator("cameras", mode="before")
+    @classmethod
+    def _titled(cls, cameras: object) -> object:
+        """A camera without a title is called by its key."""
+        if not isinstance(cameras, Mapping):
+            return cameras
+        return {name: {"title": str(name), **one} if isinstance(one, Mapping) else one for name, one in cameras.items()}
+
     @classmethod
     def mistakes_of_names(cls, tree: Mapping[str, Any]) -> list[MistakeAt]:
         """Cameras, readings and requirements that are spoken of and do not exist."""

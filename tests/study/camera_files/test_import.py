@@ -1,0 +1,195 @@
+"""Calibration files of other programs: the same rig from every one, and a place for every mistake."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+import tradestudy
+from tests.study.camera_files import written
+from tests.study.camera_files.written import D1, D2, K1, K2, SIZE, R, T, study
+from tradestudy.cameras.stereo.declaration import StereoDeclaration
+from tradestudy.errors import StudyError
+
+ERRORS = "calibration: {errors: {yaw: {standard_deviation: 0.02 deg}, baseline: {standard_deviation: 0.1 mm}}}"
+
+
+def shared(path: Path, name: str = "rig") -> np.ndarray:
+    """The 18 parameters that depth is read with."""
+    part = tradestudy.load(path).file.cameras[name]
+    assert isinstance(part, StereoDeclaration)
+    assert part.geometry is not None
+    return part.geometry.shared
+
+
+def expected() -> np.ndarray:
+    cameras = [[k[0, 0], k[1, 1], k[0, 2], k[1, 2], *d[:2]] for k, d in ((K1, D1), (K2, D2))]
+    return np.array([*cameras[0], *cameras[1], *cv2.Rodrigues(R)[0].ravel(), *T])
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(StudyError) as caught:
+        tradestudy.load(path)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", ["yml", "xml", "json"])
+def test_opencv_writes_it_and_it_is_read_with_every_bit(tmp_path: Path, suffix: str) -> None:
+    written.opencv(tmp_path / f"rig.{suffix}")
+    found = shared(study(tmp_path, rig=f"from: rig.{suffix}, length_unit: mm"))
+    np.testing.assert_allclose(found, expected(), rtol=1e-14, atol=1e-15)
+
+
+def test_the_rectifying_rotations_of_ros_give_the_raw_pair_back(tmp_path: Path) -> None:
+    written.camera_info_pair(tmp_path)
+    found = shared(study(tmp_path, rig="from: [left.yaml, right.yaml]"))
+    np.testing.assert_allclose(found, expected(), rtol=1e-11, atol=1e-13)
+
+
+def test_opencv_ros_and_kalibr_give_the_same_depth_uncertainty(tmp_path: Path) -> None:
+    written.opencv(tmp_path / "rig.yml")
+    written.camera_info_pair(tmp_path)
+    written.camchain(tmp_path / "chain.yaml")
+    path = study(
+        tmp_path,
+        opencv=f"from: rig.yml, length_unit: mm, {ERRORS}",
+        ros=f"from: [left.yaml, right.yaml], {ERRORS}",
+        kalibr=f"from: chain.yaml, {ERRORS}",
+    )
+    depth = tradestudy.load(path).run().data["depth"]["depth_uncertainty"]
+    reference = depth.sel(camera="opencv").values
+    assert np.all(reference > 0.0)
+    for name in ("ros", "kalibr"):
+        np.testing.assert_allclose(depth.sel(camera=name).values, reference, rtol=1e-9)
+
+
+def test_two_camera_files_and_their_extrinsics_make_a_pair(tmp_path: Path) -> None:
+    def one(name: str, **values: np.ndarray) -> None:
+        storage = cv2.FileStorage(str(tmp_path / name), cv2.FILE_STORAGE_WRITE)
+        for key, value in values.items():
+            storage.write(key, value)
+        storage.write("image_width", SIZE[0])
+        storage.write("image_height", SIZE[1])
+        storage.release()
+
+    one("left.yml", camera_matrix=K1, distortion_coefficients=D1[:4])
+    one("right.yml", camera_matrix=K2, distortion_coefficients=D2[:4])
+    one("both.yml", R=R, T=T)
+    found = shared(study(tmp_path, rig="from: [left.yml, right.yml, both.yml], length_unit: m"))
+    np.testing.assert_allclose(found, expected(), rtol=1e-14, atol=1e-15)
+
+
+def test_a_vertical_pair_is_read_turned_and_sees_the_same_world(tmp_path: Path) -> None:
+    """A point that OpenCV projects into both pictures is where the turned pair says, turned."""
+    moved = np.array([0.0004, -0.07, 0.0011])
+    written.opencv(tmp_path / "rig.yml", T=moved)
+    found = shared(study(tmp_path, rig="from: rig.yml, length_unit: m"))
+    from tradestudy.calibration.corners.real_rig import observe_pair
+
+    point = np.array([[0.1, -0.05, 1.3]])
+    upper = cv2.projectPoints(point, np.zeros(3), np.zeros(3), K1, D1)[0].ravel()
+    lower = cv2.projectPoints(point, cv2.Rodrigues(R)[0], moved, K2, D2)[0].ravel()
+    turned = point @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).T
+    columns = SIZE[0]
+    np.testing.assert_allclose(
+        observe_pair(found, turned)[0],
+        [upper[1], columns - 1 - upper[0], lower[1], columns - 1 - lower[0]],
+        atol=1e-9,
+    )
+
+
+def test_rectified_pictures_carry_any_lens(tmp_path: Path) -> None:
+    _, _, p1, p2 = written.rectified()
+    lens = np.array([[-0.25, 0.125, 0.001, -0.002, 0.01]])
+    written.opencv(tmp_path / "rig.yml", D1=lens, D2=lens, P1=p1, P2=p2 * np.array([1.0, 1.0, 1.0, 1e3]))
+    found = shared(study(tmp_path, rig="from: rig.yml, length_unit: mm, pictures: rectified"))
+    np.testing.assert_allclose(found[[0, 1, 6, 7]], p1[0, 0], rtol=1e-14)
+    np.testing.assert_allclose(found[12:], [0, 0, 0, -np.linalg.norm(T), 0, 0], atol=1e-12)
+    said = refusal(study(tmp_path, rig="from: rig.yml, length_unit: mm"))
+    assert f"{tmp_path}/rig.yml:" in said
+    assert "p1 = 0.001 is not supported yet" in said
+
+
+def test_the_register_lists_how_the_file_was_read(tmp_path: Path) -> None:
+    written.camchain(tmp_path / "chain.yaml")
+    loaded = tradestudy.load(study(tmp_path, rig="from: chain.yaml"))
+    register = loaded.run().data["assumptions"]
+    rows = dict(
+        zip(register["path"].values, zip(register["value"].values, register["note"].values, strict=True), strict=True)
+    )
+    assert rows["read_as.direction of transforms"][0].startswith("T_cn_cnm1 maps camera n − 1 into camera n")
+    assert rows["read_as.direction of transforms"][1] == "chain.yaml: cam1.T_cn_cnm1"
+    assert rows["read_as.origin of pixels"][0].startswith("the centre of the first pixel is (0, 0)")
+    assert rows["read_as.pictures"][0].startswith("raw")
+    assert rows["read_as.order of cameras"][0] == "cam0, cam1 are left, right"
+    assert rows["read_as.length unit"][0] == "m, by the definition of Kalibr's camchain"
+    assert rows["geometry.left.focal_length"] == ("[882.5 px, 881.75 px]", "chain.yaml: cam0.intrinsics")
+    assert rows["depth.disparity_error"][1] == "default; the study declares none"
+    assert loaded.imported[0].startswith("rig: chain.yaml: Kalibr camchain; length unit m")
+
+
+MISTAKES = {
+    "unit": ("from: rig.yml", "does not state its unit of length; say length_unit: mm"),
+    "metres": ("from: rig.yml, length_unit: m", "the baseline would be 60.1 m: metres taken for millimetres?"),
+    "millimetres": ("from: chain.yaml, length_unit: mm", "millimetres taken for metres?"),
+    "exchanged": ("from: chain.yaml, pair: [cam1, cam0]", "cam0 stands 60.1 mm to the left of cam1: left and right"),
+    "files exchanged": ("from: [right.yaml, left.yaml]", "left and right are exchanged; exchange the files"),
+    "no baseline": ("from: [left.yaml, left.yaml]", "P[3] and P[7] are both 0"),
+    "another camera": ("from: chain.yaml, pair: [cam0, cam7]", "there is no camera 'cam7'; known: cam0, cam1"),
+    "mixed": ("from: [left.yaml, rig.yml]", "a file of OpenCV FileStorage, and the first one of ROS camera_info"),
+    "unit that is none": ("from: rig.yml, length_unit: furlong", "unknown unit 'furlong'"),
+    "given twice": ("from: chain.yaml, baseline: 60 mm", "the geometry of the calibrated pair gives it"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_mix_ups_are_named_at_their_place(tmp_path: Path, name: str) -> None:
+    written.opencv(tmp_path / "rig.yml")
+    written.camera_info_pair(tmp_path)
+    written.camchain(tmp_path / "chain.yaml")
+    said, expected_words = MISTAKES[name]
+    message = refusal(study(tmp_path, rig=said))
+    assert expected_words in message
+    file, line, column, path = message.split(":")[:4]
+    assert Path(file).parent == tmp_path
+    assert int(line) >= 1
+    assert int(column) >= 1
+    assert path.strip().startswith("cameras.rig")
+
+
+def test_a_fisheye_lens_under_the_name_of_a_pinhole_one_is_named(tmp_path: Path) -> None:
+    r1, r2, p1, p2 = written.rectified()
+    fisheye = np.array([-0.03, 0.11, -0.12, 0.04, 0.0])
+    written.camera_info(tmp_path / "left.yaml", K1, fisheye, r1, p1)
+    written.camera_info(tmp_path / "right.yaml", K2, fisheye, r2, p2)
+    message = refusal(study(tmp_path, rig="from: [left.yaml, right.yaml]"))
+    assert "p1 = -0.12 is no tangential distortion" in message
+    assert "k1 to k4 of a fisheye lens" in message
+
+
+def test_a_calibrated_pair_without_errors_reads_depth_exactly(tmp_path: Path) -> None:
+    """What the geometry puts into the pictures, it reads back: 1/Z to rounding."""
+    written.opencv(tmp_path / "rig.yml")
+    camera = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).definition.case.cameras["rig"]
+    assert camera.calibration.reading is not None
+    distance = np.geomspace(0.3, 5.0, 7)
+    read = camera.calibration.reading(distance, 0.3, {"yaw": np.zeros((1, 1))}, None)
+    np.testing.assert_allclose(read.inverse_depth[0] * distance, 1.0, atol=1e-9)
+
+
+def test_rigs_that_differ_from_distance_to_distance_are_read_one_by_one(tmp_path: Path) -> None:
+    written.opencv(tmp_path / "rig.yml")
+    camera = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).definition.case.cameras["rig"]
+    reading, distance = camera.calibration.reading, np.array([0.4, 1.0, 3.0])
+    assert reading is not None
+    yaw = np.radians([[0.01, -0.02, 0.005], [0.0, 0.03, -0.01]])
+    together = reading(distance, 0.0, {"yaw": yaw}, None).inverse_depth
+    apart = [
+        reading(distance[k : k + 1], 0.0, {"yaw": yaw[row, k].reshape(1, 1)}, None).inverse_depth.item()
+        for row in range(2)
+        for k in range(3)
+    ]
+    np.testing.assert_allclose(together.ravel(), apart, rtol=1e-14)

@@ -1,0 +1,90 @@
+"""A calibrated pair of a calibration file in the terms of a study."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.imported import ImportedCamera, ImportedCorners, ImportedRig, Stated, conventions_stated
+
+_NOMINAL_PITCH: Final = "3 um"
+_NOMINAL: Final = (
+    "nominal: depth depends on its ratio to the focal length alone; blur and diffraction need the true one"
+)
+
+
+def stated_by(imported: ImportedRig | ImportedCorners) -> Iterator[Stated]:
+    """Every value of a stereo rig that a calibration file gives, and how the file was read."""
+    yield Stated(path=("kind",), value="stereo", key=_first_key(imported), basis="derived")
+    if isinstance(imported, ImportedCorners):
+        yield from _of_corners(imported)
+        return
+    yield from _of_rig(imported)
+
+
+def _first_key(imported: ImportedRig | ImportedCorners) -> str:
+    return imported.key if isinstance(imported, ImportedCorners) else imported.keys["translation"]
+
+
+def _of_rig(rig: ImportedRig) -> Iterator[Stated]:
+    from scipy.spatial.transform import Rotation
+
+    for side, camera in (("left", rig.left), ("right", rig.right)):
+        yield from _of_camera(side, camera)
+    turn = Rotation.from_matrix(np.array(rig.rotation)).as_rotvec()
+    rotation = [f"{float(angle)!r} rad" for angle in turn]
+    yield Stated(path=("geometry", "rotation"), value=rotation, key=rig.keys["rotation"])
+    moved = [f"{length!r} m" for length in rig.translation]
+    yield Stated(path=("geometry", "translation"), value=moved, key=rig.keys["translation"])
+    if (pixels := rig.left.pixels or rig.right.pixels) is not None:
+        key = (rig.left if rig.left.pixels else rig.right).keys["pixels"]
+        yield Stated(path=("sensor", "pixels"), value=list(pixels), key=key)
+    yield _pitch(rig.keys["translation"])
+    yield from conventions_stated(rig.conventions)
+    said = [{(one.name, one.says) for one in camera.conventions} for camera in (rig.left, rig.right)]
+    shared = said[0] & said[1]
+    yield from conventions_stated(tuple(one for one in rig.left.conventions if (one.name, one.says) in shared))
+    for side, camera in (("left", rig.left), ("right", rig.right)):
+        own = tuple(one for one in camera.conventions if (one.name, one.says) not in shared)
+        yield from conventions_stated(own, f"{side} ")
+
+
+def _of_camera(side: str, camera: ImportedCamera) -> Iterator[Stated]:
+    where, keys = ("geometry", side), camera.keys
+    yield Stated(
+        path=(*where, "focal_length"), value=[f"{f!r} px" for f in camera.focal_lengths], key=keys["focal_lengths"]
+    )
+    yield Stated(path=(*where, "principal_point"), value=[f"{c!r} px" for c in camera.centre], key=keys["centre"])
+    yield Stated(path=(*where, "lens_model"), value=camera.lens_model, key=keys["coefficients"], basis="derived")
+    for name, value in camera.coefficients.items():
+        yield Stated(path=(*where, "coefficients", name), value=value, key=keys["coefficients"])
+
+
+def _pitch(key: str) -> Stated:
+    return Stated(path=("sensor", "pixel_pitch"), value=_NOMINAL_PITCH, key=key, basis="assumed", note=_NOMINAL)
+
+
+def _of_corners(corners: ImportedCorners) -> Iterator[Stated]:
+    """The fit gives the design; the posterior that is inferred from the same corners gives the geometry."""
+    fitted = "by a fit of the corners"
+    focal_length = Stated(
+        path=("lenses", "focal_length"),
+        value=f"{corners.focal_length!r} px",
+        key=corners.key,
+        basis="derived",
+        note=fitted,
+    )
+    yield focal_length
+    yield Stated(path=("baseline",), value=f"{corners.baseline!r} m", key=corners.key, basis="derived", note=fitted)
+    yield Stated(
+        path=("depth", "disparity_error"),
+        value=f"{corners.noise * 2.0**0.5!r} px",
+        key=corners.key,
+        basis="assumed",
+        note="as precise as the corner detector: √2 times the noise of one coordinate that the fit finds",
+    )
+    yield _pitch(corners.key)
+    yield Stated(path=("calibration", "corners", "file"), value=corners.file, key=corners.key)
+    yield from conventions_stated(corners.conventions)

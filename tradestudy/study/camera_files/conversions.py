@@ -1,0 +1,82 @@
+"""Matrices of calibration files, checked: rotations that turn, cameras without skew, transforms and their inverses."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.imported import Rotation, Vector
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.camera_files.located import Located
+
+_TURNS_WITHIN: Final = 1e-4  # of files with six digits
+_ROUNDING: Final = 1e-12
+
+
+def rotation_of(value: Located, numbers: tuple[float, ...]) -> FloatArray:
+    """A rotation matrix, made exactly one where its digits are few.
+
+    Raises
+    ------
+    CameraFileError
+        It is not orthogonal, or a mirror.
+    """
+    matrix = np.array(numbers, dtype=np.float64).reshape(3, 3)
+    error = float(np.max(np.abs(matrix @ matrix.T - np.eye(3))))
+    if error > _TURNS_WITHIN:
+        raise value.fail(
+            f"this is no rotation: R Rᵀ differs from 1 by {error:.2g}; at most {_TURNS_WITHIN:g} is expected"
+        )
+    if np.linalg.det(matrix) < 0.0:
+        raise value.fail("this is a mirror, not a rotation; check the signs of its rows")
+    if error <= _ROUNDING:
+        return matrix
+    u, _, v = np.linalg.svd(matrix)
+    nearest: FloatArray = u @ v
+    return nearest
+
+
+def pinhole_of(value: Located, numbers: tuple[float, ...]) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Focal lengths and principal point [px] of a camera matrix (3 × 3 or the left part of 3 × 4).
+
+    Raises
+    ------
+    CameraFileError
+        It has skew, or is no camera matrix; focal lengths that are not positive.
+    """
+    matrix = np.array(numbers, dtype=np.float64).reshape(3, -1)[:, :3]
+    fx, skew, cx, fy, cy = matrix[0, 0], matrix[0, 1], matrix[0, 2], matrix[1, 1], matrix[1, 2]
+    if not np.array_equal(matrix[[1, 2, 2, 2], [0, 0, 1, 2]], [0.0, 0.0, 0.0, 1.0]):
+        raise value.fail("this is no camera matrix [fx 0 cx; 0 fy cy; 0 0 1]")
+    if skew != 0.0:
+        raise value.fail(f"the pixels have a skew of {skew:g}; cameras with a skew are not supported")
+    if not (fx > 0.0 and fy > 0.0):
+        raise value.fail(f"focal lengths of {fx:g} and {fy:g} px; positive ones are expected")
+    return (float(fx), float(fy)), (float(cx), float(cy))
+
+
+def rigid_of(value: Located, numbers: tuple[float, ...]) -> tuple[FloatArray, FloatArray]:
+    """Rotation and translation of a 4 × 4 transform.
+
+    Raises
+    ------
+    CameraFileError
+        It is no rigid motion.
+    """
+    matrix = np.array(numbers, dtype=np.float64).reshape(4, 4)
+    if not np.array_equal(matrix[3], [0.0, 0.0, 0.0, 1.0]):
+        raise value.fail("the last row of a rigid transform is 0 0 0 1")
+    return rotation_of(value, tuple(matrix[:3, :3].ravel())), matrix[:3, 3]
+
+
+def rotation_tuple(matrix: FloatArray) -> Rotation:
+    """As the neutral structures hold it."""
+    a, b, c = (tuple(float(one) for one in row) for row in matrix)
+    return a, b, c  # type: ignore[return-value]
+
+
+def vector_tuple(vector: FloatArray) -> Vector:
+    """As the neutral structures hold it."""
+    x, y, z = (float(one) for one in vector)
+    return x, y, z

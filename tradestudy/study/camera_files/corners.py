@@ -1,0 +1,65 @@
+"""A corner file as the origin of a camera: a fit gives the design, and the calibration is inferred from the corners."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from tradestudy.cameras.imported import Convention, Imported, ImportedCorners
+from tradestudy.errors import TradestudyError
+from tradestudy.study.camera_files.located import CameraFile
+from tradestudy.study.camera_files.request import Format, Request
+
+if TYPE_CHECKING:
+    from tradestudy.calibration.corners.real_rig import RigFit
+
+
+def recognises(file: CameraFile) -> bool:
+    """A table with corners on a board."""
+    return file.syntax == "corners"
+
+
+def read(files: Sequence[CameraFile], request: Request) -> Imported:
+    """The pair that a fit makes of the corners.
+
+    Raises
+    ------
+    CameraFileError
+        The corners contradict themselves or determine no pair; the study says of them what they say themselves.
+    """
+    top = files[0].top
+    if len(files) != 1:
+        raise files[1].top.fail("a corner file holds both cameras; name one file")
+    if request != Request():
+        raise top.fail("a corner file states its unit and its cameras; leave length_unit, pair and the like out")
+    try:
+        fit = _fit(files[0].path, files[0].text).explained
+    except TradestudyError as error:
+        raise top.fail(str(error)) from None
+    return ImportedCorners(
+        file=files[0].name,
+        focal_length=float(fit.shared[[0, 1, 6, 7]].mean()),
+        noise=fit.noise_px,
+        baseline=float((fit.shared[15:18] ** 2).sum() ** 0.5),
+        conventions=(
+            Convention(name="format", says="corners of a board", key=top.key),
+            Convention(name="length unit", says="that of the columns board_x_… and board_y_…", key=top.key),
+            Convention(name="pictures", says="raw: as taken, before rectification", key=top.key),
+            Convention(name="order of cameras", says="left, right, by the names of the columns", key=top.key),
+        ),
+        key=top.key,
+    )
+
+
+@lru_cache(maxsize=4)
+def _fit(path: Path, _text: str) -> RigFit:
+    """Fitted once for every content."""
+    from tradestudy.calibration.corners.corner_file import read_corners
+    from tradestudy.calibration.corners.real_rig import fit_rig
+
+    return fit_rig(read_corners(path))
+
+
+FORMAT: Final = Format(name="corner file", recognises=recognises, read=read)

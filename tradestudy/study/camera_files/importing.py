@@ -1,0 +1,109 @@
+"""From calibration files to a camera in the terms of a study, every value with its place and its origin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+from tradestudy.cameras.imported import Stated, Value
+from tradestudy.cameras.kinds import KINDS
+from tradestudy.study.camera_files import corners, kalibr, opencv, ros
+from tradestudy.study.camera_files.located import CameraFile, CameraFileError
+from tradestudy.study.camera_files.request import Format, Request
+from tradestudy.study.camera_files.syntax import parsed, syntax_of
+from tradestudy.study.document import (
+    Annotation,
+    Entry,
+    ListEntry,
+    MappingEntry,
+    Member,
+    Place,
+    ScalarEntry,
+    scalar_text,
+)
+
+FORMATS: Final[tuple[Format, ...]] = (corners.FORMAT, kalibr.FORMAT, ros.FORMAT, opencv.FORMAT)
+"""Every format; a new one is a file beside these and an entry here."""
+
+
+def recognised(path: Path, text: str) -> CameraFile | None:
+    """A calibration file by its content; None for what is not one, such as a camera of a study.
+
+    Raises
+    ------
+    CameraFileError
+        The text begins as that of a calibration file and is none.
+    """
+    syntax = syntax_of(text)
+    if syntax == "yaml":  # what cameras of studies are written in too, and whoever reads those tells their mistakes
+        try:
+            file = parsed(path, text, syntax)
+        except CameraFileError:
+            return None
+        return file if _format_of(file) is not None else None
+    file = parsed(path, text, syntax)
+    if _format_of(file) is None:
+        known = ", ".join(one.name for one in FORMATS)
+        raise file.top.fail(f"this is no calibration file of a known format ({known})")
+    return file
+
+
+def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntry, str]:
+    """The camera that calibration files give, and a line that says what was read.
+
+    Raises
+    ------
+    CameraFileError
+        The files are of different formats, or do not say what theirs promises.
+    """
+    formats = [_format_of(file) for file in files]
+    first = formats[0]
+    assert first is not None  # they were recognised
+    for one, file in zip(formats, files, strict=True):
+        if one is not first:
+            assert one is not None
+            raise file.top.fail(
+                f"this is a file of {one.name}, and the first one of {first.name}; one format is expected"
+            )
+    found = first.read(files, request)
+    kind = next(kind for kind in KINDS if isinstance(found, kind.imports))
+    stated = [*kind.stated_by(found)]
+    names = " and ".join(dict.fromkeys(file.name for file in files))
+    said = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
+    shown = [f"{name} {said[name]}" for name in ("length unit", "order of cameras", "pictures") if name in said]
+    line = f"{names}: {'; '.join([first.name, *shown])}"
+    return _tree(stated, {key: place for file in files for key, place in file.places.items()}, files[0]), line
+
+
+def _format_of(file: CameraFile) -> Format | None:
+    return next((one for one in FORMATS if one.recognises(file)), None)
+
+
+def _tree(stated: Sequence[Stated], places: Mapping[str, Place], file: CameraFile) -> MappingEntry:
+    """Values by their paths as a tree of entries."""
+    top = file.root.place
+    members: dict[str, Member] = {}
+    for one in stated:
+        place = places.get(one.key, top)
+        note = f"{one.key}; {one.note}" if one.note else one.key
+        entry = _entry(one.value, place, Annotation(basis=one.basis, note=note))
+        _put(members, one.path, Member(place, entry))
+    return MappingEntry(place=top, members=members)
+
+
+def _put(members: dict[str, Member], path: tuple[str, ...], new: Member) -> None:
+    if len(path) == 1:
+        members[path[0]] = new
+        return
+    below = members.get(path[0])
+    inner = dict(below.entry.members) if below is not None and isinstance(below.entry, MappingEntry) else {}
+    _put(inner, path[1:], new)
+    members[path[0]] = Member(new.key_place, MappingEntry(place=new.key_place, members=inner))
+
+
+def _entry(value: Value, place: Place, annotation: Annotation | None) -> Entry:
+    if isinstance(value, str | float | int):
+        return ScalarEntry(place=place, value=value, text=scalar_text(value), annotation=annotation)
+    items = tuple(_entry(item, place, None) for item in value)
+    return ListEntry(place=place, items=items, annotation=annotation)

@@ -1,0 +1,157 @@
+"""Kalibr ``camchain``: any number of cameras in a chain, each with its transform from the one before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, LensModelName
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.camera_files.conversions import rigid_of
+from tradestudy.study.camera_files.located import CameraFile, Located
+from tradestudy.study.camera_files.pairs import check_lens, paired
+from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels
+
+_OWN: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
+    "pinhole": ("rational", ()),
+    "omni": ("omnidirectional", ("xi",)),
+    "ds": ("double-sphere", ("xi", "alpha")),
+    "eucm": ("extended-unified", ("alpha", "beta")),
+}
+"""Camera models with the names of what stands before the focal lengths in ``intrinsics``."""
+_DISTORTION: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
+    "radtan": ("rational", ("k1", "k2", "p1", "p2")),
+    "equidistant": ("kannala-brandt", ("k1", "k2", "k3", "k4")),
+    "fov": ("field-of-view", ("w",)),
+}
+_WITH: Final = {"pinhole": ("radtan", "equidistant", "fov", "none"), "omni": ("radtan", "none")}
+_TRANSFORM: Final = "T_cn_cnm1"
+
+
+def recognises(file: CameraFile) -> bool:
+    """A file of cameras cam0, cam1 … with their camera models."""
+    first = file.top.find("cam0")
+    return first is not None and first.has("camera_model", "intrinsics")
+
+
+def read(files: Sequence[CameraFile], request: Request) -> Imported:
+    """One camera, or two of a chain: the first two unless ``pair`` names others.
+
+    ``T_cn_cnm1`` maps points of camera n − 1 into camera n; transforms of a longer chain are multiplied.
+
+    Raises
+    ------
+    CameraFileError
+        What is expected is not there, an unknown model, or a chain that does not join the two cameras.
+    """
+    if len(files) != 1:
+        raise files[1].top.fail("a camchain holds all its cameras; name one file")
+    top = files[0].top
+    names = tuple(name for name in top.names() if top.need(name).has("camera_model"))
+    if request.pictures != "raw":
+        raise top.fail("a camchain says nothing of rectified pictures; leave pictures out")
+    for name in request.pair:
+        if name not in names:
+            raise top.fail(f"pair: there is no camera '{name}'; known: {', '.join(names)}")
+    pair = request.pair or names[:2]
+    if len(pair) == 1:
+        return _camera(top.need(pair[0]), request)
+    first, second = pair
+    rotation, translation, where = _between(top, names, first, second)
+    metre, unit = request.metres(where, stated="m", why="the definition of Kalibr's camchain")
+    said = (
+        Convention(name="format", says="Kalibr camchain", key=where.key),
+        Convention(
+            name="direction of transforms",
+            says="T_cn_cnm1 maps camera n − 1 into camera n, x_n = R x_(n−1) + t",
+            key=where.key,
+        ),
+        Convention(name="pictures", says="raw: as taken, before rectification", key=where.key),
+        unit,
+    )
+    left, right = (_camera(top.need(name), request) for name in (first, second))
+    return paired(left, right, rotation, translation * metre, where=(where, where), conventions=said)
+
+
+def _between(top: Located, names: tuple[str, ...], first: str, second: str) -> tuple[FloatArray, FloatArray, Located]:
+    """Rotation and translation from one camera of the chain to another."""
+    low, high = sorted((names.index(first), names.index(second)))
+    if low == high:
+        raise top.fail(f"pair: {first} stands there twice; two cameras are expected")
+    total = np.eye(4)
+    for name in names[low + 1 : high + 1]:
+        value = top.need(name).need(_TRANSFORM)
+        step = np.eye(4)
+        step[:3, :3], step[:3, 3] = rigid_of(value, value.numbers(16))
+        total = step @ total
+    where = top.need(names[high]).need(_TRANSFORM)
+    rotation, translation = total[:3, :3], total[:3, 3]
+    if names.index(first) > names.index(second):
+        rotation, translation = rotation.T, -rotation.T @ translation
+    return rotation, translation, where
+
+
+def _camera(value: Located, request: Request) -> ImportedCamera:
+    """One camera of the chain."""
+    named, intrinsics = value.need("camera_model"), value.need("intrinsics")
+    name = named.text()
+    if name not in _OWN:
+        raise named.fail(f"the camera model '{name[:40]}' is unknown; one of {', '.join(_OWN)} is expected")
+    model, own = _OWN[name]
+    numbers = intrinsics.numbers(len(own) + 4)
+    fx, fy, cx, cy = numbers[len(own) :]
+    if not (fx > 0.0 and fy > 0.0):
+        raise intrinsics.fail(f"focal lengths of {fx:g} and {fy:g} px; positive ones are expected")
+    coefficients = dict(zip(own, numbers, strict=False))
+    distortion_model, distortion = value.find("distortion_model"), value.find("distortion_coeffs")
+    lens, names = _distortion(value, name, request)
+    if lens is not None and distortion is not None:
+        model = lens if name == "pinhole" else model
+        coefficients |= dict(zip(names, distortion.numbers(len(names)), strict=True))
+    size = value.need("resolution")
+    width, height = _both(size)
+    camera = ImportedCamera(
+        name=value.last,
+        focal_lengths=(fx, fy),
+        centre=(cx, cy),
+        pixels=(width.count(), height.count()),
+        lens_model=model,
+        coefficients=coefficients,
+        conventions=(
+            origin_of_pixels(intrinsics),
+            Convention(name="lens model", says=model, key=(distortion_model or named).key),
+        ),
+        keys={
+            "focal_lengths": intrinsics.key,
+            "centre": intrinsics.key,
+            "pixels": size.key,
+            "coefficients": (distortion or intrinsics).key,
+        },
+    )
+    return check_lens(camera, distortion or intrinsics)
+
+
+def _distortion(value: Located, camera: str, request: Request) -> tuple[LensModelName | None, tuple[str, ...]]:
+    """Lens model and coefficients of what stands under ``distortion_model``; None for none."""
+    named = value.find("distortion_model")
+    name = "none" if named is None else named.text()
+    if request.lens_model == "fisheye" and camera == "pinhole":
+        name = "equidistant"
+    if named is not None and name not in (known := _WITH.get(camera, ("none",))):
+        raise named.fail(
+            f"the distortion model '{name[:40]}' does not go with the camera model {camera}; one of "
+            f"{', '.join(known)} is expected"
+        )
+    return (None, ()) if name == "none" else _DISTORTION[name]
+
+
+def _both(value: Located) -> tuple[Located, Located]:
+    items = tuple(value.items())
+    if len(items) != 2:
+        raise value.fail(f"{len(items)} values stand here; width and height are expected")
+    return items[0], items[1]
+
+
+FORMAT: Final = Format(name="Kalibr camchain", recognises=recognises, read=read)

@@ -1,0 +1,180 @@
+"""A value of a calibration file with its place, read as what is expected there or refused at that place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+
+from tradestudy.errors import Problem
+from tradestudy.study.document import Entry, ListEntry, MappingEntry, Path, Place, ScalarEntry, dotted
+
+_LARGEST = 1e12  # no number of a camera, in whatever unit, comes near it
+
+
+class CameraFileError(Exception):
+    """A calibration file cannot be read as what it is; holds the mistake with its place."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem)
+        self.problem = problem
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraFile:
+    """A calibration file as text and, where its syntax has one, as a tree.
+
+    Parameters
+    ----------
+    path
+        The file.
+    syntax
+        Of its text.
+    text
+        All of it.
+    root
+        What stands in it; an empty mapping for a table.
+    places
+        Every place that was asked for as file and key.
+    """
+
+    path: FilePath
+    syntax: str
+    text: str
+    root: Entry
+    places: dict[str, Place] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """Of the file, without its folder."""
+        return self.path.name
+
+    @property
+    def top(self) -> Located:
+        """Its outermost value."""
+        return Located(file=self, entry=self.root, path=())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Located:
+    """A value of a calibration file.
+
+    Parameters
+    ----------
+    file
+        That it stands in.
+    entry, path
+        It, and the keys that lead to it.
+    """
+
+    file: CameraFile
+    entry: Entry
+    path: Path
+
+    @property
+    def key(self) -> str:
+        """File and key, for the register; its place is remembered under this name."""
+        label = f"{self.file.name}: {dotted(self.path)}" if self.path else self.file.name
+        self.file.places[label] = self.entry.place
+        return label
+
+    @property
+    def last(self) -> str:
+        """Its own key."""
+        return str(self.path[-1]) if self.path else self.file.name
+
+    def fail(self, what: str) -> CameraFileError:
+        """The mistake of this value."""
+        return CameraFileError(self.entry.place.problem(self.path, what))
+
+    def has(self, *keys: str) -> bool:
+        """Whether it is a mapping with all of these keys."""
+        return isinstance(self.entry, MappingEntry) and all(key in self.entry.members for key in keys)
+
+    def find(self, *names: str) -> Located | None:
+        """What stands under the first of these keys that there is; None for an empty value."""
+        if not isinstance(self.entry, MappingEntry):
+            return None
+        for name in names:
+            if name in self.entry.members:
+                found = self.entry.members[name].entry
+                is_empty = isinstance(found, ScalarEntry) and found.value is None
+                return None if is_empty else Located(file=self.file, entry=found, path=(*self.path, name))
+        return None
+
+    def need(self, *names: str) -> Located:
+        """What stands under the first of these keys that there is.
+
+        Raises
+        ------
+        CameraFileError
+            None of them is there.
+        """
+        found = self.find(*names)
+        if found is None:
+            raise self.fail(f"the key {' or '.join(names)} is missing")
+        return found
+
+    def items(self) -> Iterator[Located]:
+        """What stands in a list.
+
+        Raises
+        ------
+        CameraFileError
+            It is none.
+        """
+        if not isinstance(self.entry, ListEntry):
+            raise self.fail("a list is expected")
+        for index, entry in enumerate(self.entry.items):
+            yield Located(file=self.file, entry=entry, path=(*self.path, index))
+
+    def names(self) -> tuple[str, ...]:
+        """Of a mapping, in order."""
+        return tuple(self.entry.members) if isinstance(self.entry, MappingEntry) else ()
+
+    def text(self) -> str:
+        """A single value as text."""
+        if not isinstance(self.entry, ScalarEntry) or self.entry.value is None:
+            raise self.fail("a text is expected")
+        return self.entry.text.strip()
+
+    def number(self) -> float:
+        """A single finite number, written as one or as text."""
+        shown = self.entry.text if isinstance(self.entry, ScalarEntry) else "a list or a mapping"
+        value = self.entry.value if isinstance(self.entry, ScalarEntry) else None
+        if isinstance(value, str):
+            try:
+                value = float(value)
+            except ValueError:
+                value = None
+        if value is None or isinstance(value, bool):
+            raise self.fail(f"'{shown[:40]}' is no number")
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not abs(number) <= _LARGEST:
+            raise self.fail(f"'{shown[:40]}' is no finite number of a camera")
+        return number
+
+    def count(self) -> int:
+        """A whole number of pixels, from 1 to a million."""
+        number = self.number()
+        if number != round(number) or not 1 <= number <= 1_000_000:
+            raise self.fail(f"{number:g} is no number of pixels; a whole number from 1 to 1000000 is expected")
+        return int(number)
+
+    def numbers(self, *counts: int) -> tuple[float, ...]:
+        """All numbers of a list, of rows too, as many as one of the counts where these are given."""
+        found = [*self._numbers()]
+        if counts and len(found) not in counts:
+            raise self.fail(f"{len(found)} numbers stand here; {' or '.join(map(str, counts))} are expected")
+        return tuple(found)
+
+    def _numbers(self) -> Iterator[float]:
+        for item in self.items():
+            if isinstance(item.entry, ListEntry):
+                yield from item._numbers()
+            else:
+                yield item.number()

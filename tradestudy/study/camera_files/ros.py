@@ -1,0 +1,138 @@
+"""ROS ``camera_info``: the YAML files of camera_calibration and camera_info_manager, and printed messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, LensModelName
+from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
+from tradestudy.study.camera_files.located import CameraFile, Located
+from tradestudy.study.camera_files.opencv import translation_of_projection
+from tradestudy.study.camera_files.pairs import check_lens, paired
+from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels
+from tradestudy.study.document import ListEntry
+
+_MODELS: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
+    "plumb_bob": ("rational", ("k1", "k2", "p1", "p2", "k3")),
+    "rational_polynomial": ("rational", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
+    "equidistant": ("kannala-brandt", ("k1", "k2", "k3", "k4")),
+}
+_MATRIX, _DISTORTION = ("camera_matrix", "K", "k"), ("distortion_coefficients", "D", "d")
+_RECTIFICATION, _PROJECTION = ("rectification_matrix", "R", "r"), ("projection_matrix", "P", "p")
+
+
+def recognises(file: CameraFile) -> bool:
+    """A file with a distortion model and a projection matrix."""
+    top = file.top
+    return top.has("distortion_model") and top.find(*_PROJECTION) is not None
+
+
+def read(files: Sequence[CameraFile], request: Request) -> Imported:
+    """One camera, or the left and the right one of a pair.
+
+    The rectifying rotations and P give the pair back: ``x₂ = R₂ᵀ R₁ x₁ + R₂ᵀ t`` with ``t = (P[3]/f′, P[7]/f′, 0)``.
+
+    Raises
+    ------
+    CameraFileError
+        What is expected is not there; a pair without a baseline.
+    """
+    tops = [file.top for file in files]
+    if len(tops) == 1:
+        return _camera(tops[0], request)
+    if len(tops) != 2:
+        raise tops[-1].fail(f"{len(tops)} files stand here; camera_info of one camera or of a pair are expected")
+    projection = tops[1].need(*_PROJECTION)
+    ahead = tops[0].need(*_PROJECTION)
+    if _numbers(ahead, 12)[3] != 0.0 or _numbers(ahead, 12)[7] != 0.0:
+        raise ahead.fail(
+            "P[3] or P[7] of the first camera is not 0: left and right are exchanged; exchange the files of from:"
+        )
+    moved = translation_of_projection(projection, _numbers(projection, 12))
+    metre, unit = request.metres(projection, stated="m", why="the definition of ROS messages (REP 103)")
+    first, second = (_camera(top, request) for top in tops)
+    turns = [_rectification(top) for top in tops]
+    where = tops[1].find(*_RECTIFICATION) or projection
+    rotation, translation = np.eye(3), moved * metre
+    if request.pictures == "raw":
+        rotation, translation = turns[1].T @ turns[0], turns[1].T @ (moved * metre)
+    said = (
+        Convention(name="format", says="ROS camera_info", key=projection.key),
+        Convention(
+            name="direction of transforms",
+            says="from P[3] = −f′B of the second camera, rectified to raw by the rectification matrices",
+            key=projection.key,
+        ),
+        Convention(name="pictures", says=_pictures(request, first, second, turns), key=projection.key),
+        unit,
+    )
+    return paired(first, second, rotation, translation, where=(where, projection), conventions=said)
+
+
+def _pictures(request: Request, first: ImportedCamera, second: ImportedCamera, turns: list[np.ndarray]) -> str:
+    if request.pictures == "rectified":
+        return "rectified, by P"
+    plain = not any([*first.coefficients.values(), *second.coefficients.values()])
+    if plain and all(np.array_equal(turn, np.eye(3)) for turn in turns):
+        return "raw: they are rectified already, without distortion or rotation"
+    return "raw: as taken, before rectification, by K, D, R"
+
+
+def _camera(top: Located, request: Request) -> ImportedCamera:
+    """One camera: the raw one by K and D, or the rectified one by P."""
+    is_rectified = request.pictures == "rectified"
+    matrix = top.need(*(_PROJECTION if is_rectified else _MATRIX))
+    focal_lengths, centre = pinhole_of(matrix, _numbers(matrix, 12 if is_rectified else 9))
+    distortion = top.need(*_DISTORTION)
+    model, coefficients = ("rational", {}) if is_rectified else _lens(top, distortion, request)
+    across, down = top.need("image_width", "width"), top.need("image_height", "height")
+    named = top.find("camera_name")
+    camera = ImportedCamera(
+        name=top.file.path.stem if named is None else named.text(),
+        focal_lengths=focal_lengths,
+        centre=centre,
+        pixels=(across.count(), down.count()),
+        lens_model=model,
+        coefficients=coefficients,
+        conventions=(
+            origin_of_pixels(matrix),
+            Convention(name="lens model", says="none: rectified" if is_rectified else model, key=distortion.key),
+        ),
+        keys={
+            "focal_lengths": matrix.key,
+            "centre": matrix.key,
+            "pixels": across.key,
+            "coefficients": distortion.key,
+        },
+    )
+    return check_lens(camera, distortion)
+
+
+def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensModelName, dict[str, float]]:
+    named = top.need("distortion_model")
+    name = "equidistant" if request.lens_model == "fisheye" else named.text()
+    if name not in _MODELS:
+        raise named.fail(f"the distortion model '{name[:40]}' is unknown; one of {', '.join(_MODELS)} is expected")
+    model, names = _MODELS[name]
+    numbers = _numbers(distortion)
+    if not numbers:
+        return model, {}
+    if len(numbers) != len(names) and not (name == "plumb_bob" and len(numbers) == 4):
+        raise distortion.fail(f"{len(numbers)} coefficients stand here; {name} has {len(names)}")
+    return model, dict(zip(names, numbers, strict=False))
+
+
+def _rectification(top: Located) -> np.ndarray:
+    value = top.find(*_RECTIFICATION)
+    return np.eye(3) if value is None else rotation_of(value, _numbers(value, 9))
+
+
+def _numbers(value: Located, *counts: int) -> tuple[float, ...]:
+    """A matrix as files write it, or as messages do."""
+    return (value if isinstance(value.entry, ListEntry) else value.need("data")).numbers(*counts)
+
+
+FORMAT: Final = Format(name="ROS camera_info", recognises=recognises, read=read)

@@ -1,0 +1,229 @@
+"""The text of a calibration file as a tree with places, by whatever syntax it is written in. Nothing is executed."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+from xml.parsers import expat
+
+from tradestudy.study.camera_files.located import CameraFile, CameraFileError
+from tradestudy.study.document import Entry, ListEntry, MappingEntry, Member, Place, ScalarEntry, scalar_text
+from tradestudy.study.source import DEEPEST, MOST_VALUES, UnreadableError, compose
+
+_CORNER_HEAD: Final = re.compile(r"[^\n]*\bboard_x_m?m\b")
+_OPENCV_HEAD: Final = re.compile(r"%YAML[: ]1\.[0-2][^\n]*")
+_NUMBER: Final = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?")
+
+
+def syntax_of(text: str) -> str:
+    """In which syntax a text is written, by how it begins."""
+    body = "\n".join(line for line in text.lstrip().split("\n", 20)[:20] if not line.startswith("#")).lstrip()
+    if _CORNER_HEAD.match(body):
+        return "corners"
+    if body.startswith("<"):
+        return "opencv-xml"
+    if _OPENCV_HEAD.match(body):
+        return "opencv-yaml"
+    if body.startswith("{"):
+        return "python" if re.search(r"""['"]lensmodel['"]""", text) else "json"
+    return "yaml"
+
+
+def parsed(path: Path, text: str, syntax: str) -> CameraFile:
+    """A file with its tree.
+
+    Raises
+    ------
+    CameraFileError
+        The text is not what its beginning promises.
+    """
+    root = _PARSERS[syntax](path, text)
+    return CameraFile(path=path, syntax=syntax, text=text, root=root)
+
+
+def _table(path: Path, _text: str) -> Entry:
+    return MappingEntry(place=Place(str(path), 1, 1), members={})
+
+
+def _opencv_yaml(path: Path, text: str) -> Entry:
+    """YAML with a head of its own, which other programs refuse, and tags."""
+    return _yaml(path, _OPENCV_HEAD.sub(lambda found: "#" + found.group()[1:], text, count=1), tags=True)
+
+
+def _json(path: Path, text: str) -> Entry:
+    """JSON is YAML but for tabs between its values and a slash that may be escaped."""
+    return _yaml(path, text.replace("\t", " ").replace("\\/", "/"))
+
+
+def _yaml(path: Path, text: str, *, tags: bool = False) -> Entry:
+    start = Place(str(path), 1, 1)
+    try:
+        entry, problems = compose(text, start, tags=tags)
+    except UnreadableError as error:
+        raise CameraFileError(error.problems[-1]) from None
+    if problems:
+        raise CameraFileError(problems[0])
+    found: Entry = entry
+    return found
+
+
+def _xml(path: Path, text: str) -> Entry:
+    """XML of OpenCV: elements as keys, text as values; definitions of a document type are refused unread."""
+    builder = _XmlBuilder(path)
+    try:
+        builder.parser.Parse(text.encode(), True)
+    except expat.ExpatError as error:
+        place = Place(str(path), error.lineno, error.offset + 1)
+        raise CameraFileError(place.problem((), f"this is no valid XML ({expat.ErrorString(error.code)})")) from None
+    if builder.root is None:
+        raise CameraFileError(Place(str(path), 1, 1).problem((), "this XML holds nothing"))
+    return builder.root
+
+
+class _XmlBuilder:
+    """Collects elements into entries."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.root = str(path), None
+        self.open: list[tuple[Place, str, dict[str, Member], list[Entry], list[str]]] = []
+        self.count = 0
+        self.parser = expat.ParserCreate("utf-8")
+        self.parser.StartElementHandler = self.start
+        self.parser.EndElementHandler = self.end
+        self.parser.CharacterDataHandler = self.characters
+        self.parser.StartDoctypeDeclHandler = self.refuse
+        self.parser.EntityDeclHandler = self.refuse
+
+    root: Entry | None
+
+    @property
+    def place(self) -> Place:
+        """Where the parser is."""
+        return Place(self.path, self.parser.CurrentLineNumber, self.parser.CurrentColumnNumber + 1)
+
+    def fail(self, what: str) -> CameraFileError:
+        """A mistake where the parser is."""
+        return CameraFileError(self.place.problem((), what))
+
+    def refuse(self, *_arguments: Any) -> None:
+        """Definitions could make a small file grow without end, or read other files."""
+        raise self.fail("a document type or an entity is defined here; calibration files need none, take it out")
+
+    def start(self, name: str, _attributes: Mapping[str, str]) -> None:
+        """Open an element."""
+        self.count += 1
+        if self.count > MOST_VALUES:
+            raise self.fail(f"the file holds more than {MOST_VALUES} values")
+        if len(self.open) >= DEEPEST:
+            raise self.fail(f"values are nested more than {DEEPEST} deep")
+        self.open.append((self.place, name, {}, [], []))
+
+    def characters(self, text: str) -> None:
+        """Text within an element."""
+        if self.open:
+            self.open[-1][4].append(text)
+
+    def end(self, _name: str) -> None:
+        """Close an element: a mapping where it has elements, a list where these are ``_`` or text has spaces."""
+        place, name, members, items, texts = self.open.pop()
+        entry: Entry
+        if items:
+            entry = ListEntry(place=place, items=tuple(items))
+        elif members:
+            entry = MappingEntry(place=place, members=members)
+        else:
+            entry = self.value(place, "".join(texts).strip())
+        if not self.open:
+            self.root = entry
+        elif name == "_":
+            self.open[-1][3].append(entry)
+        elif name in self.open[-1][2]:
+            raise CameraFileError(place.problem((name,), "this key stands twice; one of them is too many"))
+        else:
+            self.open[-1][2][name] = Member(place, entry)
+
+    def value(self, place: Place, text: str) -> Entry:
+        """A list of numbers where there are several, else one value."""
+        words = text.split()
+        self.count += len(words)
+        if self.count > MOST_VALUES:
+            raise self.fail(f"the file holds more than {MOST_VALUES} values")
+        if len(words) > 1 and all(map(_NUMBER.fullmatch, words)):
+            return ListEntry(place=place, items=tuple(_scalar(place, float(word), word) for word in words))
+        text = text.strip('"')
+        is_number = _NUMBER.fullmatch(text) is not None
+        return _scalar(place, float(text) if is_number else text or None, text)
+
+
+def _python(path: Path, text: str) -> Entry:
+    """A Python literal, read as `ast.literal_eval` does: parsed, never run."""
+    start = Place(str(path), 1, 1)
+    try:
+        tree = ast.parse(text.lstrip(), mode="eval")
+    except SyntaxError as error:
+        place = Place(str(path), error.lineno or 1, error.offset or 1)
+        raise CameraFileError(place.problem((), f"this is no Python literal ({error.msg})")) from None
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise CameraFileError(
+            start.problem((), f"this is no Python literal ({error or 'nested too deeply'})")
+        ) from None
+    lines_before = text[: len(text) - len(text.lstrip())].count("\n")
+    return _literal(tree.body, str(path), lines_before, 0, [0])
+
+
+def _literal(node: ast.expr, file: str, below: int, depth: int, count: list[int]) -> Entry:
+    place = Place(file, node.lineno + below, node.col_offset + 1)
+    count[0] += 1
+    if depth > DEEPEST or count[0] > MOST_VALUES:
+        what = f"values are nested more than {DEEPEST} deep" if depth > DEEPEST else f"more than {MOST_VALUES} values"
+        raise CameraFileError(place.problem((), what))
+    if isinstance(node, ast.Dict):
+        members: dict[str, Member] = {}
+        for key, value in zip(node.keys, node.values, strict=True):
+            if not (isinstance(key, ast.Constant) and isinstance(key.value, str)):
+                raise CameraFileError(place.problem((), "keys are texts in quotes"))
+            key_place = Place(file, key.lineno + below, key.col_offset + 1)
+            if key.value in members:
+                what = "this key stands twice; one of them is too many"
+                raise CameraFileError(key_place.problem((key.value,), what))
+            members[key.value] = Member(key_place, _literal(value, file, below, depth + 1, count))
+        return MappingEntry(place=place, members=members)
+    if isinstance(node, ast.List | ast.Tuple):
+        items = tuple(_literal(item, file, below, depth + 1, count) for item in node.elts)
+        return ListEntry(place=place, items=items)
+    if isinstance(node, ast.Constant | ast.UnaryOp):
+        found: object = ...
+        with suppress(ValueError, TypeError):
+            found = ast.literal_eval(node)
+        if isinstance(found, bytes):
+            return _scalar(place, None, "")
+        if found is None or isinstance(found, str | int | float | bool):
+            return _scalar(place, found, "" if found is None else _short(found))
+    raise CameraFileError(
+        place.problem((), "a number, a text, a list or a mapping is expected; nothing is computed here")
+    )
+
+
+def _short(value: str | float | bool) -> str:
+    try:
+        return scalar_text(value)
+    except ValueError:  # an integer of too many digits for Python to print
+        return "an endless number"
+
+
+def _scalar(place: Place, value: Any, text: str) -> ScalarEntry:
+    return ScalarEntry(place=place, value=value, text=text)
+
+
+_PARSERS: Final[Mapping[str, Callable[[Path, str], Entry]]] = {
+    "corners": _table,
+    "opencv-xml": _xml,
+    "opencv-yaml": _opencv_yaml,
+    "python": _python,
+    "json": _json,
+    "yaml": _yaml,
+}

@@ -1,0 +1,274 @@
+"""The cameras of a study in full: taken from their own files, from calibration files and from each other."""
+
+from __future__ import annotations
+
+import stat
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from tradestudy.declarations.mistakes import nearest_name
+from tradestudy.errors import Problem
+from tradestudy.study import document as tree
+from tradestudy.study.camera_files.importing import imported, recognised
+from tradestudy.study.camera_files.located import CameraFile, CameraFileError
+from tradestudy.study.camera_files.request import Request, wrong_request
+from tradestudy.study.document import (
+    Entry,
+    ListEntry,
+    MappingEntry,
+    Member,
+    Place,
+    ScalarEntry,
+    count_values,
+    merged,
+    plain,
+)
+from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
+from tradestudy.units import nearest
+
+MOST_BYTES = 1_000_000
+LONGEST_CHAIN = 50
+SHARING = ("from", "like")
+_OF_IMPORTS = ("length_unit", "pair", "pictures", "lens_model")  # beside from: of calibration files
+
+
+def load_entries(path: Path) -> tuple[Entry, list[Problem]]:
+    """Read a file into entries, or refuse it in words."""
+    return compose(_text(path), Place(str(path), 1, 1))
+
+
+def _text(path: Path) -> str:
+    """The text of a file, or a refusal in words."""
+    place = Place(str(path), 1, 1)
+    try:
+        content = _content(path, place)
+    except FileNotFoundError:
+        raise refused(place, f"there is no such file{_nearest_file(path)}") from None
+    except (OSError, ValueError) as error:  # ValueError: a name that no file system allows
+        raise refused(place, f"it cannot be read ({getattr(error, 'strerror', None) or error})") from None
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise refused(place, "it is text in UTF-16; save it as UTF-8")
+    if b"\0" in content:
+        raise refused(place, "it is a binary file; a study is text in YAML")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = content[: error.start]
+        line, column = before.count(b"\n") + 1, len(before) - (before.rfind(b"\n") + 1) + 1
+        raise refused(
+            Place(str(path), line, column), f"the byte 0x{content[error.start]:02x} is not UTF-8; save it as UTF-8"
+        ) from None
+
+
+def _content(path: Path, place: Place) -> bytes:
+    """Read the bytes of a regular file of a bearable size; devices and pipes could go on for ever."""
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise refused(place, "it is a folder; a study file is expected")
+    if not stat.S_ISREG(mode):
+        raise refused(place, "it is not a regular file; a study file is expected")
+    with path.open("rb") as file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise refused(
+            place, "it is larger than 1 MB; a study file is at most 1 MB, and data belong in files of their own"
+        )
+    return content
+
+
+def refused(place: Place, what: str) -> UnreadableError:
+    """The refusal of a text that has no tree."""
+    return UnreadableError([place.problem((), what)])
+
+
+def _nearest_file(path: Path) -> str:
+    """Name the file of the same folder that may have been meant."""
+    try:
+        names = [entry.name for entry, _ in zip(path.parent.iterdir(), range(1000), strict=False)]
+    except OSError:
+        return ""
+    close = nearest(path.name, names)
+    return f"; nearest: '{path.parent / close}'" if close else ""
+
+
+class SharedCameras:
+    """Puts cameras together from their files and from each other; a camera that has a mistake is left as written."""
+
+    def __init__(self, *, folder: Path, root: MappingEntry) -> None:
+        self.folder, self.root = folder, root
+        self.problems: list[Problem] = []
+        self.broken: list[tree.Path] = []
+        self.imported: list[str] = []
+        self.done: dict[str, Entry | None] = {}
+        self.files: dict[str, tuple[Entry, list[Problem]]] = {}
+        self.values = 0
+
+    def resolved(self) -> MappingEntry:
+        """Give the study with every camera in full."""
+        written = self.root.members.get("cameras")
+        if written is None or not isinstance(written.entry, MappingEntry):
+            return self.root
+        self.written = written.entry
+        members = {
+            name: Member(member.key_place, self.camera(name, ()) or member.entry)
+            for name, member in self.written.members.items()
+        }
+        cameras = Member(written.key_place, replace(self.written, members=members))
+        return replace(self.root, members={**self.root.members, "cameras": cameras})
+
+    def camera(self, name: str, chain: tuple[str, ...]) -> Entry | None:
+        """Give one camera in full, or None after noting why there is none."""
+        if name not in self.done:
+            self.done[name] = self.put_together(name, chain)
+            if self.done[name] is None:
+                self.broken.append(("cameras", name))
+        return self.done[name]
+
+    def put_together(self, name: str, chain: tuple[str, ...]) -> Entry | None:
+        """Lay what the study says of a camera over what it shares."""
+        own = self.written.members[name].entry
+        if not isinstance(own, MappingEntry):
+            return own
+        sharing = [key for key in SHARING if key in own.members]
+        if not sharing:
+            return own
+        if len(sharing) > 1:
+            self.note(own.members["like"].key_place, name, "like", "a camera has from: or like:, not both")
+            return None
+        member = own.members[sharing[0]]
+        if sharing[0] == "from":
+            try:
+                if files := self.calibration_files(member.entry):
+                    return self.from_calibration(name, own, files)
+            except CameraFileError as error:
+                path = f"cameras.{name}.{error.problem.path}".removesuffix(".")
+                self.problems.append(replace(error.problem, path=path))
+                return None
+        if not (isinstance(member.entry, ScalarEntry) and isinstance(member.entry.value, str)):
+            expected = "the name of a file" if sharing[0] == "from" else "the name of a camera"
+            self.note(member.entry.place, name, sharing[0], f"{expected} is expected")
+            return None
+        source = self.from_file if sharing[0] == "from" else self.like_camera
+        below = source(name, member.entry.value, member.entry.place, (*chain, name))
+        if below is None:
+            return None
+        if self.values > MOST_VALUES:
+            return None  # told at the camera that went beyond
+        self.values += count_values(below)
+        if self.values > MOST_VALUES:
+            self.note(member.entry.place, name, sharing[0], f"the cameras together hold more than {MOST_VALUES} values")
+            return None
+        return self.laid_over(below, own, name, SHARING)
+
+    def laid_over(self, below: Entry, own: MappingEntry, name: str, but: Sequence[str]) -> Entry:
+        """Lay what a camera says itself over what it shares."""
+        changed = replace(own, members={key: member for key, member in own.members.items() if key not in but})
+        self.problems += taken_back(below, changed, ("cameras", name))
+        return merged(below, changed)
+
+    def from_calibration(self, name: str, own: MappingEntry, files: Sequence[CameraFile]) -> Entry:
+        """Lay what the study says over what calibration files say."""
+        below, line = imported(files, self.request(own))
+        self.imported.append(f"{name}: {line}")
+        return self.laid_over(below, own, name, (*SHARING, *_OF_IMPORTS))
+
+    def calibration_files(self, entry: Entry) -> list[CameraFile]:
+        """The calibration files that a camera names; none where it names the file of a camera."""
+        named = entry.items if isinstance(entry, ListEntry) else (entry,)
+        if not all(isinstance(one, ScalarEntry) and isinstance(one.value, str) for one in named):
+            return []
+        found: list[CameraFile] = []
+        for one in named:
+            path = self.folder / plain(one)
+            try:
+                file = recognised(path, _text(path))
+            except UnreadableError as error:
+                if one is entry:
+                    return []  # whoever reads the file of a camera says why
+                what = f"'{error.problems[0].file}': {error.problems[0].what}"
+                raise CameraFileError(one.place.problem(("from",), what)) from None
+            if file is not None:
+                found.append(file)
+            elif one is not entry:
+                what = f"'{path}' is no calibration file; a list names only such"
+                raise CameraFileError(one.place.problem(("from",), what))
+        return found
+
+    def request(self, own: MappingEntry) -> Request:
+        """What the study says of how the files are to be read."""
+        said: dict[str, str | tuple[str, ...]] = {}
+        for key in _OF_IMPORTS:
+            if key not in own.members:
+                continue
+            entry = own.members[key].entry
+            value = plain(entry)
+            problem = wrong_request(key, value)
+            if problem:
+                raise CameraFileError(entry.place.problem((key,), problem))
+            said[key] = tuple(value) if key == "pair" else value
+        return Request(**said)  # type: ignore[arg-type]
+
+    def from_file(self, name: str, file: str, place: Place, _chain: tuple[str, ...]) -> Entry | None:
+        """Read a camera's own file."""
+        try:
+            entry, problems = self.files[file] if file in self.files else load_entries(self.folder / file)
+        except UnreadableError as error:
+            if error.problems[0].line == error.problems[0].column == 1 and len(error.problems) == 1:
+                self.note(place, name, "from", f"'{error.problems[0].file}': {error.problems[0].what}")
+            else:
+                self.problems += error.problems
+            return None
+        self.problems += [
+            replace(problem, path=f"cameras.{name}.{problem.path}".removesuffix(".")) for problem in problems
+        ]
+        self.files[file] = (entry, [])  # for the next camera, whose mistakes in it are told already
+        if not isinstance(entry, MappingEntry):
+            self.problems.append(entry.place.problem(("cameras", name), f"a camera is expected, not {kind_of(entry)}"))
+            return None
+        for key in SHARING:
+            if key in entry.members:
+                what = f"a camera file stands alone; {key}: belongs in the study"
+                self.note(entry.members[key].key_place, name, key, what)
+                return None
+        return entry
+
+    def like_camera(self, name: str, other: str, place: Place, chain: tuple[str, ...]) -> Entry | None:
+        """Find the camera that another is like."""
+        if other in chain:
+            circle = " → ".join((*chain[chain.index(other) :], other))
+            self.note(place, name, "like", f"the cameras are like each other in a circle: {circle}")
+            return None
+        if len(chain) >= LONGEST_CHAIN:
+            self.note(place, name, "like", f"more than {LONGEST_CHAIN} cameras are like each other in a chain")
+            return None
+        if other not in self.written.members:
+            known = [camera for camera in self.written.members if camera != name]
+            self.note(place, name, "like", f"no camera is called '{other}'{nearest_name(other, known)}")
+            return None
+        below = self.camera(other, chain)
+        return below if isinstance(below, MappingEntry) else None
+
+    def note(self, place: Place, name: str, key: str, what: str) -> None:
+        """Remember a mistake of a camera."""
+        self.problems.append(place.problem(("cameras", name, key), what))
+
+
+def taken_back(below: Entry, above: Entry, path: tree.Path) -> list[Problem]:
+    """Refuse every key that is taken back and is not there."""
+    return [
+        place.problem(where, nothing_to_take_back(where[-1], members))
+        for where, place, members in tree.taken_back_in_vain(below, above, path)
+    ]
+
+
+def nothing_to_take_back(key: str | int, members: Mapping[str, Member]) -> str:
+    """What is wrong with a null that takes nothing back."""
+    return f"there is no '{key}' here that null could take back{nearest_name(str(key), members)}"
+
+
+def kind_of(entry: Entry) -> str:
+    """What stands somewhere, for messages."""
+    if isinstance(entry, ScalarEntry):
+        return "a single value" if entry.text else "nothing"
+    return "a list" if isinstance(entry, ListEntry) else "a mapping"
