@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -12,10 +12,12 @@ from tradestudy.cameras.conventional.design import ConventionalCamera, FocusStac
 from tradestudy.cameras.declaration import CameraDeclaration, LensPart, SensorPart
 from tradestudy.cameras.depth_camera import DisparityErrorLaw
 from tradestudy.cameras.depth_map import DepthReaderOfKind
+from tradestudy.cameras.imported import Imported, ImportedCamera, Stated, conventions_stated
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
 from tradestudy.declarations.quantities import (
     DetailSize,
+    FNumber,
     ObjectDistance,
     ObjectDistanceOrInfinity,
     PositiveCount,
@@ -91,6 +93,12 @@ class ConventionalFocusPart(Part):
         )
 
 
+class ConventionalLensPart(LensPart):
+    """Its lens; the f-number has a default."""
+
+    f_number: FNumber = Field(default="2.8", validate_default=True, description="Focal length over pupil diameter.")
+
+
 class ConventionalDeclaration(CameraDeclaration):
     """A conventional camera of fixed focus, or with a mechanism that takes a focus stack; it measures no depth."""
 
@@ -98,9 +106,23 @@ class ConventionalDeclaration(CameraDeclaration):
     reader: ClassVar[DepthReaderOfKind | None] = FocusStackReader
 
     kind: Literal["conventional"]
-    lens: LensPart
+    imports: ClassVar[tuple[type, ...]] = (ImportedCamera,)
+
+    lens: ConventionalLensPart
     sensor: SensorPart
     focus: ConventionalFocusPart
+
+    @classmethod
+    def stated_by(cls, imported: Imported) -> Iterator[Stated]:
+        """A single calibrated camera: its focal length and pixels; its distortion moves no focus."""
+        assert isinstance(imported, ImportedCamera)
+        keys = imported.keys
+        yield Stated(path=("kind",), value="conventional", key=keys["focal_lengths"], basis="derived")
+        focal_length = sum(imported.focal_lengths) / 2.0
+        yield Stated(path=("lens", "focal_length"), value=f"{focal_length!r} px", key=keys["focal_lengths"])
+        if imported.pixels is not None:
+            yield Stated(path=("sensor", "pixels"), value=list(imported.pixels), key=keys["pixels"])
+        yield from conventions_stated(imported.conventions)
 
     def design(self, picture_law: DisparityErrorLaw | None) -> ConventionalCamera:  # noqa: ARG002 - it measures no disparity
         """The camera in SI, focused by distance, by image scale, or by a data sheet's working distance.

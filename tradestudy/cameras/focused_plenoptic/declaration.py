@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
@@ -14,6 +15,7 @@ from tradestudy.cameras.depth_map import DepthReaderOfKind
 from tradestudy.cameras.focused_plenoptic.depth_reading import RawPictureReader
 from tradestudy.cameras.focused_plenoptic.design import COVERING_VIRTUAL_DEPTH, FocusedPlenoptic
 from tradestudy.cameras.focused_plenoptic.estimator import LENSES_OF_PAIRS, PlenopticEstimator, UsedLenses
+from tradestudy.cameras.imported import Imported, ImportedPlenoptic, Stated, Value, conventions_stated
 from tradestudy.cameras.parts import MicrolensArray
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.part import Part
@@ -109,6 +111,8 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
     camera: ClassVar[type[FocusedPlenoptic]] = FocusedPlenoptic
     reader: ClassVar[DepthReaderOfKind | None] = RawPictureReader
 
+    imports: ClassVar[tuple[type, ...]] = (ImportedPlenoptic,)
+
     kind: Literal["focused-plenoptic"]
     main_lens: LensPart
     sensor: SensorPart
@@ -121,6 +125,28 @@ class FocusedPlenopticDeclaration(DepthCameraDeclaration):
         "known, and corrected for.",
     )
     calibration: FocusedPlenopticCalibration = Field(default_factory=FocusedPlenopticCalibration)
+
+    @classmethod
+    def stated_by(cls, imported: Imported) -> Iterator[Stated]:
+        """Everything that a calibration of such a camera says; how disparity is measured, the study says."""
+        assert isinstance(imported, ImportedPlenoptic)
+        one, keys = imported, imported.keys
+        said: dict[tuple[str, ...], tuple[Value, str]] = {
+            ("main_lens", "focal_length"): (f"{one.focal_length!r} m", "focal_length"),
+            ("main_lens", "f_number"): (one.f_number, "f_number"),
+            ("sensor", "pixels"): (list(one.pixels), "pixels"),
+            ("sensor", "pixel_pitch"): (f"{one.pixel_pitch!r} m", "pixel_pitch"),
+            ("microlenses", "layout"): (one.layout, "layout"),
+            ("microlenses", "pitch"): (f"{one.pitch!r} m", "pitch"),
+            ("microlenses", "gap"): (f"{one.gap!r} m", "gap"),
+            ("microlenses", "types"): (len(one.focal_lengths), "focal_lengths"),
+            ("microlenses", "focal_lengths"): ([f"{f!r} m" for f in one.focal_lengths], "focal_lengths"),
+            ("focus", "mla_distance"): (f"{one.mla_distance!r} m", "mla_distance"),
+        }
+        yield Stated(path=("kind",), value="focused-plenoptic", key=keys["mla_distance"], basis="derived")
+        for path, (value, name) in said.items():
+            yield Stated(path=path, value=value, key=keys[name])
+        yield from conventions_stated(imported.conventions)
 
     def design(self, picture_law: DisparityErrorLaw | None) -> FocusedPlenoptic:
         """The camera in SI; its array is put where the declared plane is the total covering plane.

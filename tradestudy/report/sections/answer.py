@@ -36,7 +36,7 @@ from tradestudy.results.views.decision import (
 )
 from tradestudy.results.views.depth import broken_limits, largest_part, nominal, nominal_is_declared
 from tradestudy.results.views.designs import crossover_words, favoured_words, feasible_words, usable_span_words
-from tradestudy.results.views.groups import camera_titles, group, has, titles_in
+from tradestudy.results.views.groups import camera_titles, group, has, perfectly_calibrated, titles_in
 from tradestudy.results.views.matching import at_the_bound, best_of_any_matcher
 from tradestudy.results.views.requirement_conclusions import (
     RequirementConclusion,
@@ -67,7 +67,14 @@ def describe_answer(tree: xr.DataTree, drawings: Mapping[str, Drawing]) -> Itera
         tone="answer",
     )
     yield from _requirements(tree, as_declared=bool(designs))
-    told = [*_weighed(tree), *_rests_on(tree), *_measure_first(tree), *_at_the_bound(tree), *_reversed(tree)]
+    told = [
+        *_weighed(tree),
+        *_taken_as_perfect(tree),
+        *_rests_on(tree),
+        *_measure_first(tree),
+        *_at_the_bound(tree),
+        *_reversed(tree),
+    ]
     if told:  # in one paragraph, so that the page has room for its figure
         yield Paragraph(tuple(span for text in told for span in (*text, Span(" "))))
     yield from pictures_of(drawings, "requirement_margins" if "requirement_margins" in drawings else "whole_range")
@@ -121,6 +128,16 @@ def _weighed(tree: xr.DataTree) -> Iterator[Spans]:
     """Who ranks first by all declared criteria."""
     if told := trade_off_conclusion(tree):
         yield say("**By all criteria** ([](#trade-off-table)): {told}.", told=told)
+
+
+def _taken_as_perfect(tree: xr.DataTree) -> Iterator[Spans]:
+    """Whose calibration the answers trust without any error."""
+    if titles := perfectly_calibrated(tree):
+        yield say(
+            "**The calibration of {cameras} is taken as perfect:** no errors, corners, target or posterior say how far "
+            "it is off.",
+            cameras=listed(titles),
+        )
 
 
 def _rests_on(tree: xr.DataTree) -> Iterator[Spans]:

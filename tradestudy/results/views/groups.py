@@ -64,3 +64,11 @@ def depth_methods(tree: xr.DataTree) -> dict[str, dict[str, Any]]:
 def _by_key(tree: xr.DataTree, variable: str) -> dict[str, str]:
     data = group(tree, "cameras")
     return {str(key): str(value) for key, value in zip(data["camera"].values, data[variable].values, strict=True)}
+
+
+def perfectly_calibrated(tree: xr.DataTree) -> tuple[str, ...]:
+    """Titles of the cameras that measure depth and declare nothing uncertain about themselves."""
+    if not has(tree, "cameras", "perfect_calibration"):
+        return ()
+    cameras = group(tree, "cameras")
+    return tuple(str(title) for title in cameras["title"].values[cameras["perfect_calibration"].values > 0.0])

@@ -34,6 +34,10 @@ def cameras_group(definition: StudyDefinition) -> xr.Dataset:
                 for camera in cameras.values()
             ],
             "note": [part.note or "" for part in parts.values()],
+            "perfect_calibration": [
+                float(isinstance(camera, DepthCamera) and camera.calibration.inferred and not camera.calibration.groups)
+                for camera in cameras.values()
+            ],
             "property_camera": [item[0] for item in properties],
             "property_name": [item[1] for item in properties],
             "property_value": [item[2] for item in properties],

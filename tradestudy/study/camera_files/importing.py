@@ -8,7 +8,7 @@ from typing import Final
 
 from tradestudy.cameras.imported import Stated, Value
 from tradestudy.cameras.kinds import KINDS
-from tradestudy.study.camera_files import corners, kalibr, opencv, ros
+from tradestudy.study.camera_files import corners, depthai, kalibr, libpleno, mrcal, opencv, ros
 from tradestudy.study.camera_files.located import CameraFile, CameraFileError
 from tradestudy.study.camera_files.request import Format, Request
 from tradestudy.study.camera_files.syntax import parsed, syntax_of
@@ -23,7 +23,9 @@ from tradestudy.study.document import (
     scalar_text,
 )
 
-FORMATS: Final[tuple[Format, ...]] = (corners.FORMAT, kalibr.FORMAT, ros.FORMAT, opencv.FORMAT)
+FORMATS: Final[tuple[Format, ...]] = (
+    corners.FORMAT, mrcal.FORMAT, depthai.FORMAT, libpleno.FORMAT, kalibr.FORMAT, ros.FORMAT, opencv.FORMAT,
+)  # fmt: skip
 """Every format; a new one is a file beside these and an entry here."""
 
 

@@ -1,0 +1,105 @@
+"""Cameras of mrcal, DepthAI and libpleno."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tradestudy
+from tests.study.camera_files import devices, written
+from tests.study.camera_files.test_import import expected, refusal, shared
+from tests.study.camera_files.written import study
+from tradestudy.cameras.focused_plenoptic.design import FocusedPlenoptic
+
+PLENOPTIC = "depth: {estimator: adjacent-pair, disparity_error: 0.1 px, discrimination_step: 0.1 px}"
+
+
+def said_by(path: Path, name: str = "rig") -> dict[str, str]:
+    return dict(tradestudy.load(path).file.cameras[name].read_as)
+
+
+def test_two_cameramodels_in_one_frame_of_reference_make_the_pair(tmp_path: Path) -> None:
+    devices.cameramodels(tmp_path)
+    found = shared(study(tmp_path, rig="from: [left.cameramodel, right.cameramodel]"))
+    np.testing.assert_allclose(found, expected(), rtol=1e-12, atol=1e-14)
+
+
+def test_the_former_name_of_the_pose_and_inputs_of_the_optimisation(tmp_path: Path) -> None:
+    for file in devices.cameramodels(tmp_path, optimization_inputs=b"not read"):
+        file.write_text(file.read_text().replace("rt_cam_ref", "extrinsics"))
+    path = study(tmp_path, rig="from: [left.cameramodel, right.cameramodel]")
+    np.testing.assert_allclose(shared(path), expected(), rtol=1e-12, atol=1e-14)
+    assert said_by(path)["uncertainty"].startswith("optimization_inputs are ignored")
+    assert said_by(path)["direction of transforms"] == "extrinsics maps the reference into the camera"
+
+
+@pytest.mark.parametrize(
+    ("model", "why"),
+    [
+        ("LENSMODEL_SPLINED_STEREOGRAPHIC_order=3_Nx=30_Ny=20_fov_x_deg=150", "is a splined model"),
+        ("LENSMODEL_CAHVORE_linearity=0.34", "is a non-central model"),
+        ("LENSMODEL_FANCY", "is unknown"),
+    ],
+)
+def test_models_that_are_not_central_are_refused_by_name(tmp_path: Path, model: str, why: str) -> None:
+    devices.cameramodels(tmp_path, lensmodel=model)
+    assert why in refusal(study(tmp_path, rig="from: [left.cameramodel, right.cameramodel]"))
+
+
+def test_nothing_in_a_cameramodel_is_executed(tmp_path: Path) -> None:
+    sign = tmp_path / "executed"
+    path = devices.cameramodels(tmp_path)[0]
+    path.write_text(path.read_text().replace("[640, 480]", f"[open({str(sign)!r}, 'w').write('x'), 480]"))
+    message = refusal(study(tmp_path, rig="from: [left.cameramodel, right.cameramodel]"))
+    assert "nothing is computed here" in message
+    assert not sign.exists()
+
+
+def test_a_device_gives_its_stereo_pair_in_centimetres(tmp_path: Path) -> None:
+    devices.device(tmp_path / "oak.json")
+    path = study(tmp_path, rig="from: oak.json")
+    np.testing.assert_allclose(shared(path), expected(), rtol=1e-12, atol=1e-14)
+    assert said_by(path)["translation"] == "measured (translation)"
+    assert said_by(path)["length unit"] == "cm, by the definition of DepthAI calibrations"
+
+
+def test_a_device_without_a_measured_translation_gives_the_specified_one(tmp_path: Path) -> None:
+    devices.device(tmp_path / "oak.json", measured=False)
+    path = study(tmp_path, rig="from: oak.json")
+    np.testing.assert_allclose(shared(path)[15:], [-0.06, 0.0, 0.0])
+    assert said_by(path)["translation"].startswith("specified (specTranslation)")
+
+
+def test_a_chain_of_extrinsics_joins_any_two_cameras_of_a_device(tmp_path: Path) -> None:
+    devices.device(tmp_path / "oak.json")
+    found = shared(study(tmp_path, rig="from: oak.json, pair: ['1', '0']"))
+    np.testing.assert_allclose(found[15:], written.T + np.array([0.03, 0.0, 0.0]), rtol=1e-12)
+
+
+def test_the_relay_follows_from_the_microlenses_and_not_from_the_main_lens(tmp_path: Path) -> None:
+    devices.plenoptic(tmp_path / "r12.js")
+    loaded = tradestudy.load(study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}"))
+    camera = loaded.definition.designs["r12"]
+    assert isinstance(camera, FocusedPlenoptic)
+    assert camera.main_lens.focal_length == pytest.approx(0.04989)
+    assert camera.mla_distance == pytest.approx(0.05686)
+    assert camera.microlenses.gap == pytest.approx(0.32e-3)
+    relay = loaded.file.cameras["r12"].read_as["relay"]
+    assert relay.startswith("galilean: microlenses of 578 µm beside a gap of 320 µm")
+    assert relay.endswith("the file's mode says keplerian, which is not used")
+
+
+def test_microlenses_shorter_than_the_gap_are_keplerian(tmp_path: Path) -> None:
+    array = {"focal_lengths": ["0.2", "0.25", "0.3"], "mesh": {"geometry": "1", "pitch": ["0.12745"]}}
+    array["mesh"]["pose"] = devices._pose("-56.86")  # type: ignore[call-overload]
+    devices.plenoptic(tmp_path / "r12.js", mla=array)
+    assert said_by(study(tmp_path, r12=f"from: r12.js, {PLENOPTIC}"), "r12")["relay"].startswith("keplerian")
+
+
+def test_a_single_camera_is_a_conventional_one(tmp_path: Path) -> None:
+    devices.cameramodels(tmp_path)
+    path = study(tmp_path, eye="from: left.cameramodel, sensor: {pixel_pitch: 3 um}, focus: {distance: 1 m}")
+    camera = tradestudy.load(path).definition.designs["eye"]
+    assert camera.gathering_lens.focal_length == pytest.approx((882.5 + 881.75) / 2 * 3e-6)

@@ -1,0 +1,115 @@
+"""mrcal ``.cameramodel``: a Python literal with one camera; a pair is two files in one frame of reference."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, LensModelName
+from tradestudy.optics.arrays import FloatArray
+from tradestudy.study.camera_files.located import CameraFile, Located
+from tradestudy.study.camera_files.pairs import check_lens, paired
+from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels
+
+_OPENCV: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
+_MODELS: Final[Mapping[str, tuple[LensModelName, tuple[str, ...]]]] = {
+    "LENSMODEL_PINHOLE": ("rational", ()),
+    **{f"LENSMODEL_OPENCV{count}": ("rational", _OPENCV[:count]) for count in (4, 5, 8, 12)},
+    "LENSMODEL_STEREOGRAPHIC": ("stereographic", ()),
+    "LENSMODEL_LONLAT": ("longitude-latitude", ()),
+}
+_REFUSED: Final = {"SPLINED": "a splined model", "NONCENTRAL": "a non-central model", "CAHVORE": "a non-central model"}
+
+
+def recognises(file: CameraFile) -> bool:
+    """A literal with the name of a lens model."""
+    return file.syntax == "python"
+
+
+def read(files: Sequence[CameraFile], request: Request) -> Imported:
+    """One camera, or a pair of two files.
+
+    ``rt_cam_ref`` (formerly ``extrinsics``) maps the reference into the camera: ``x₂ = R₂ R₁ᵀ (x₁ − t₁) + t₂``.
+
+    Raises
+    ------
+    CameraFileError
+        What is expected is not there, or a lens model that is not central or splined.
+    """
+    tops = [file.top for file in files]
+    if len(tops) == 1:
+        return _camera(tops[0])
+    if len(tops) != 2:
+        raise tops[-1].fail(f"{len(tops)} files stand here; one camera or two are expected")
+    if request.pictures != "raw":
+        raise tops[0].fail("a cameramodel says nothing of rectified pictures; leave pictures out")
+    first, second = (_camera(top) for top in tops)
+    (r1, t1, _), (r2, t2, where) = (_pose(top) for top in tops)
+    metre, unit = request.metres(where, stated="m", why="mrcal's convention")
+    rotation = r2 @ r1.T
+    said = (
+        Convention(name="format", says="mrcal cameramodel", key=where.key),
+        Convention(
+            name="direction of transforms", says=f"{where.last} maps the reference into the camera", key=where.key
+        ),
+        Convention(name="pictures", says="raw: as taken, before rectification", key=where.key),
+        unit,
+    )
+    return paired(first, second, rotation, (t2 - rotation @ t1) * metre, where=(where, where), conventions=said)
+
+
+def _pose(top: Located) -> tuple[FloatArray, FloatArray, Located]:
+    """Rotation and translation from the reference to the camera, and where they stand."""
+    from scipy.spatial.transform import Rotation
+
+    value = top.need("rt_cam_ref", "extrinsics")
+    numbers = np.array(value.numbers(6))
+    matrix: FloatArray = Rotation.from_rotvec(numbers[:3]).as_matrix()
+    return matrix, numbers[3:], value
+
+
+def _camera(top: Located) -> ImportedCamera:
+    named, intrinsics, size = top.need("lensmodel"), top.need("intrinsics"), top.need("imagersize")
+    name = named.text()
+    if name not in _MODELS:
+        why = next((words for part, words in _REFUSED.items() if part in name), "unknown")
+        short = re.sub(r"[^A-Z0-9_].*", "", name)[:40]
+        raise named.fail(f"the lens model '{short}' is {why}; one of {', '.join(_MODELS)} is expected")
+    model, names = _MODELS[name]
+    fx, fy, cx, cy, *coefficients = intrinsics.numbers(4 + len(names))
+    if not (fx > 0.0 and fy > 0.0):
+        raise intrinsics.fail(f"focal lengths of {fx:g} and {fy:g} px; positive ones are expected")
+    extents = tuple(size.items())
+    if len(extents) != 2:
+        raise size.fail(f"{len(extents)} values stand here; width and height are expected")
+    ignored: tuple[Convention, ...] = ()
+    if top.has("optimization_inputs"):
+        ignored = (
+            Convention(
+                name="uncertainty",
+                says="optimization_inputs are ignored; take the spreads from errors, corners or a target",
+                key=top.key,
+            ),
+        )
+    camera = ImportedCamera(
+        name=top.file.path.stem,
+        focal_lengths=(fx, fy),
+        centre=(cx, cy),
+        pixels=(extents[0].count(), extents[1].count()),
+        lens_model=model,
+        coefficients=dict(zip(names, coefficients, strict=True)),
+        conventions=(origin_of_pixels(intrinsics), Convention(name="lens model", says=name, key=named.key), *ignored),
+        keys={
+            "focal_lengths": intrinsics.key,
+            "centre": intrinsics.key,
+            "pixels": size.key,
+            "coefficients": intrinsics.key,
+        },
+    )
+    return check_lens(camera, intrinsics)
+
+
+FORMAT: Final = Format(name="mrcal cameramodel", recognises=recognises, read=read)
