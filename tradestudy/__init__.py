@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tradestudy import optics, uncertainty
-    from tradestudy.api import Result, Study, compare, load, open_result, schema, starter
+    from tradestudy.api import Result, Study, compare, load, open_result, schema
+    from tradestudy.study.starter import starter
 
 __all__ = ["Result", "Study", "compare", "load", "open_result", "optics", "schema", "starter", "uncertainty"]
 
@@ -24,7 +25,8 @@ def __getattr__(name: str) -> Any:
     if name in _PACKAGES:
         return importlib.import_module(f"tradestudy.{name}")
     if name in __all__:
-        return getattr(importlib.import_module("tradestudy.api"), name)
+        module = "study.starter" if name == "starter" else "api"
+        return getattr(importlib.import_module(f"tradestudy.{module}"), name)
     raise AttributeError(f"module 'tradestudy' has no attribute {name!r}")
 
 

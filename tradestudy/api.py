@@ -16,7 +16,6 @@ from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -545,6 +544,40 @@ def render(
     return RenderedScene(pictures=taken.written, depths={one.camera: one.score for one in taken.depths})
 
 
+def export(
+    study: Study, camera: str, directory: Path, *, formats: Sequence[str] = (), lossy: bool = False
+) -> tuple[list[Path], tuple[str, ...]]:
+    """Write a camera, declared or fitted, in the files of other programs and as a posterior of our own.
+
+    Parameters
+    ----------
+    study
+        It.
+    camera
+        Name of the camera.
+    directory
+        Where to.
+    formats
+        Of opencv, ros, kalibr, mrcal and posterior; none means all.
+    lossy
+        Leave out what a format cannot hold, instead of refusing.
+
+    Returns
+    -------
+    list of Path, tuple of str
+        The files, and what they leave out, in words.
+
+    Raises
+    ------
+    TradestudyError
+        Where there is no such camera, a format cannot hold it, or its calibration cannot be inferred.
+    """
+    from tradestudy.run.export import export, write_export
+
+    found = export(study.definition, camera, formats, lossy=lossy)
+    return write_export(found, directory, camera), found.left_out
+
+
 def _drawer_while_computing() -> AbstractContextManager[Drawer | None]:
     """Who draws the figures of a run on another core, where there is one; it gets ready while the run computes."""
     from tradestudy.figures.drawn import drawer
@@ -641,33 +674,3 @@ def schema() -> dict[str, Any]:
     from tradestudy.study.schema.root import StudyFile
 
     return editor_schema(StudyFile)
-
-
-def starter(name: str, kind: str = "") -> str:
-    """A commented study file to start from: a plenoptic camera against a stereo rig, or two cameras of one kind.
-
-    Raises
-    ------
-    OutOfRangeError
-        If the name cannot be a study's name, or there is no starter of that kind.
-    """
-    from tradestudy.errors import OutOfRangeError
-    from tradestudy.study.schema.root import LONGEST_NAME, NAME_PATTERN
-
-    if not re.fullmatch(NAME_PATTERN, name) or len(name) > LONGEST_NAME:
-        raise OutOfRangeError(
-            "this cannot be the name of a study",
-            value=repr(name),
-            limit=f"a letter, digit or underscore, then also . + -, at most {LONGEST_NAME} characters",
-            remedy="choose another",
-        )
-    folder = files("tradestudy.study")
-    known = {"": "starter.yaml"} | {
-        file.name.removeprefix("starter_").removesuffix(".yaml"): file.name
-        for file in folder.iterdir()
-        if file.name.startswith("starter_")
-    }
-    if kind not in known:
-        limit = ", ".join(sorted(filter(None, known)))
-        raise OutOfRangeError("there is no starter of this kind", value=repr(kind), limit=limit)
-    return folder.joinpath(known[kind]).read_text(encoding="utf-8").replace("NAME", name)

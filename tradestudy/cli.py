@@ -180,6 +180,31 @@ def render(
 
 
 @app.command()
+def export(
+    study: StudyArgument,
+    camera: Annotated[str, typer.Argument(metavar="CAMERA", help="Name of the camera.", show_default=False)],
+    out: OutOption = None,
+    set_: SetOption = None,
+    formats: Annotated[
+        list[str] | None,
+        typer.Option("--format", metavar="NAME", help="opencv, ros, kalibr, mrcal or posterior; repeatable."),
+    ] = None,
+    lossy: Annotated[bool, typer.Option("--lossy", help="Leave out what a format cannot hold, and say so.")] = False,
+    debug: DebugOption = False,
+) -> None:
+    """Write a camera, declared or fitted, in the calibration files of other programs and as a posterior."""
+    with _answering(debug=debug):
+        from tradestudy import api
+
+        loaded = _warned(api.load(study, set_ or ()))
+        directory = out if out is not None else Path("reports") / loaded.folder_name / "cameras"
+        written, left_out = api.export(loaded, camera, directory, formats=formats or (), lossy=lossy)
+        for line in left_out:
+            typer.echo(f"left out: {line}", err=True)
+        typer.echo("\n".join(map(str, written)))
+
+
+@app.command()
 def plan(
     study: StudyArgument,
     set_: SetOption = None,
@@ -235,21 +260,43 @@ def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name of the study.", show_default=False)],
     stereo: Annotated[bool, typer.Option("--stereo", help="Compare two stereo rigs.")] = False,
     plenoptic: Annotated[bool, typer.Option("--plenoptic", help="Compare two plenoptic cameras.")] = False,
+    from_: Annotated[
+        list[Path] | None,
+        typer.Option("--from", metavar="FILE", help="Calibration file of its camera; repeatable: left, then right."),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="Of that camera, such as length_unit=mm; repeatable."),
+    ] = None,
     debug: DebugOption = False,
 ) -> None:
     """Write a commented study to start from, NAME.yaml: by default a plenoptic camera against a stereo rig."""
     with _answering(debug=debug):
-        from tradestudy import api
+        from tradestudy.study.starter import starter
 
         name = name.removesuffix(".yaml")
-        asked = [option for option, given in (("--stereo", stereo), ("--plenoptic", plenoptic)) if given]
-        text = api.starter(name, asked[0].removeprefix("--") if len(asked) == 1 else "")
+        kinds = [option for option, given in (("--stereo", stereo), ("--plenoptic", plenoptic)) if given]
+        if kinds and from_:
+            raise _InputError(
+                "a study of imported cameras has no kind to choose", value=kinds[0], remedy="leave it out"
+            )
+        if set_ and not from_:
+            raise _InputError("--set says something of a camera that comes --from a file", remedy="give --from, too")
+        said = [_line(one) for one in set_ or ()]
+        kind = kinds[0].removeprefix("--") if len(kinds) == 1 else ""
+        text = starter(name, kind, calibration_files=from_ or (), said=said)
         path = Path(f"{name}.yaml")
         try:
             with path.open("x", encoding="utf-8") as file:
                 file.write(text)
         except FileExistsError:
             raise _InputError("a file of this name exists already", value=str(path), remedy="choose another") from None
+        if from_:
+            try:
+                _warned(api.load(path))
+            except TradestudyError:
+                path.unlink()  # a study that cannot run is none to start from
+                raise
         typer.echo(f"{path}\npython -m tradestudy run {path}")
 
 
@@ -298,6 +345,18 @@ def schema(debug: DebugOption = False) -> None:
         from tradestudy import api
 
         typer.echo(json.dumps(api.schema(), indent=1, ensure_ascii=False))
+
+
+def _line(said: str) -> str:
+    """``a.b=value`` as YAML of one line: ``a: {b: value}``."""
+    key, sign, value = said.partition("=")
+    if not sign or not key.strip():
+        raise _InputError("this does not read as key=value", value=said, remedy="write, for example, length_unit=mm")
+    *outer, last = key.strip().split(".")
+    line = f"{last}: {value.strip()}"
+    for name in reversed(outer):
+        line = f"{name}: {{{line}}}"
+    return line
 
 
 def _warned(study: Study) -> Study:

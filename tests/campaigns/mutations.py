@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tradestudy import api
+from tradestudy.study.starter import starter
 from tradestudy.verification.hard_cases.study_files import study
 
 STUDIES = Path(__file__).parents[2] / "studies"
@@ -89,7 +89,7 @@ class Corpus:
         shutil.copytree(STUDIES / "cameras", folder / "cameras")
         shutil.copytree(STUDIES / "data", folder / "data")
         shipped = {path.name: path.read_text(encoding="utf-8") for path in sorted(STUDIES.glob("*.yaml"))}
-        texts = (api.starter("fuzz"), study(), *shipped.values())
+        texts = (starter("fuzz"), study(), *shipped.values())
         # Large studies take a second each; small ones find as much, sooner.
         weights = (30.0, 30.0, *(max(0.5, 20.0 * min(1.0, (1500 / len(text)) ** 2)) for text in shipped.values()))
         cameras = [path.read_text(encoding="utf-8") for path in (folder / "cameras").glob("*.yaml")]

@@ -14,6 +14,7 @@ from tradestudy.cameras.calibration import LINEAR, PERFECT, Calibration, Propaga
 from tradestudy.cameras.camera import Camera
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import AGEING, SESSION_PARAMETERS, ErrorParameter, ErrorVocabulary
+from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
@@ -142,6 +143,10 @@ class DepthCamera(Camera):
     @property
     def calibrated_pair(self) -> tuple[float, ...] | None:
         """The 18 parameters of a calibrated pair that depth is read with; None: those of the design."""
+        return None
+
+    def exported(self, fitted: FloatArray | None = None) -> ImportedRig | None:  # noqa: ARG002 - of a pair
+        """The camera as calibration files state cameras, or what a fit found of it; None where they have no form."""
         return None
 
     @property

@@ -16,12 +16,14 @@ from tradestudy.cameras.depth_camera import DepthCamera, Limit, UsableCriteria
 from tradestudy.cameras.environment import Environment
 from tradestudy.cameras.error_vocabulary import ErrorVocabulary
 from tradestudy.cameras.focus import EveryObjectFocus, SingleLensFocus
+from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.method import Method
 from tradestudy.cameras.parts import Lens, require_positive
 from tradestudy.cameras.picture_geometry import PictureGeometry
 from tradestudy.cameras.reading import Errors, InverseDepthReading, require_field, require_known, value_of
 from tradestudy.cameras.single_lens_exposure import SingleLensExposure
 from tradestudy.cameras.stereo.errors import STEREO_ERRORS
+from tradestudy.cameras.stereo.exported import rig_of_design, rig_of_shared
 from tradestudy.cameras.stereo.method import METHOD
 from tradestudy.cameras.stereo.overlap import shared_view
 from tradestudy.cameras.stereo.pair import (
@@ -209,6 +211,13 @@ class StereoRig(DepthCamera):
             triangulation=self.triangulation,
             distortion=self.distortion,
         )
+
+    def exported(self, fitted: FloatArray | None = None) -> ImportedRig:
+        """The pair of 18 fitted parameters, else the calibrated one, else that of the design."""
+        shared = self.calibrated_pair if fitted is None else fitted
+        if shared is not None:
+            return rig_of_shared(np.array(shared), (self.sensor.columns, self.sensor.rows))
+        return rig_of_design(self.pair, self.sensor)
 
     def disparity(self, distance: ArrayLike) -> FloatArray:
         """The disparity on the sensor [m]; see `stereo_disparity`, which holds without distortion."""

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
 
 import numpy as np
 
-from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, LensModelName
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.conversions import rigid_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels
+from tradestudy.study.camera_files.request import CannotHoldError, Format, Request, held, origin_of_pixels
 
 _OWN: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
     "pinhole": ("rational", ()),
@@ -154,4 +154,46 @@ def _both(value: Located) -> tuple[Located, Located]:
     return items[0], items[1]
 
 
-FORMAT: Final = Format(name="Kalibr camchain", recognises=recognises, read=read)
+def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
+    """A chain of two cameras, in metres."""
+    cameras = []
+    for camera in (rig.left, rig.right):
+        if camera.pixels is None:
+            raise CannotHoldError(["a camera without the size of its pictures"])
+        model, own, distortion = _written_lens(camera)
+        cameras.append(
+            {
+                "camera_model": model,
+                "intrinsics": [*own, *camera.focal_lengths, *camera.centre],
+                **distortion,
+                "resolution": [*camera.pixels],
+            }
+        )
+    rows = [[*row, moved] for row, moved in zip(rig.rotation, rig.translation, strict=True)]
+    cameras[1][_TRANSFORM] = [*rows, [0.0, 0.0, 0.0, 1.0]]
+    lines = [
+        line
+        for number, camera_said in enumerate(cameras)
+        for line in (f"cam{number}:", *(f"  {key}: {value}" for key, value in camera_said.items()))
+    ]
+    return {f"{stem}-camchain.yaml": "\n".join(lines) + "\n"}
+
+
+def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...], dict[str, Any]]:
+    """Camera model, what stands before the focal lengths, and the distortion."""
+    for name, (model, own) in _OWN.items():
+        if model == camera.lens_model and name != "pinhole":
+            names = (*own, *_DISTORTION["radtan"][1]) if name == "omni" else own
+            values = held(camera, names, of=model)
+            lens: dict[str, Any] = {"distortion_model": "none", "distortion_coeffs": []}
+            if name == "omni":
+                lens = {"distortion_model": "radtan", "distortion_coeffs": [*values[1:]]}
+            return name, values[: len(own)], lens
+    for name, (model, names) in _DISTORTION.items():
+        if model == camera.lens_model:
+            coefficients = [*held(camera, names, of=model)]
+            return "pinhole", (), {"distortion_model": name, "distortion_coeffs": coefficients}
+    raise CannotHoldError([f"the lens model {camera.lens_model}"])
+
+
+FORMAT: Final = Format(name="Kalibr camchain", word="kalibr", recognises=recognises, read=read, write=write)

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, LensModelName
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels
+from tradestudy.study.camera_files.request import CannotHoldError, Format, Request, fewest, held, origin_of_pixels
 
 _OPENCV: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4")
 _MODELS: Final[Mapping[str, tuple[LensModelName, tuple[str, ...]]]] = {
@@ -112,4 +112,36 @@ def _camera(top: Located) -> ImportedCamera:
     return check_lens(camera, intrinsics)
 
 
-FORMAT: Final = Format(name="mrcal cameramodel", recognises=recognises, read=read)
+def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
+    """Two cameramodels, the left camera at the reference, in metres."""
+    from scipy.spatial.transform import Rotation
+
+    turned = [float(one) for one in Rotation.from_matrix(np.array(rig.rotation)).as_rotvec()]
+    files = {}
+    for side, camera, pose in (
+        ("left", rig.left, [0.0] * 6),
+        ("right", rig.right, [*turned, *rig.translation]),
+    ):
+        if camera.pixels is None:
+            raise CannotHoldError(["a camera without the size of its pictures"])
+        name, lens = _written_lens(camera)
+        says = {
+            "lensmodel": name,
+            "intrinsics": [*camera.focal_lengths, *camera.centre, *lens],
+            "rt_cam_ref": pose,
+            "imagersize": [*camera.pixels],
+        }
+        body = "\n".join(f"    {key!r}: {value!r}," for key, value in says.items())
+        files[f"{stem}-{side}.cameramodel"] = f"{{\n{body}\n}}\n"
+    return files
+
+
+def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
+    for name, (model, names) in _MODELS.items():
+        if model == camera.lens_model != "rational":
+            return name, held(camera, names, of=model)
+    lens = fewest(camera, _OPENCV, (4, 5, 8, 12))
+    return f"LENSMODEL_OPENCV{len(lens)}", lens
+
+
+FORMAT: Final = Format(name="mrcal cameramodel", word="mrcal", recognises=recognises, read=read, write=write)

@@ -8,15 +8,16 @@ from typing import Final
 
 import numpy as np
 
-from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, LensModelName
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
 from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels
+from tradestudy.study.camera_files.request import Format, Request, fewest, held, origin_of_pixels
 from tradestudy.study.document import ListEntry, MappingEntry
 
 _ORDER: Final = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6", "s1", "s2", "s3", "s4", "tau_x", "tau_y")
+_ORDER_FISHEYE: Final = ("k1", "k2", "k3", "k4")
 _MATRIX: Final = ("camera_matrix", "cameraMatrix", "Camera_Matrix", "CameraMatrix", "intrinsic_matrix", "K", "M")
 _DISTORTION: Final = (
     "distortion_coefficients", "distCoeffs", "Distortion_Coefficients", "DistortionCoefficients", "dist_coeffs", "D",
@@ -130,7 +131,7 @@ def _lens(top: Located, distortion: Located, request: Request) -> tuple[LensMode
     if request.lens_model == "fisheye" or (flag is not None and flag.text().lower() in ("1", "true")):
         if len(numbers) != 4:
             raise distortion.fail(f"{len(numbers)} coefficients stand here; a fisheye lens has 4")
-        return "kannala-brandt", dict(zip(("k1", "k2", "k3", "k4"), numbers, strict=True))
+        return "kannala-brandt", dict(zip(_ORDER_FISHEYE, numbers, strict=True))
     return "rational", dict(zip(_ORDER, numbers, strict=False))
 
 
@@ -221,4 +222,30 @@ def translation_of_projection(value: Located, numbers: tuple[float, ...]) -> Flo
     return moved
 
 
-FORMAT: Final = Format(name="OpenCV FileStorage", recognises=recognises, read=read)
+def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
+    """A stereo calibration in YAML, in metres."""
+    lines = ["%YAML:1.0", "---", "# lengths in metres: read it with length_unit: m"]
+    if rig.left.pixels is not None:
+        lines += [f"image_width: {rig.left.pixels[0]}", f"image_height: {rig.left.pixels[1]}"]
+    fisheye = [camera.lens_model == "kannala-brandt" for camera in (rig.left, rig.right)]
+    if all(fisheye):
+        lines.append("fisheye_model: 1")
+    matrices: dict[str, tuple[tuple[int, int], Sequence[float]]] = {}
+    for side, camera in (("1", rig.left), ("2", rig.right)):
+        (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
+        matrices[f"M{side}"] = ((3, 3), (fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0))
+        if all(fisheye):
+            lens = held(camera, _ORDER_FISHEYE, of="kannala-brandt")
+        else:
+            lens = fewest(camera, _ORDER, (5, 8, 12, 14))
+        matrices[f"D{side}"] = ((1, len(lens)), lens)
+    matrices["R"] = ((3, 3), [one for row in rig.rotation for one in row])
+    matrices["T"] = ((3, 1), rig.translation)
+    for name, ((rows, columns), values) in matrices.items():
+        data = ", ".join(map(repr, values))
+        lines += [f"{name}: !!opencv-matrix", f"   rows: {rows}", f"   cols: {columns}", "   dt: d"]
+        lines.append(f"   data: [ {data} ]")
+    return {f"{stem}-opencv.yml": "\n".join(lines) + "\n"}
+
+
+FORMAT: Final = Format(name="OpenCV FileStorage", word="opencv", recognises=recognises, read=read, write=write)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
-from tradestudy.cameras.imported import Convention, Imported
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.units import LENGTH, UnitError, parse
 
@@ -62,17 +63,65 @@ class Format:
 
     Parameters
     ----------
-    name
-        As its users call it.
+    name, word
+        As its users call it, and in one word of the command line.
     recognises
         Whether a file is of this format, by its content.
     read
         From the files that a camera names to what they say.
+    write
+        From a pair and the beginning of file names to the texts of files that say the same, by name; it raises
+        `CannotHoldError` on what they cannot hold. None: nothing is written in this format.
     """
 
     name: str
+    word: str = ""
     recognises: Callable[[CameraFile], bool]
     read: Callable[[Sequence[CameraFile], Request], Imported]
+    write: Callable[[ImportedRig, str], Mapping[str, str]] | None = None
+
+
+class CannotHoldError(Exception):
+    """A format has no place for coefficients of a lens.
+
+    Parameters
+    ----------
+    names
+        Of the coefficients, or of the lens model where that itself is unknown to the format.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        super().__init__(names)
+        self.names = tuple(names)
+
+
+def held(camera: ImportedCamera, names: Sequence[str], *, of: str = "rational") -> tuple[float, ...]:
+    """The coefficients of a lens in the order of a format.
+
+    Raises
+    ------
+    CannotHoldError
+        The lens has another model, or coefficients that act and are not among the names.
+    """
+    if camera.lens_model != of:
+        raise CannotHoldError([f"the lens model {camera.lens_model}"])
+    if beyond := [name for name, value in camera.coefficients.items() if value != 0.0 and name not in names]:
+        raise CannotHoldError(beyond)
+    return tuple(camera.coefficients.get(name, 0.0) for name in names)
+
+
+def fewest(camera: ImportedCamera, names: Sequence[str], counts: Sequence[int]) -> tuple[float, ...]:
+    """The coefficients of a lens by the shortest of several forms that hold them.
+
+    Raises
+    ------
+    CannotHoldError
+        None of the forms does.
+    """
+    for count in counts[:-1]:
+        with suppress(CannotHoldError):
+            return held(camera, names[:count])
+    return held(camera, names[: counts[-1]])
 
 
 def wrong_request(key: str, value: object) -> str:

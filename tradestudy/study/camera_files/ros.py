@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
-from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, LensModelName
+from tradestudy.cameras.imported import Convention, Imported, ImportedCamera, ImportedRig, LensModelName
+from tradestudy.optics.arrays import FloatArray
 from tradestudy.study.camera_files.conversions import pinhole_of, rotation_of
 from tradestudy.study.camera_files.located import CameraFile, Located
 from tradestudy.study.camera_files.opencv import translation_of_projection
 from tradestudy.study.camera_files.pairs import check_lens, paired
-from tradestudy.study.camera_files.request import Format, Request, origin_of_pixels
+from tradestudy.study.camera_files.request import CannotHoldError, Format, Request, fewest, held, origin_of_pixels
 from tradestudy.study.document import ListEntry
 
 _MODELS: Final[dict[str, tuple[LensModelName, tuple[str, ...]]]] = {
@@ -135,4 +136,49 @@ def _numbers(value: Located, *counts: int) -> tuple[float, ...]:
     return (value if isinstance(value.entry, ListEntry) else value.need("data")).numbers(*counts)
 
 
-FORMAT: Final = Format(name="ROS camera_info", recognises=recognises, read=read)
+def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
+    """Two files of camera_info, rectified along the baseline with the mean focal length and principal point."""
+    turns = _rectifying(rig)
+    focal_length = float(np.mean([*rig.left.focal_lengths, *rig.right.focal_lengths]))
+    centre = np.mean([rig.left.centre, rig.right.centre], axis=0)
+    baseline = float(np.linalg.norm(rig.translation))
+    files = {}
+    for side, camera, turn, moved in (("left", rig.left, turns[0], 0.0), ("right", rig.right, turns[1], -baseline)):
+        if camera.pixels is None:
+            raise CannotHoldError(["a camera without the size of its pictures"])
+        (fx, fy), (cx, cy) = camera.focal_lengths, camera.centre
+        f, (x, y) = focal_length, (float(one) for one in centre)
+        model, lens = _written_lens(camera)
+        matrices = {
+            "camera_matrix": (3, 3, [fx, 0.0, cx, 0.0, fy, cy, 0.0, 0.0, 1.0]),
+            "distortion_coefficients": (1, len(lens), [*lens]),
+            "rectification_matrix": (3, 3, [float(one) for one in turn.ravel()]),
+            "projection_matrix": (3, 4, [f, 0.0, x, f * moved, 0.0, f, y, 0.0, 0.0, 0.0, 1.0, 0.0]),
+        }
+        lines = [f"image_width: {camera.pixels[0]}", f"image_height: {camera.pixels[1]}", f"camera_name: {side}"]
+        lines.append(f"distortion_model: {model}")
+        for name, (rows, columns, values) in matrices.items():
+            lines += [f"{name}:", f"  rows: {rows}", f"  cols: {columns}", f"  data: {values}"]
+        files[f"{stem}-{side}.yaml"] = "\n".join(lines) + "\n"
+    return files
+
+
+def _rectifying(rig: ImportedRig) -> tuple[FloatArray, FloatArray]:
+    """Rotations of both cameras to axes along the baseline, across it, and between the optical axes."""
+    rotation, translation = np.array(rig.rotation), np.array(rig.translation)
+    across = -translation / np.linalg.norm(translation)
+    between = np.array([0.0, 0.0, 1.0]) + rotation[:, 2]
+    down = np.cross(between, across)
+    down = down / np.linalg.norm(down)
+    right = np.stack([across, down, np.cross(across, down)])
+    return right @ rotation, right
+
+
+def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
+    if camera.lens_model == "kannala-brandt":
+        return "equidistant", held(camera, _MODELS["equidistant"][1], of="kannala-brandt")
+    lens = fewest(camera, _MODELS["rational_polynomial"][1], (5, 8))
+    return ("plumb_bob" if len(lens) == 5 else "rational_polynomial"), lens
+
+
+FORMAT: Final = Format(name="ROS camera_info", word="ros", recognises=recognises, read=read, write=write)

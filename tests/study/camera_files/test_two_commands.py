@@ -1,0 +1,35 @@
+"""From a calibration file to a report in two commands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from tests.study.camera_files import written
+from tradestudy.cli import app
+
+
+def test_two_commands_lead_from_an_opencv_file_to_a_report(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written.opencv(tmp_path / "stereo.yml")
+    monkeypatch.chdir(tmp_path)
+    runner = CliRunner()
+    made = runner.invoke(app, ["new", "my-rig", "--from", "stereo.yml", "--set", "length_unit=mm"])
+    assert made.exit_code == 0, made.output
+    ran = runner.invoke(app, ["run", "my-rig.yaml", "--no-pdf"])
+    assert ran.exit_code == 0, ran.output
+    assert "read: rig: stereo.yml: OpenCV FileStorage; length unit mm, by length_unit of the study" in ran.output
+    assert (tmp_path / "reports" / "my-rig" / "report.html").is_file()
+    exported = runner.invoke(app, ["export", "my-rig.yaml", "rig", "--format", "kalibr"])
+    assert exported.exit_code == 0, exported.output
+    assert (tmp_path / "reports" / "my-rig" / "cameras" / "rig-camchain.yaml").is_file()
+
+
+def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written.opencv(tmp_path / "stereo.yml")
+    monkeypatch.chdir(tmp_path)
+    made = CliRunner().invoke(app, ["new", "my-rig", "--from", "stereo.yml"])
+    assert made.exit_code == 2
+    assert "say length_unit: mm" in made.output
+    assert not (tmp_path / "my-rig.yaml").exists()

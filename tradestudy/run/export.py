@@ -1,0 +1,171 @@
+"""A camera of a study, declared or fitted, in the files of other programs and as a posterior of our own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from tradestudy.calibration.calibration_file import CalibrationDraws
+from tradestudy.cameras.depth_camera import DepthCamera
+from tradestudy.cameras.imported import ImportedCamera, ImportedRig
+from tradestudy.errors import TradestudyError
+from tradestudy.study.camera_files.importing import FORMATS
+from tradestudy.study.camera_files.request import CannotHoldError, Format
+from tradestudy.study.definition import StudyDefinition
+from tradestudy.uncertainty.error_class import ErrorClass
+from tradestudy.uncertainty.sources import Sources
+from tradestudy.uncertainty.streams import point_generator
+from tradestudy.wording import listed
+
+POSTERIOR: Final = "posterior"
+WORDS: Final = (*(one.word for one in FORMATS if one.write is not None), POSTERIOR)
+"""What can be asked for."""
+_DRAWS: Final = 4096  # of errors that are declared: their deviations are right to 1 %
+
+
+class ExportError(TradestudyError):
+    """A camera cannot be written in a format."""
+
+    exit_status = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """What is to be written.
+
+    Parameters
+    ----------
+    texts
+        Files of other programs by name.
+    posterior
+        What is uncertain, for a file of our own; None where nothing is, or nothing was asked.
+    left_out
+        What the files do not say, in words.
+    """
+
+    texts: Mapping[str, str]
+    posterior: CalibrationDraws | None
+    left_out: tuple[str, ...]
+
+
+def export(definition: StudyDefinition, name: str, words: Sequence[str], *, lossy: bool) -> Export:
+    """A camera in the formats that these words name, none of them meaning all.
+
+    Lengths are in metres. Corners and targets are fitted first: the files then hold what the fit found.
+
+    Parameters
+    ----------
+    definition
+        The study.
+    name
+        Of the camera.
+    words
+        Of `WORDS`.
+    lossy
+        Whether what a format cannot hold is left out instead of refused.
+
+    Raises
+    ------
+    ExportError
+        There is no such camera; a format cannot hold it.
+    """
+    camera = definition.case.all_cameras.get(name)
+    if not isinstance(camera, DepthCamera):
+        known = [key for key, one in definition.case.all_cameras.items() if isinstance(one, DepthCamera)]
+        what = "no camera of the study has this name" if camera is None else "this camera measures no depth"
+        raise ExportError(what, value=name, limit=", ".join(known), remedy="name one of these")
+    if unknown := [word for word in words if word not in WORDS]:
+        raise ExportError("an unknown format", value=", ".join(unknown), limit=", ".join(WORDS), remedy="name these")
+    asked = words or WORDS
+    posterior = _inferred(definition, name)
+    texts: dict[str, str] = {}
+    left_out: list[str] = []
+    refused: list[str] = []
+    formats = [one for one in FORMATS if one.word in asked and one.write is not None]
+    rig = camera.exported(None if posterior is None else posterior.best) if formats else None
+    if formats and rig is None:
+        listed_formats = listed([one.name for one in formats])
+        refused.append(f"{listed_formats} have no form for a camera of family {camera.family}")
+        formats = []
+    for one in formats:
+        assert rig is not None
+        for written, missing in _written(one, rig, name):
+            texts |= written
+            refused += missing
+    if POSTERIOR in asked:
+        session = [group.name for group in camera.calibration.groups if group.error_class is ErrorClass.SESSION]
+        refused += [f"a posterior cannot hold {one}, which happened since the calibration" for one in session]
+        posterior = posterior or _declared(definition, camera, name)
+        if posterior is None:
+            left_out.append("posterior: nothing about the camera is declared uncertain")
+    if refused and not lossy:
+        raise ExportError(
+            "\n".join(refused), remedy="--lossy leaves this out, --format chooses among the formats; nothing is written"
+        )
+    return Export(texts=texts, posterior=posterior if POSTERIOR in asked else None, left_out=(*left_out, *refused))
+
+
+def _written(one: Format, rig: ImportedRig, stem: str) -> Iterator[tuple[Mapping[str, str], list[str]]]:
+    """The files of a format, and what they do not hold; no files where they cannot hold the lens at all."""
+    assert one.write is not None
+    missing: list[str] = []
+    while True:
+        try:
+            yield one.write(rig, stem), missing
+        except CannotHoldError as error:
+            missing = [*missing, f"{one.name} cannot hold {listed(list(error.names))}"]
+            smaller = replace(rig, left=_without(rig.left, error.names), right=_without(rig.right, error.names))
+            if smaller != rig:
+                rig = smaller
+                continue
+            yield {}, missing
+        return
+
+
+def _without(camera: ImportedCamera, names: Sequence[str]) -> ImportedCamera:
+    kept = {name: value for name, value in camera.coefficients.items() if name not in names}
+    return replace(camera, coefficients=kept)
+
+
+def _inferred(definition: StudyDefinition, name: str) -> CalibrationDraws | None:
+    """The posterior of a calibration from corners or a target; None of any other."""
+    key = definition.posterior_keys.get(name)
+    if key is None:
+        return None
+    from tradestudy.calibration.posteriors import infer
+
+    return infer(definition.calibrations_to_infer()[key]).posterior
+
+
+def _declared(definition: StudyDefinition, camera: DepthCamera, name: str) -> CalibrationDraws | None:
+    """Draws of the declared errors, or of a posterior that the study takes from a file."""
+    groups = tuple(group for group in camera.calibration.groups if group.error_class is ErrorClass.RIG)
+    if not groups:
+        return None
+    sources = Sources(groups=groups)
+    rng = point_generator(seed=definition.file.propagation.seed, point=f"export/{name}", replicate=0)
+    drawn = sources.draw(rng.standard_normal((sources.dimensions, _DRAWS)))
+    names = tuple(drawn)
+    columns = np.concatenate([np.broadcast_to(drawn[one], (_DRAWS, 1)) for one in names], axis=1)
+    return CalibrationDraws(names=names, draws=columns)
+
+
+def write_export(found: Export, folder: Path, name: str) -> list[Path]:
+    """Write the files of an export into a folder."""
+    from tradestudy.calibration.posterior_file import write_posterior
+    from tradestudy.results.storage import replace_file, replacing
+
+    written = []
+    for file, text in found.texts.items():
+        replace_file(folder / file, text.encode())
+        written.append(folder / file)
+    if found.posterior is not None:
+        path = folder / f"{name}-posterior.nc"
+        with replacing(path) as temporary:
+            write_posterior(temporary, found.posterior)
+        written.append(path)
+    return written

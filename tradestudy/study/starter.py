@@ -1,0 +1,53 @@
+"""Commented study files to start from."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from tradestudy.errors import OutOfRangeError
+from tradestudy.study.schema.root import LONGEST_NAME, NAME_PATTERN
+
+
+def starter(name: str, kind: str = "", *, calibration_files: Sequence[Path] = (), said: Sequence[str] = ()) -> str:
+    """A commented study file to start from.
+
+    Parameters
+    ----------
+    name
+        Of the study.
+    kind
+        Two cameras of one kind, stereo or plenoptic; empty: a plenoptic camera against a stereo rig.
+    calibration_files
+        What its one camera comes from, in place of examples.
+    said
+        ``key: value`` lines of that camera.
+
+    Raises
+    ------
+    OutOfRangeError
+        If the name cannot be a study's name, or there is no starter of that kind.
+    """
+    if not re.fullmatch(NAME_PATTERN, name) or len(name) > LONGEST_NAME:
+        raise OutOfRangeError(
+            "this cannot be the name of a study",
+            value=repr(name),
+            limit=f"a letter, digit or underscore, then also . + -, at most {LONGEST_NAME} characters",
+            remedy="choose another",
+        )
+    folder = files("tradestudy.study")
+    known = {"": "starter.yaml"} | {
+        file.name.removeprefix("starter_").removesuffix(".yaml"): file.name
+        for file in folder.iterdir()
+        if file.name.startswith("starter_")
+    }
+    if kind not in known:
+        limit = ", ".join(sorted(filter(None, known)))
+        raise OutOfRangeError("there is no starter of this kind", value=repr(kind), limit=limit)
+    file = "imported_starter.yaml" if calibration_files else known[kind]
+    text = folder.joinpath(file).read_text(encoding="utf-8").replace("NAME", name)
+    named = ", ".join(f"'{str(path).replace(chr(39), 2 * chr(39))}'" for path in calibration_files)
+    come_from = f"from: [{named}]" if len(calibration_files) > 1 else f"from: {named}"
+    return text.replace("    FROM", "\n".join(f"    {line}" for line in (come_from, *said)))
