@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, TextIO
 import typer
 
 from tradestudy.cost import DEFAULT_BUDGET
-from tradestudy.errors import RequirementsNotMetError, TradestudyError
+from tradestudy.errors import RequirementsNotMetError, TradestudyError, place_error
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -272,6 +272,7 @@ def new(
 ) -> None:
     """Write a commented study to start from, NAME.yaml: by default a plenoptic camera against a stereo rig."""
     with _answering(debug=debug):
+        from tradestudy import api
         from tradestudy.study.starter import starter
 
         name = name.removesuffix(".yaml")
@@ -411,12 +412,25 @@ def _answering(*, debug: bool) -> Iterator[None]:
             traceback.print_exc()
         typer.echo(str(error), err=True)
         raise typer.Exit(error.exit_status) from None
+    except OSError as error:
+        if debug:
+            traceback.print_exc()
+        told = place_error(error)
+        if told is None:
+            raise _unexpected(error) from None
+        typer.echo(str(told), err=True)
+        raise typer.Exit(told.exit_status) from None
     except Exception as error:
         if debug:
             traceback.print_exc()
-        text = " ".join(str(error).split())
-        typer.echo(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
-        raise typer.Exit(UNEXPECTED) from None
+        raise _unexpected(error) from None
+
+
+def _unexpected(error: Exception) -> typer.Exit:
+    """Tell an error that nobody thought of, and where its details are."""
+    text = " ".join(str(error).split())
+    typer.echo(f"unexpected {type(error).__name__}{f': {text}' if text else ''}; {_logged()}", err=True)
+    return typer.Exit(UNEXPECTED)
 
 
 def _logged() -> str:

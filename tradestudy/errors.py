@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Final
 
 
 class TradestudyError(Exception):
@@ -90,3 +91,40 @@ class StudyError(TradestudyError):
     def __init__(self, problems: list[Problem]) -> None:
         self.problems = tuple(sorted(problems, key=lambda p: (p.file, p.line, p.column, p.path)))
         super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+class PlaceError(TradestudyError):
+    """A file or a folder that was asked for cannot be where it was asked for."""
+
+    exit_status = 2
+
+
+class DiskError(TradestudyError):
+    """A disk cannot take what is written."""
+
+
+_ANOTHER: Final = "give another --out"
+_PLACES: Final = {
+    errno.ENOTDIR: f"a folder is expected where a file stands; {_ANOTHER}",
+    errno.EEXIST: f"a folder is expected where a file stands; {_ANOTHER}",
+    errno.EISDIR: "a file is expected where a folder stands",
+    errno.EACCES: f"its permissions do not allow that; {_ANOTHER}",
+    errno.EPERM: f"its permissions do not allow that; {_ANOTHER}",
+    errno.EROFS: f"its file system is read-only; {_ANOTHER}",
+    errno.ENAMETOOLONG: f"its name is too long; {_ANOTHER}",
+}
+_DISKS: Final = {
+    errno.ENOSPC: "make room and run again; what is finished is kept",
+    errno.EDQUOT: "make room in the quota and run again; what is finished is kept",
+    errno.EIO: "the disk does not answer",
+}
+
+
+def place_error(error: OSError) -> PlaceError | DiskError | None:
+    """What the operating system says of a place or a disk, in our words; None of anything else."""
+    what = f"{error.filename or 'a file'} cannot be read or written"
+    if error.errno in _PLACES:
+        return PlaceError(what, value=error.strerror or "", remedy=_PLACES[error.errno])
+    if error.errno in _DISKS:
+        return DiskError(what, value=error.strerror or "", remedy=_DISKS[error.errno])
+    return None

@@ -153,7 +153,7 @@ def test_a_view_numbered_from_the_other_end_is_named(tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(None, "no-such.csv cannot be read: No such file"), (b"\xff\xfe\x00\x01", "cannot be read: no text")],
+    [(None, "no-such.csv cannot be read: No such file"), (b"\xff\xfe\x00\x01", "is text in UTF-16")],
 )
 def test_a_file_that_cannot_be_read_is_named(tmp_path, content, words):
     path = tmp_path / "no-such.csv"
@@ -168,3 +168,27 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, content, words):
 def test_one_view_is_too_few(tmp_path):
     with pytest.raises(CornerFileError, match=r"too few views to calibrate from: 1 \(allowed: >= 3\); add views"):
         read_corners(write(tmp_path / "corners.csv", [row for row in rows() if row["view"] == "5"]))
+
+
+def test_a_byte_order_mark_is_no_part_of_the_first_column(tmp_path):
+    path = tmp_path / "corners.csv"
+    path.write_bytes(b"\xef\xbb\xbf" + FILE.read_bytes())
+    np.testing.assert_array_equal(read_corners(path).left, read_corners(FILE).left)
+
+
+def test_decimal_commas_and_semicolons_are_named(tmp_path):
+    path = tmp_path / "corners.csv"
+    head, *lines = FILE.read_text().splitlines()
+    path.write_text("\n".join([head, *(line.replace(".", ",") for line in lines)]))
+    with pytest.raises(CornerFileError, match=r"corners.csv:2: there are more fields than columns: 14 fields.*decimal"):
+        read_corners(path)
+    path.write_text("\n".join(line.replace(",", ";").replace(".", ",") for line in [head, *lines]))
+    with pytest.raises(CornerFileError, match="semicolons separate the columns"):
+        read_corners(path)
+
+
+def test_ten_identical_views_are_one(tmp_path):
+    view = [row for row in rows() if row["view"] == "5"]
+    table = [row | {"view": str(number)} for number in range(10) for row in view]
+    with pytest.raises(CornerFileError, match=r"view 1 repeats view 0 to the last digit: 54 equal corners"):
+        read_corners(write(tmp_path / "corners.csv", table))

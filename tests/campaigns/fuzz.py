@@ -91,30 +91,6 @@ class Watch:
             self.seen.append(f"{event} {arguments}")
 
 
-def feed(tally: Tally, watch: Watch, path: Path, overrides: tuple[str, ...], source: str) -> None:
-    """Check and plan one file, and judge how that ends."""
-    tally.inputs += 1
-    tally.by_source[source] += 1
-    begin = time.monotonic()
-    signal.setitimer(signal.ITIMER_REAL, LONGEST_SECONDS)
-    try:
-        with watch.watching() as seen:
-            outcome = _outcome(path, overrides)
-    except HangError:
-        tally.find(source, "hang", f"longer than {LONGEST_SECONDS:g} s")
-    except MemoryError:
-        tally.find(source, "memory", f"beyond {MOST_BYTES} bytes")
-    except Exception as error:  # the very thing that is looked for
-        tally.find(source, "traceback", f"{type(error).__name__}: {' '.join(str(error).split())[:300]}")
-    else:
-        tally.outcomes[outcome] += 1
-        for what in seen:
-            tally.find(source, "reaches out", what)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        tally.slowest = max(tally.slowest, time.monotonic() - begin)
-
-
 def _outcome(path: Path, overrides: tuple[str, ...]) -> str:
     try:
         study = api.load(path, overrides)
@@ -131,6 +107,37 @@ def _outcome(path: Path, overrides: tuple[str, ...]) -> str:
             raise AssertionError(f"no plan, and no word of what is wrong with the input: {error}") from error
         return "no plan"
     return "planned"
+
+
+def feed(
+    tally: Tally,
+    watch: Watch,
+    path: Path,
+    overrides: tuple[str, ...],
+    source: str,
+    outcome_of: Callable[[Path, tuple[str, ...]], str] = _outcome,
+) -> None:
+    """Check and plan one file, or do with it what else is asked, and judge how that ends."""
+    tally.inputs += 1
+    tally.by_source[source] += 1
+    begin = time.monotonic()
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_SECONDS)
+    try:
+        with watch.watching() as seen:
+            outcome = outcome_of(path, overrides)
+    except HangError:
+        tally.find(source, "hang", f"longer than {LONGEST_SECONDS:g} s")
+    except MemoryError:
+        tally.find(source, "memory", f"beyond {MOST_BYTES} bytes")
+    except Exception as error:  # the very thing that is looked for
+        tally.find(source, "traceback", f"{type(error).__name__}: {' '.join(str(error).split())[:300]}")
+    else:
+        tally.outcomes[outcome] += 1
+        for what in seen:
+            tally.find(source, "reaches out", what)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        tally.slowest = max(tally.slowest, time.monotonic() - begin)
 
 
 def campaign(folder: Path, *, inputs: int, seed: int, keep: Callable[[Path, int], None]) -> Tally:

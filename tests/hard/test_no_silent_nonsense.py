@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+import tradestudy
 from tradestudy import api
-from tradestudy.study.starter import starter
 
 STUDIES = Path(__file__).parents[2] / "studies"
 SAYS_NAN, SAYS_INFINITE = re.compile("NaN|not a number"), re.compile("infinit|∞")
@@ -34,7 +34,7 @@ def unexplained(tree: xr.DataTree) -> list[str]:
 @pytest.fixture(scope="module")
 def starter(tmp_path_factory: pytest.TempPathFactory) -> xr.DataTree:
     path = tmp_path_factory.mktemp("starter") / "starter.yaml"
-    path.write_text(starter("starter"), encoding="utf-8")
+    path.write_text(tradestudy.starter("starter"), encoding="utf-8")
     # Far enough for intervals without a far end, and one blur that nothing meets.
     changed = ("scene.distances.points=30", "scene.distances.to=1 km", "usable_range.blur=0.01 px")
     return api.load(path, changed).run().data

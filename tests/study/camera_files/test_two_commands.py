@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
@@ -33,3 +34,23 @@ def test_a_study_that_cannot_run_is_not_written(tmp_path: Path, monkeypatch: pyt
     assert made.exit_code == 2
     assert "say length_unit: mm" in made.output
     assert not (tmp_path / "my-rig.yaml").exists()
+
+
+def test_a_place_that_cannot_be_written_to_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    written.camchain(tmp_path / "chain.yaml")
+    path = written.study(tmp_path, rig="from: chain.yaml")
+    (tmp_path / "plain").write_text("a file")
+    for command in ("run", "export"):
+        asked = [command, str(path), *(["rig"] if command == "export" else []), "--out", str(tmp_path / "plain")]
+        ended = CliRunner().invoke(app, asked)
+        assert ended.exit_code == 2, ended.output
+        assert "a folder is expected where a file stands; give another --out" in ended.output
+        assert "unexpected" not in ended.output
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(tmp_path / "x"))
+
+    monkeypatch.setattr("tradestudy.results.storage.replace_file", full)
+    ended = CliRunner().invoke(app, ["export", str(path), "rig", "--out", str(tmp_path / "out")])
+    assert ended.exit_code == 1
+    assert "x cannot be read or written: No space left on device; make room and run again" in ended.output

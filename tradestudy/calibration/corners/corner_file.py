@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +20,7 @@ MOST_ROWS = 50_000
 MINIMUM_VIEWS = 3  # two conditions per view for four intrinsic parameters, and one view to spare
 
 _IMAGE_COLUMNS = ("left_x_px", "left_y_px", "right_x_px", "right_y_px")
+_SURPLUS = "more fields than columns"
 _BOARD_UNITS = {"mm": 1e-3, "m": 1.0}
 
 
@@ -73,9 +76,10 @@ def read_corners(path: str | Path) -> StereoCorners:
     Parameters
     ----------
     path : path
-        CSV with the columns ``view, corner, board_x_mm, board_y_mm, left_x_px, left_y_px, right_x_px, right_y_px``
-        in any order; the board may be in ``_m`` instead of ``_mm``. Board x to the right and y downwards as the
-        board is seen from its front; image x to the right and y downwards.
+        CSV in UTF-8, with commas between its fields and decimal points in its numbers. Columns in any order: ``view,
+        corner, board_x_mm, board_y_mm, left_x_px, left_y_px, right_x_px, right_y_px``; the board may be in ``_m``
+        instead of ``_mm``. Board x to the right and y downwards as the board is seen from its front; image x to the
+        right and y downwards.
 
     Returns
     -------
@@ -85,14 +89,15 @@ def read_corners(path: str | Path) -> StereoCorners:
     Raises
     ------
     CornerFileError
-        It cannot be read; a column is missing; a cell is no number; a corner stands twice; a view has too few corners
-        or all in a line; there are too few views; the board is mirrored, an image is mirrored, or x and y columns are
-        swapped. Left and right exchanged need a fit: see ``bundle_adjustment.check_rig``; what contradicts the declared
-        rig: see ``rig_geometry``.
+        It cannot be read; a column is missing; a row has surplus fields, as decimal commas make them; a cell is no
+        number; a corner stands twice; a view has too few corners or all in a line, or repeats another; there are too
+        few views; the board is mirrored, an image is mirrored, or x and y columns are swapped. Left and right exchanged
+        need a fit: see ``bundle_adjustment.check_rig``; what contradicts the declared rig: see ``rig_geometry``.
     UnaffordableError
         It has more than `MOST_ROWS` rows.
     """
     path = Path(path)
+    _refuse_utf16(path)
     try:
         _require_affordable(path)
         table, scale = _read_table(path)
@@ -132,13 +137,20 @@ def _require_affordable(path: Path) -> None:
 
 def _read_table(path: Path) -> tuple[FloatArray, float]:
     """Rows of the file in the canonical order of columns, and the board's unit in metres."""
-    with path.open(newline="", encoding="utf-8") as stream:
-        reader = csv.DictReader(stream)
+    with path.open(newline="", encoding="utf-8-sig") as stream:
+        reader = csv.DictReader(stream, restkey=_SURPLUS)
         header = [name.strip() for name in reader.fieldnames or ()]
         reader.fieldnames = header
         unit = next((u for u in _BOARD_UNITS if f"board_x_{u}" in header and f"board_y_{u}" in header), "mm")
         wanted = ("view", "corner", f"board_x_{unit}", f"board_y_{unit}", *_IMAGE_COLUMNS)
         missing = [name for name in wanted if name not in header]
+        if missing and any(";" in name for name in header):
+            raise CornerFileError(
+                f"{path.name}:1: semicolons separate the columns",
+                value=header[0][:40],
+                limit="commas, and decimal points in the numbers",
+                remedy="save it as CSV with commas",
+            )
         if missing:
             raise CornerFileError(
                 f"{path.name} lacks columns",
@@ -154,8 +166,23 @@ def _read_table(path: Path) -> tuple[FloatArray, float]:
     return np.array(rows), _BOARD_UNITS[unit]
 
 
-def _numbers(path: Path, line: int, row: dict[str, str | None], wanted: Sequence[str]) -> list[float]:
+def _refuse_utf16(path: Path) -> None:
+    """Text that spreadsheets save as "Unicode" is refused by its name; what cannot be opened is told by the reader."""
+    with suppress(OSError), path.open("rb") as stream:
+        if stream.read(2) in (b"\xff\xfe", b"\xfe\xff"):
+            raise CornerFileError(f"{path.name} is text in UTF-16", limit="UTF-8", remedy="save it as CSV in UTF-8")
+
+
+def _numbers(path: Path, line: int, row: dict[str, Any], wanted: Sequence[str]) -> list[float]:
     """Cells of one row as finite numbers."""
+    if surplus := row.get(_SURPLUS):
+        fields = len(row) - 1 + len(surplus)
+        raise CornerFileError(
+            f"{path.name}:{line}: there are more fields than columns",
+            value=f"{fields} fields",
+            limit=f"{len(row) - 1} as in the first line",
+            remedy="write decimal points, not commas, and take surplus fields out",
+        )
     numbers = []
     for name in wanted:
         try:
@@ -187,7 +214,22 @@ def _group_views(table: FloatArray) -> dict[int, FloatArray]:
                 remedy="remove the repeated row",
             )
         groups[int(view)] = group
+    _refuse_repeated(groups)
     return groups
+
+
+def _refuse_repeated(groups: dict[int, FloatArray]) -> None:
+    """A view that is written twice would count as two measurements."""
+    seen: dict[bytes, int] = {}
+    for view, group in groups.items():
+        first = seen.setdefault(np.ascontiguousarray(group[:, 1:]).tobytes(), view)
+        if first != view:
+            raise CornerFileError(
+                f"view {view} repeats view {first} to the last digit",
+                value=f"{len(group)} equal corners",
+                limit="every view once, with the board moved between views",
+                remedy="remove the repeated views",
+            )
 
 
 def _check_counts(corners: StereoCorners) -> None:

@@ -1,0 +1,22 @@
+"""A sample of what tests.campaigns.camera_files does in bulk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.campaigns.camera_files import BOMBS, campaign, sources
+from tests.study.camera_files.test_import import refusal
+from tests.study.camera_files.written import study
+
+
+def test_mutated_files_are_read_or_refused_in_words(tmp_path: Path) -> None:
+    found = campaign(tmp_path, inputs=12, seed=7, keep=lambda *_: None)
+    assert len(found) == 8
+    assert [line for tally in found.values() for line in tally.findings] == []
+
+
+def test_files_made_to_break_readers_are_refused_whatever_they_are_called(tmp_path: Path) -> None:
+    for files, said in sources(tmp_path).values():
+        for bomb in BOMBS:
+            files[0].write_text(bomb)
+            assert refusal(study(tmp_path, rig=said))
