@@ -72,7 +72,9 @@ def own_corners(tmp_path_factory: pytest.TempPathFactory) -> Result:
     text = (STUDIES / "real_rig.yaml").read_text(encoding="utf-8")
     study = folder / "rig.yaml"
     study.write_text(
-        text.replace("{file: data/stereo_chessboard_corners.csv}", "{file: corners.csv, max_steps: 1000}"),
+        text.replace("from: data/stereo_chessboard_corners.csv", "from: corners.csv").replace(
+            "    title: Webcams\n", "    title: Webcams\n    calibration: {corners: {max_steps: 1000}}\n"
+        ),
         encoding="utf-8",
     )
     return load(study, (FEW, "sensitivity=null")).run()

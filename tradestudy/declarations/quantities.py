@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, cast
 
-from pydantic import BeforeValidator, Field, PlainValidator, WithJsonSchema
+from pydantic import BeforeValidator, Field, PlainSerializer, PlainValidator, WithJsonSchema
 
 from tradestudy import units
 from tradestudy.units import Dimension, UnitError, parse, pretty
@@ -137,6 +137,7 @@ def _length_or_pixels(value: object) -> float | InPixels:
 FocalLengthOrPixels = Annotated[
     float | InPixels,
     PlainValidator(_length_or_pixels),
+    PlainSerializer(lambda one: f"{one.pixels!r} px" if isinstance(one, InPixels) else one),
     WithJsonSchema({**_FOCAL_LENGTH[1].json_schema, "examples": ["30.5 mm", "882.5 px"]}),
 ]
 MicrolensPitch = Annotated[

@@ -28,6 +28,7 @@ from tradestudy.study.source import MOST_VALUES, UnreadableError, compose
 from tradestudy.units import nearest
 
 MOST_BYTES = 1_000_000
+_MOST_BYTES_OF_LITERALS, _HEAD = 32_000_000, 4000
 LONGEST_CHAIN = 50
 SHARING = ("from", "like")
 _OF_IMPORTS = ("length_unit", "pair", "pictures", "lens_model")  # beside from: of calibration files
@@ -70,9 +71,14 @@ def _content(path: Path, place: Place) -> bytes:
         raise refused(place, "it is not a regular file; a study file is expected")
     with path.open("rb") as file:
         content = file.read(MOST_BYTES + 1)
-    if len(content) > MOST_BYTES:
+        if b"lensmodel" in content[:_HEAD]:  # beside its camera an mrcal file may hold all that it was inferred from
+            content += file.read(_MOST_BYTES_OF_LITERALS)
+    most = _MOST_BYTES_OF_LITERALS if b"lensmodel" in content[:_HEAD] else MOST_BYTES
+    if len(content) > most:
         raise refused(
-            place, "it is larger than 1 MB; a study file is at most 1 MB, and data belong in files of their own"
+            place,
+            f"it is larger than {most // 1_000_000} MB; a study file is at most 1 MB, and data belong in files of "
+            "their own",
         )
     return content
 

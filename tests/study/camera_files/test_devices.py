@@ -27,7 +27,7 @@ def test_two_cameramodels_in_one_frame_of_reference_make_the_pair(tmp_path: Path
 
 
 def test_the_former_name_of_the_pose_and_inputs_of_the_optimisation(tmp_path: Path) -> None:
-    for file in devices.cameramodels(tmp_path, optimization_inputs=b"not read"):
+    for file in devices.cameramodels(tmp_path, optimization_inputs=b"not read" * 300_000):
         file.write_text(file.read_text().replace("rt_cam_ref", "extrinsics"))
     path = study(tmp_path, rig="from: [left.cameramodel, right.cameramodel]")
     np.testing.assert_allclose(shared(path), expected(), rtol=1e-12, atol=1e-14)

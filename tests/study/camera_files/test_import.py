@@ -9,10 +9,16 @@ import numpy as np
 import pytest
 
 import tradestudy
+from tests.data import simulate_corners
 from tests.study.camera_files import written
 from tests.study.camera_files.written import D1, D2, K1, K2, SIZE, R, T, study
+from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.stereo.declaration import StereoDeclaration
+from tradestudy.declarations.quantities import InPixels
 from tradestudy.errors import StudyError
+from tradestudy.study.camera_files import kalibr
+from tradestudy.study.camera_files.importing import recognised
+from tradestudy.study.camera_files.request import Request
 
 ERRORS = "calibration: {errors: {yaw: {standard_deviation: 0.02 deg}, baseline: {standard_deviation: 0.1 mm}}}"
 
@@ -178,6 +184,60 @@ def test_a_calibrated_pair_without_errors_reads_depth_exactly(tmp_path: Path) ->
     distance = np.geomspace(0.3, 5.0, 7)
     read = camera.calibration.reading(distance, 0.3, {"yaw": np.zeros((1, 1))}, None)
     np.testing.assert_allclose(read.inverse_depth[0] * distance, 1.0, atol=1e-9)
+
+
+def test_a_corner_file_gives_the_design_that_its_fit_finds(tmp_path: Path) -> None:
+    """Of simulated corners, whose generator knows the truth."""
+    (tmp_path / "corners.csv").write_bytes(simulate_corners.FILE.read_bytes())
+    loaded = tradestudy.load(study(tmp_path, rig="from: corners.csv, sensor: {pixels: [1024, 1024]}"))
+    part, true = loaded.file.cameras["rig"], simulate_corners.true_rig()
+    assert isinstance(part, StereoDeclaration)
+    assert part.baseline == pytest.approx(np.linalg.norm(true[15:18]), rel=5e-4)
+    assert isinstance(part.lenses.focal_length, InPixels)
+    assert part.lenses.focal_length.pixels == pytest.approx(true[[0, 1, 6, 7]].mean(), rel=1e-3)
+    assert part.depth.disparity_error == pytest.approx(2**0.5 * simulate_corners.NOISE_PX, rel=0.03)
+    assert loaded.definition.data_files == {"cameras.rig.calibration.corners.file": tmp_path / "corners.csv"}
+    assert loaded.definition.calibrations_to_infer()
+
+
+def test_a_vertical_pair_of_ros_is_that_of_opencv(tmp_path: Path) -> None:
+    moved = np.array([0.0004, -0.07, 0.0011])
+    written.opencv(tmp_path / "rig.yml", T=moved[:, None])
+    r1, r2, p1, p2 = cv2.stereoRectify(K1, D1, K2, D2, SIZE, R, moved[:, None], flags=cv2.CALIB_ZERO_DISPARITY)[:4]
+    assert p2[1, 3] < 0.0 == p2[0, 3]
+    written.camera_info(tmp_path / "upper.yaml", K1, D1, r1, p1)
+    written.camera_info(tmp_path / "lower.yaml", K2, D2, r2, p2)
+    found = shared(study(tmp_path, rig="from: [upper.yaml, lower.yaml]"))
+    np.testing.assert_allclose(
+        found, shared(study(tmp_path, rig="from: rig.yml, length_unit: m")), rtol=1e-10, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize(
+    ("camera_model", "own", "coefficients"),
+    [
+        ("omni", [1.25], {"xi": 1.25, "k1": -0.1, "k2": 0.02, "p1": 3e-4, "p2": -4e-4}),
+        ("ds", [-0.2, 0.59], {"xi": -0.2, "alpha": 0.59}),
+        ("eucm", [0.6, 1.1], {"alpha": 0.6, "beta": 1.1}),
+    ],
+)
+def test_models_of_kalibr_have_their_own_numbers_first(
+    tmp_path: Path, camera_model: str, own: list[float], coefficients: dict[str, float]
+) -> None:
+    lens = {"distortion_model": "none", "distortion_coeffs": []}
+    if camera_model == "omni":
+        lens = {"distortion_model": "radtan", "distortion_coeffs": [-0.1, 0.02, 3e-4, -4e-4]}
+    path = written.camchain(
+        tmp_path / "chain.yaml", camera_model=camera_model, intrinsics=[*own, 400.0, 401.0, 320.0, 240.0], **lens
+    )
+    file = recognised(path, path.read_text())
+    assert file is not None
+    rig = kalibr.FORMAT.read([file], Request())
+    assert isinstance(rig, ImportedRig)
+    assert rig.left.coefficients == coefficients
+    assert (rig.left.focal_lengths, rig.left.centre) == ((400.0, 401.0), (320.0, 240.0))
+    message = refusal(study(tmp_path, rig="from: chain.yaml"))
+    assert f"the lens model '{rig.left.lens_model}' is not supported yet" in message
 
 
 def test_rigs_that_differ_from_distance_to_distance_are_read_one_by_one(tmp_path: Path) -> None:
