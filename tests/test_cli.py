@@ -147,7 +147,7 @@ class TestRun:
         assert result.stderr == "depth …\nreport …\n" + words
 
     @pytest.mark.parametrize(
-        "end", [RuntimeError("first line\nsecond line"), OSError(28, "No space left"), MemoryError()]
+        "end", [RuntimeError("first line\nsecond line"), OSError(9, "Bad file descriptor"), MemoryError()]
     )
     def test_the_unexpected_is_one_line_and_a_log(self, ran: dict[str, Any], end: Exception, tmp_path: Path) -> None:
         ran["ends"] = end

@@ -14,6 +14,7 @@ from tests.study.camera_files import written
 from tests.study.camera_files.written import D1, D2, K1, K2, SIZE, R, T, study
 from tradestudy.cameras.imported import ImportedRig
 from tradestudy.cameras.stereo.declaration import StereoDeclaration
+from tradestudy.cameras.stereo.design import StereoRig
 from tradestudy.declarations.quantities import InPixels
 from tradestudy.errors import StudyError
 from tradestudy.study.camera_files import kalibr
@@ -238,6 +239,17 @@ def test_models_of_kalibr_have_their_own_numbers_first(
     assert (rig.left.focal_lengths, rig.left.centre) == ((400.0, 401.0), (320.0, 240.0))
     message = refusal(study(tmp_path, rig="from: chain.yaml"))
     assert f"the lens model '{rig.left.lens_model}' is not supported yet" in message
+
+
+def test_the_design_of_a_converging_pair_converges_with_it(tmp_path: Path) -> None:
+    """The right camera looks to the left by 10°; in its frame a point of the left axis moves to the right."""
+    angle = np.radians(10.0)
+    turn = np.array([[np.cos(angle), 0.0, np.sin(angle)], [0.0, 1.0, 0.0], [-np.sin(angle), 0.0, np.cos(angle)]])
+    written.opencv(tmp_path / "rig.yml", R=turn, T=turn @ np.array([[-60.0], [0.0], [0.0]]))
+    rig = tradestudy.load(study(tmp_path, rig="from: rig.yml, length_unit: mm")).definition.designs["rig"]
+    assert isinstance(rig, StereoRig)
+    assert rig.convergence_angle == pytest.approx(angle, rel=1e-12)
+    assert rig.separation == pytest.approx(0.06, rel=1e-12)
 
 
 def test_rigs_that_differ_from_distance_to_distance_are_read_one_by_one(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, ClassVar, Literal, Self
+from typing import TYPE_CHECKING, ClassVar, Final, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -22,6 +22,9 @@ from tradestudy.declarations.lens_models import AnyLensModel
 from tradestudy.declarations.mistakes import MistakeAt
 from tradestudy.declarations.quantities import Baseline, FNumber, ObjectDistanceOrInfinity, PositivePixels
 from tradestudy.optics.lens_models.rational import IDEAL
+
+_NEARLY_PARALLEL: Final = 0.05
+"""Share of the field of view by which the axes of a calibrated pair may converge and its design stay parallel."""
 
 
 class StereoLensPart(LensPart):
@@ -118,6 +121,8 @@ class StereoDeclaration(DepthCameraDeclaration):
             yield MistakeAt(("lenses", name), given)
         if self.baseline is not None:
             yield MistakeAt(("baseline",), given)
+        if "convergence_distance" in self.model_fields_set:
+            yield MistakeAt(("convergence_distance",), given)
         if self.principal_distance == "focused":
             yield MistakeAt(("principal_distance",), "focal lengths of a calibration in pixels are principal distances")
 
@@ -149,6 +154,11 @@ class StereoDeclaration(DepthCameraDeclaration):
             raise MistakeAt(where, f"a lens of the model {self.distortion.model} has no k1 and k2; leave it out")
         return self
 
+    def assumed(self) -> Iterator[tuple[tuple[str, ...], str]]:
+        """As of every part; a calibrated pair says itself where its axes meet."""
+        said = () if self.geometry is None else (("convergence_distance",),)
+        yield from (one for one in super().assumed() if one[0] not in said)
+
     @classmethod
     def stated_by(cls, imported: Imported) -> Iterator[Stated]:
         """See `stereo.imported.stated_by`."""
@@ -158,22 +168,27 @@ class StereoDeclaration(DepthCameraDeclaration):
     def design(self, picture_law: DisparityErrorLaw | None) -> StereoRig:
         """The rig in SI; axes that meet at Z₀ converge by ``2 atan(B / 2Z₀)``.
 
-        A calibrated pair is designed with the mean of its focal lengths, and read with its geometry.
+        A calibrated pair is read with its geometry, and designed with the mean of its focal lengths and, where its axes
+        converge by more than a twentieth of the field of view, with their angle.
         """
         sensor, geometry = self.sensor.sensor(), self.geometry
         if geometry is None:
             assert self.baseline is not None  # the validator's promise
             lens, baseline = self.lenses.lens(sensor), self.baseline
+            angle = 2.0 * math.atan(baseline / (2.0 * self.convergence_distance))
         else:
             focal_length = geometry.focal_length_px * sensor.pixel_pitch
             lens, baseline = Lens(focal_length=focal_length, f_number=self.lenses.f_number), geometry.baseline
+            angle = geometry.convergence_angle
+            if abs(angle) <= _NEARLY_PARALLEL * lens.field_of_view(sensor.width):
+                angle = 0.0
         return StereoRig(
             lens=lens,
             sensor=sensor,
             focus_distance=None if self.focus_distance == "autofocus" else self.focus_distance,
             principal_distance_rule=self.principal_distance,
             baseline=baseline,
-            convergence_angle=2.0 * math.atan(baseline / (2.0 * self.convergence_distance)),
+            convergence_angle=angle,
             calibrated_pair=None if geometry is None else tuple(geometry.shared),
             triangulation=self.depth.estimator,
             distortion=IDEAL if self.distortion is None else self.distortion.lens_model(),

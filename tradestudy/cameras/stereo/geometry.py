@@ -82,6 +82,14 @@ class GeometryPart(Part):
         return float(np.linalg.norm(self.translation))
 
     @property
+    def convergence_angle(self) -> float:
+        """By which the optical axes turn towards each other in the plane of the baseline [rad]."""
+        from scipy.spatial.transform import Rotation
+
+        right_axis = Rotation.from_rotvec(self.rotation).as_matrix()[2]  # in the left camera's frame
+        return float(np.arctan2(-right_axis[0], right_axis[2]))
+
+    @property
     def shared(self) -> FloatArray:
         """All 18 parameters: left and right camera, rotation vector [rad], translation [m]."""
         return np.array([*self.left.values(), *self.right.values(), *self.rotation, *self.translation])
