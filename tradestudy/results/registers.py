@@ -15,7 +15,7 @@ CAMERAS: Final[Mapping[str, Variable]] = {
     "note": Variable(dims=("camera",), units="", long_name="what a reader should know about it"),
     "property_value": Variable(dims=("property",), units="", long_name="a derived value, with its unit"),
     "perfect_calibration": Variable(
-        dims=("camera",), units="1", long_name="1 where a camera that measures depth declares nothing uncertain"
+        dims=("camera",), units="", long_name="1 where a camera that measures depth declares nothing uncertain"
     ),
     "property_camera": Variable(dims=("property",), units="", long_name="camera that the value belongs to"),
     "property_name": Variable(dims=("property",), units="", long_name="what the value is"),
