@@ -148,6 +148,7 @@ MISTAKES = {
     "another camera": ("from: chain.yaml, pair: [cam0, cam7]", "there is no camera 'cam7'; known: cam0, cam1"),
     "mixed": ("from: [left.yaml, rig.yml]", "a file of OpenCV FileStorage, and the first one of ROS camera_info"),
     "unit that is none": ("from: rig.yml, length_unit: furlong", "unknown unit 'furlong'"),
+    "an option of another format": ("from: chain.yaml, pictures: rectified", "pictures says nothing about a file of"),
     "given twice": ("from: chain.yaml, baseline: 60 mm", "the geometry of the calibrated pair gives it"),
 }
 

@@ -21,7 +21,7 @@ def recognises(file: CameraFile) -> bool:
     return file.syntax == "corners"
 
 
-def read(files: Sequence[CameraFile], request: Request) -> Imported:
+def read(files: Sequence[CameraFile], _request: Request) -> Imported:
     """The pair that a fit makes of the corners.
 
     Raises
@@ -32,8 +32,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     top = files[0].top
     if len(files) != 1:
         raise files[1].top.fail("a corner file holds both cameras; name one file")
-    if request != Request():
-        raise top.fail("a corner file states its unit and its cameras; leave length_unit, pair and the like out")
     try:
         fit = _fit(files[0].path, files[0].text).explained
     except TradestudyError as error:

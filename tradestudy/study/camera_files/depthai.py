@@ -37,8 +37,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
     if len(files) != 1:
         raise files[1].top.fail("the file of a device holds all its cameras; name one file")
     top = files[0].top
-    if request.pictures != "raw":
-        raise top.fail("the file of a device says nothing of rectified pictures; leave pictures out")
     cameras = _by_socket(top.need("cameraData"))
     left, right = request.pair or _stereo_pair(top, cameras)
     for socket in (left, right):
@@ -164,4 +162,4 @@ def _camera(socket: str, value: Located) -> ImportedCamera:
     return check_lens(camera, distortion)
 
 
-FORMAT: Final = Format(name="DepthAI calibration", recognises=recognises, read=read)
+FORMAT: Final = Format(name="DepthAI calibration", options=("length_unit", "pair"), recognises=recognises, read=read)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
@@ -68,6 +69,9 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
             raise file.top.fail(
                 f"this is a file of {one.name}, and the first one of {first.name}; one format is expected"
             )
+    for option in fields(request):
+        if option.name not in first.options and getattr(request, option.name) != option.default:
+            raise files[0].top.fail(f"{option.name} says nothing about a file of {first.name}; leave it out")
     found = first.read(files, request)
     kind = next(kind for kind in KINDS if isinstance(found, kind.imports))
     stated = [*kind.stated_by(found)]

@@ -50,8 +50,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         raise files[1].top.fail("a camchain holds all its cameras; name one file")
     top = files[0].top
     names = tuple(name for name in top.names() if top.need(name).has("camera_model"))
-    if request.pictures != "raw":
-        raise top.fail("a camchain says nothing of rectified pictures; leave pictures out")
     for name in request.pair:
         if name not in names:
             raise top.fail(f"pair: there is no camera '{name}'; known: {', '.join(names)}")
@@ -196,4 +194,11 @@ def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...], dict[
     raise CannotHoldError([f"the lens model {camera.lens_model}"])
 
 
-FORMAT: Final = Format(name="Kalibr camchain", word="kalibr", recognises=recognises, read=read, write=write)
+FORMAT: Final = Format(
+    name="Kalibr camchain",
+    word="kalibr",
+    options=("length_unit", "pair", "lens_model"),
+    recognises=recognises,
+    read=read,
+    write=write,
+)

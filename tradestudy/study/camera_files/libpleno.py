@@ -118,4 +118,4 @@ def _relay(value: Located, lengths: tuple[float, ...], gap: float) -> str:
     )
 
 
-FORMAT: Final = Format(name="libpleno camera", recognises=recognises, read=read)
+FORMAT: Final = Format(name="libpleno camera", options=("length_unit",), recognises=recognises, read=read)

@@ -44,8 +44,6 @@ def read(files: Sequence[CameraFile], request: Request) -> Imported:
         return _camera(tops[0])
     if len(tops) != 2:
         raise tops[-1].fail(f"{len(tops)} files stand here; one camera or two are expected")
-    if request.pictures != "raw":
-        raise tops[0].fail("a cameramodel says nothing of rectified pictures; leave pictures out")
     first, second = (_camera(top) for top in tops)
     (r1, t1, _), (r2, t2, where) = (_pose(top) for top in tops)
     metre, unit = request.metres(where, stated="m", why="mrcal's convention")
@@ -144,4 +142,6 @@ def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
     return f"LENSMODEL_OPENCV{len(lens)}", lens
 
 
-FORMAT: Final = Format(name="mrcal cameramodel", word="mrcal", recognises=recognises, read=read, write=write)
+FORMAT: Final = Format(
+    name="mrcal cameramodel", word="mrcal", options=("length_unit",), recognises=recognises, read=read, write=write
+)

@@ -248,4 +248,11 @@ def write(rig: ImportedRig, stem: str) -> Mapping[str, str]:
     return {f"{stem}-opencv.yml": "\n".join(lines) + "\n"}
 
 
-FORMAT: Final = Format(name="OpenCV FileStorage", word="opencv", recognises=recognises, read=read, write=write)
+FORMAT: Final = Format(
+    name="OpenCV FileStorage",
+    word="opencv",
+    options=("length_unit", "pictures", "lens_model"),
+    recognises=recognises,
+    read=read,
+    write=write,
+)

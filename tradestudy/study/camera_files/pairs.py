@@ -68,8 +68,8 @@ def paired(
         apart = pretty(baseline, LENGTH)
         side, both = ("above", "upper and lower") if is_vertical else ("to the left of", "left and right")
         raise at.fail(
-            f"{second.name} stands {apart} {side} {first.name}: {both} are exchanged; exchange the files of from:, or "
-            f"say pair: [{second.name}, {first.name}]"
+            f"{second.name} stands {apart} {side} {first.name}: {both} are exchanged; exchange the files of from:, "
+            "the names of pair:, or the cameras in the file"
         )
     key = at.key
     order = "upper, lower: both pictures are taken turned by 90°" if is_vertical else "left, right"

@@ -65,6 +65,8 @@ class Format:
     ----------
     name, word
         As its users call it, and in one word of the command line.
+    options
+        Which fields of a `Request` say something about files of this format.
     recognises
         Whether a file is of this format, by its content.
     read
@@ -76,6 +78,7 @@ class Format:
 
     name: str
     word: str = ""
+    options: tuple[str, ...] = ()
     recognises: Callable[[CameraFile], bool]
     read: Callable[[Sequence[CameraFile], Request], Imported]
     write: Callable[[ImportedRig, str], Mapping[str, str]] | None = None

@@ -181,4 +181,11 @@ def _written_lens(camera: ImportedCamera) -> tuple[str, tuple[float, ...]]:
     return ("plumb_bob" if len(lens) == 5 else "rational_polynomial"), lens
 
 
-FORMAT: Final = Format(name="ROS camera_info", word="ros", recognises=recognises, read=read, write=write)
+FORMAT: Final = Format(
+    name="ROS camera_info",
+    word="ros",
+    options=("length_unit", "pictures", "lens_model"),
+    recognises=recognises,
+    read=read,
+    write=write,
+)
