@@ -188,7 +188,7 @@ class SharedCameras:
         for one in named:
             path = self.folder / plain(one)
             try:
-                file = recognised(path, _text(path))
+                file = recognised(path, _text(path), plain(one))
             except UnreadableError as error:
                 if one is entry:
                     return []  # whoever reads the file of a camera says why

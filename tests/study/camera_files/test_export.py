@@ -63,7 +63,7 @@ def test_every_lens_is_read_back(
     files = []
     for name, text in one.write(rig, "rig").items():
         (tmp_path / name).write_text(text)
-        file = recognised(tmp_path / name, text)
+        file = recognised(tmp_path / name, text, name)
         assert file is not None
         assert one.recognises(file)
         files.append(file)

@@ -232,7 +232,7 @@ def test_models_of_kalibr_have_their_own_numbers_first(
     path = written.camchain(
         tmp_path / "chain.yaml", camera_model=camera_model, intrinsics=[*own, 400.0, 401.0, 320.0, 240.0], **lens
     )
-    file = recognised(path, path.read_text())
+    file = recognised(path, path.read_text(), path.name)
     assert file is not None
     rig = kalibr.FORMAT.read([file], Request())
     assert isinstance(rig, ImportedRig)
@@ -251,6 +251,18 @@ def test_the_design_of_a_converging_pair_converges_with_it(tmp_path: Path) -> No
     assert isinstance(rig, StereoRig)
     assert rig.convergence_angle == pytest.approx(angle, rel=1e-12)
     assert rig.separation == pytest.approx(0.06, rel=1e-12)
+
+
+def test_two_files_of_one_name_are_told_apart(tmp_path: Path) -> None:
+    r1, r2, p1, p2 = written.rectified()
+    for folder, files in (("left", (K1, D1, r1, p1)), ("right", (K2, D2, r2, p2))):
+        (tmp_path / folder).mkdir()
+        written.camera_info(tmp_path / folder / "ost.yaml", *files)
+    loaded = tradestudy.load(study(tmp_path, rig="from: [left/ost.yaml, right/ost.yaml]"))
+    for side in ("left", "right"):
+        path = ("cameras", "rig", "geometry", side, "focal_length")
+        assert loaded.definition.document.locate(path).file == str(tmp_path / side / "ost.yaml")
+        assert loaded.definition.document.annotations[path].note == f"{side}/ost.yaml: camera_matrix"
 
 
 def test_rigs_that_differ_from_distance_to_distance_are_read_one_by_one(tmp_path: Path) -> None:

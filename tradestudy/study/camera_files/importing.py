@@ -30,8 +30,15 @@ FORMATS: Final[tuple[Format, ...]] = (
 """Every format; a new one is a file beside these and an entry here."""
 
 
-def recognised(path: Path, text: str) -> CameraFile | None:
+def recognised(path: Path, text: str, label: str) -> CameraFile | None:
     """A calibration file by its content; None for what is not one, such as a camera of a study.
+
+    Parameters
+    ----------
+    path, label
+        The file, and how the study names it.
+    text
+        What stands in it.
 
     Raises
     ------
@@ -41,11 +48,11 @@ def recognised(path: Path, text: str) -> CameraFile | None:
     syntax = syntax_of(text)
     if syntax == "yaml":  # what cameras of studies are written in too, and whoever reads those tells their mistakes
         try:
-            file = parsed(path, text, syntax)
+            file = parsed(path, text, syntax, label)
         except CameraFileError:
             return None
         return file if _format_of(file) is not None else None
-    file = parsed(path, text, syntax)
+    file = parsed(path, text, syntax, label)
     if _format_of(file) is None:
         known = ", ".join(one.name for one in FORMATS)
         raise file.top.fail(f"this is no calibration file of a known format ({known})")
@@ -75,7 +82,7 @@ def imported(files: Sequence[CameraFile], request: Request) -> tuple[MappingEntr
     found = first.read(files, request)
     kind = next(kind for kind in KINDS if isinstance(found, kind.imports))
     stated = [*kind.stated_by(found)]
-    names = " and ".join(dict.fromkeys(file.name for file in files))
+    names = " and ".join(dict.fromkeys(file.label for file in files))
     said = {one.path[1]: str(one.value) for one in stated if one.path[0] == "read_as"}
     shown = [f"{name} {said[name]}" for name in ("length unit", "order of cameras", "pictures") if name in said]
     line = f"{names}: {'; '.join([first.name, *shown])}"

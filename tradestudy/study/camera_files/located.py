@@ -27,8 +27,8 @@ class CameraFile:
 
     Parameters
     ----------
-    path
-        The file.
+    path, label
+        The file, and how the study names it: two files may have one name in different folders.
     syntax
         Of its text.
     text
@@ -40,6 +40,7 @@ class CameraFile:
     """
 
     path: FilePath
+    label: str
     syntax: str
     text: str
     root: Entry
@@ -75,7 +76,7 @@ class Located:
     @property
     def key(self) -> str:
         """File and key, for the register; its place is remembered under this name."""
-        label = f"{self.file.name}: {dotted(self.path)}" if self.path else self.file.name
+        label = f"{self.file.label}: {dotted(self.path)}" if self.path else self.file.label
         self.file.places[label] = self.entry.place
         return label
 

@@ -33,7 +33,7 @@ def syntax_of(text: str) -> str:
     return "yaml"
 
 
-def parsed(path: Path, text: str, syntax: str) -> CameraFile:
+def parsed(path: Path, text: str, syntax: str, label: str) -> CameraFile:
     """A file with its tree.
 
     Raises
@@ -42,7 +42,7 @@ def parsed(path: Path, text: str, syntax: str) -> CameraFile:
         The text is not what its beginning promises.
     """
     root = _PARSERS[syntax](path, text)
-    return CameraFile(path=path, syntax=syntax, text=text, root=root)
+    return CameraFile(path=path, label=label, syntax=syntax, text=text, root=root)
 
 
 def _table(path: Path, _text: str) -> Entry:
