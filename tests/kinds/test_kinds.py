@@ -144,7 +144,7 @@ def test_a_kind_can_be_taken_out(copy: Path) -> None:
 
     with_such_a_camera = []
     for study in sorted((copy / "studies").glob("*.yaml")):
-        found = call(copy, "plan", str(study))
+        found = call(copy, "check", str(study))
         if found.returncode:
             with_such_a_camera.append(study.name)
             assert "'unfocused-plenoptic'" in found.stderr
